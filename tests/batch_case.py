@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,6 +50,17 @@ samples = 8
 background = [0.5, 0.25, 0.0]
 [outputs]
 view = "Raw"
+"""
+# Ends when its input does.
+HOLD = """
+import sys
+from pathlib import Path
+from lookdev.batch.runs import Run
+with Run(Path(sys.argv[1])) as run:
+    run.renders("plan")
+    assert run.claim(sys.argv[2])
+    print("held", flush=True)
+    sys.stdin.read()
 """
 
 
@@ -104,6 +118,19 @@ def wait_until(condition, seconds: float = 60.0) -> None:  # type: ignore[no-unt
     while not condition():
         assert time.monotonic() < deadline, "the condition does not become true"
         time.sleep(0.01)
+
+
+@contextmanager
+def hold_frame(out: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield another process, which has joined the runs of an output folder and claimed a frame, until the end."""
+    program = (sys.executable, "-c", HOLD, str(out), name)
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"held\n"
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:

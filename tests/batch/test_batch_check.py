@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lookdev.asset import load_asset
 from lookdev.batch import check
 from lookdev.batch.check import check_file
 from lookdev.brdf import CONTINUOUS
 from lookdev.checks.finding import Finding
 from lookdev.codegen import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
+from lookdev.light import load_environment
 from lookdev.material import Look
 from lookdev.render.task import FrameTask
 
@@ -24,12 +26,12 @@ MATERIALS = Path(__file__).parents[2] / "materials"
 METAL = MATERIALS / "brushed_metal.usda"
 JOB = f"""
 output = "out"
-asset = {{ builtin = "sphere" }}
+asset = {{ builtin = "plane" }}
 look = [
-    {{ name = "leaf", material = "{MATERIALS}/leaf.usda" }},
+    {{ name = "leaf", material = "{MATERIALS}/classic/lambert.usda" }},
     {{ name = "gold", material = "{MATERIALS}/brushed_metal.usda" }},
 ]
-ibl = [{{ name = "white", builtin = "white" }}, {{ name = "studio", builtin = "studio" }}]
+ibl = [{{ name = "white", builtin = "white" }}, {{ name = "studio", builtin = "white", rotation = 90.0 }}]
 turntable = [{{ kind = "element", frames = 5 }}]
 [render]
 resolution = [400, 200]
@@ -53,7 +55,7 @@ def dark() -> set[float]:
 
 @pytest.fixture
 def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTask]:
-    """Replace renderer and checks by fakes that agree; return the rendered tasks."""
+    """Replace renderer and checks by fakes that agree, and what they show by quick ones; return the rendered tasks."""
     tasks: list[FrameTask] = []
 
     def render(task: FrameTask) -> SimpleNamespace:
@@ -65,6 +67,10 @@ def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTas
     def agree(name: str) -> Callable[..., Finding]:
         return lambda look, *rest, **options: Finding(name, look.name if isinstance(look, Look) else look, True, "")
 
+    quick = {("asset", "shaderball"): load_asset(builtin="plane"), ("light", "city"): load_environment(builtin="white")}
+    monkeypatch.setattr(check, "load_asset", lambda builtin: quick["asset", builtin])
+    monkeypatch.setattr(check, "load_environment", lambda builtin: quick["light", builtin])
+    monkeypatch.setattr(check, "MeshScene", lambda *rest: None)
     monkeypatch.setattr(check, "renderer", lambda: nullcontext(render))
     monkeypatch.setattr(check, "check_points", agree("points"))
     monkeypatch.setattr(check, "check_albedo", agree("albedo"))
@@ -138,7 +144,7 @@ def test_a_look_alone_takes_its_variant_and_prim() -> None:
 
 
 def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTask]) -> None:
-    points, albedo, image = check_file(METAL, backend="nodes")
+    points, albedo, image = check_file(METAL, backend="nodes", depth="quick")
     assert "backend nodes" in points.skipped
     assert albedo.check == "albedo"
     # All pictures of the fake are white: no difference.
@@ -161,7 +167,7 @@ def test_every_variant_of_a_look_is_checked(rendered: list[FrameTask]) -> None:
 
 
 def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) -> None:
-    points, *others = check_file(METAL, backend="nodes-exact")
+    points, *others = check_file(METAL, backend="nodes-exact", depth="quick")
     assert points.skipped
     assert [finding.check for finding in others] == ["albedo", "image"]
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource}
@@ -171,5 +177,5 @@ def test_a_job_has_its_own_backend(job: Path, rendered: list[FrameTask]) -> None
     with pytest.raises(LookdevError, match="the backend of a job is"):
         list(check_file(job, backend="nodes"))
     job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))
-    assert all("flip" in finding.figures for finding in check_file(job, only=["image"]))
+    assert all("flip" in finding.figures for finding in check_file(job, only=["image"], depth="quick"))
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource, ShaderSource}

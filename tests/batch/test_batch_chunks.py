@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 import json
-import multiprocessing
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import batch_case as case
 import pytest
@@ -18,35 +15,16 @@ import pytest
 from lookdev.batch.chunks import chunk_summaries, chunks_text, keep_measured_chunks, plan_of_chunk
 from lookdev.batch.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.batch.log import JsonReport
-from lookdev.batch.run import RunResult, render_job
+from lookdev.batch.run import RunResult
 from lookdev.batch.runs import Run
 from lookdev.batch.status import read_status, status_data, status_metrics, status_text
 from lookdev.errors import LookdevError, OutputError
-from lookdev.job import Job
 from lookdev.output.exr import read_header
 from lookdev.plan.chunks import Chunk, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
-from lookdev.render.backends import BACKENDS
 
 FRAMES = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
-Render = Callable[..., RunResult]
-
-
-@pytest.fixture
-def render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Render:
-    """Return a function that renders a job of six frames, as the command line does, by the fake worker."""
-    monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
-    case.make_job(tmp_path)
-    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES + case.RENDER)
-
-    def prepare(job: Job, ahead: object) -> Any:
-        return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
-
-    return lambda **options: render_job(tmp_path / "job.toml", prepare=prepare, **options)
-
-
-def exrs(folder: Path) -> set[str]:
-    return {path.stem for path in (folder / "out").glob("*/*/*.exr")}
+RenderFile = Callable[..., RunResult]
 
 
 def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> None:
@@ -72,13 +50,13 @@ def test_costs_are_measured_where_frames_are(tmp_path: Path) -> None:
     assert measured(case.make_plan(finer)).frames == (0.25,) * 6
 
 
-def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path, render: Render) -> None:
-    results = [render(chunk=Chunk(number, Division(2))) for number in (2, 1)]
+def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path, render_file: RenderFile) -> None:
+    results = [render_file(chunk=Chunk(number, Division(2))) for number in (2, 1)]
     assert [(each.total, each.done, each.rendered) for each in results] == [(3, 3, 3)] * 2
     assert len(case.requests(tmp_path)) == 6
     assert not list((tmp_path / "out").glob("*/*/*.sheet.png"))
     assert not (tmp_path / "out" / "manifest.json").exists()
-    result = render(outputs_only=True)
+    result = render_file(outputs_only=True)
     assert (result.exit_code, result.done, result.rendered) == (0, 6, 0)
     assert len(list((tmp_path / "out").glob("*/*/*.sheet.png"))) == 2
     assert len(json.loads((tmp_path / "out" / "manifest.json").read_text())["frames"]) == 7
@@ -86,27 +64,27 @@ def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path
     assert state == {"digests.json", "pictures.json", "plan.json", "worker.log"}
 
 
-def test_the_last_step_lists_frames_that_are_missing(tmp_path: Path, render: Render) -> None:
-    render(chunk=Chunk(1, Division(2)))
-    result = render(outputs_only=True)
+def test_the_last_step_lists_frames_that_are_missing(tmp_path: Path, render_file: RenderFile) -> None:
+    render_file(chunk=Chunk(1, Division(2)))
+    result = render_file(outputs_only=True)
     assert (result.exit_code, result.done) == (1, 3)
     assert "3 of 6 frames are not rendered yet: gold/city/element.0004, gold/city/lighting.0002" in result.summary()
-    assert (render().exit_code, len(case.requests(tmp_path))) == (0, 6)
+    assert (render_file().exit_code, len(case.requests(tmp_path))) == (0, 6)
 
 
-def test_chunks_beyond_the_frames_are_empty(render: Render) -> None:
-    assert (render(chunk=Chunk(9, Division(9))).total, render(chunk=Chunk(6, Division(9))).total) == (0, 1)
+def test_chunks_beyond_the_frames_are_empty(render_file: RenderFile) -> None:
+    assert (render_file(chunk=Chunk(9, Division(9))).total, render_file(chunk=Chunk(6, Division(9))).total) == (0, 1)
 
 
-def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path, render: Render) -> None:
+def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path, render_file: RenderFile) -> None:
     events: list[Event] = []
 
     def report(event: Event) -> None:
         if isinstance(event, FrameDone) and not any(isinstance(each, FrameDone) for each in events):
-            render(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
+            render_file(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
         events.append(event)
 
-    result = render(report=report)
+    result = render_file(report=report)
     assert (result.done, result.rendered) == (6, 3)
     assert [event.name for event in events if isinstance(event, FrameFound)] == [
         f"gold/city/{name}" for name in FRAMES[3:]
@@ -115,11 +93,11 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
     assert events[-1] == RunEnded(6, 6, 3, 0, 0, interrupted=False)
 
 
-def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render: Render) -> None:
+def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file: RenderFile) -> None:
     plan = case.make_plan(case.make_job(tmp_path))
     with pytest.raises(LookdevError, match="no frame of the job was rendered yet"):
         keep_measured_chunks(plan, Division(2))
-    render(only=("gold/city/element.0001",))
+    render_file(only=("gold/city/element.0001",))
     header = read_header(tmp_path / "out/gold/city/element.0001.exr")
     assert header["seconds"] == "0.125"
     # As if the first frame took as long as all others.
@@ -135,16 +113,16 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render: Rend
     assert "gold/city/lighting.0003" in chunks_text(again, Division(2)).splitlines()[2]
     with Run(tmp_path / "out", "1/2"), pytest.raises(OutputError, match="renders chunk 1/2 of the division"):
         keep_measured_chunks(again, Division(2))
-    assert [render(chunk=Chunk(number, Division(2))).total for number in (1, 2)] == [1, 5]
-    render()
+    assert [render_file(chunk=Chunk(number, Division(2))).total for number in (1, 2)] == [1, 5]
+    render_file()
     assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [3, 3]
 
 
-def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render: Render) -> None:
+def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render_file: RenderFile) -> None:
     with pytest.raises(OutputError, match="no run of 'lookdev render' has left its plan there"):
         read_status(tmp_path / "out")
     case.misbehave(tmp_path, element_0002=["failed"])
-    render(chunk=Chunk(1, Division(2)))
+    render_file(chunk=Chunk(1, Division(2)))
     status = read_status(tmp_path / "out")
     assert (status.total, status.done, status.rendering, status.waiting, status.seconds) == (6, 2, 0, 3, None)
     assert [(each.name, each.reason) for each in status.failed] == [
@@ -181,38 +159,26 @@ def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render: Render) ->
     assert "2 of 6 frames are done (33.3 %), 2 are rendered now, 2 wait, 0 failed" in text
     assert json.loads(json.dumps(status_data(status)))["runs"][0]["run"]["process"] == active.run.process
     (tmp_path / "behaviour.json").unlink()
-    render()
+    render_file()
     status = read_status(tmp_path / "out")
     assert (status.done, status.failed, status.runs) == (6, (), ())
 
 
-def _hold(output: Path, ready: Any) -> None:
-    run = Run(output)
-    run.__enter__()
-    run.claim("gold/city/element.0003")
-    ready.set()
-    multiprocessing.Event().wait()
-
-
-def test_the_status_names_what_is_dead(tmp_path: Path, render: Render) -> None:
-    render(chunk=Chunk(1, Division(3)))
-    spawn = multiprocessing.get_context("spawn")
-    ready = spawn.Event()
-    other = spawn.Process(target=_hold, args=(tmp_path / "out", ready))
-    other.start()
-    assert ready.wait(60.0)
-    other.kill()
-    other.join()
+@pytest.mark.both_pythons
+def test_the_status_names_what_is_dead(tmp_path: Path, render_file: RenderFile) -> None:
+    render_file(chunk=Chunk(1, Division(3)))
+    with case.hold_frame(tmp_path / "out", "gold/city/element.0003") as other:
+        other.kill()
     status = read_status(tmp_path / "out")
     assert [(each.state, each.frames) for each in status.runs] == [("dead", ("gold/city/element.0003",))]
     assert (status.rendering, status.waiting) == (0, 4)
     assert "no run is at work; 'lookdev render" in status_text(status)
 
 
-def test_events_are_lines_of_json_with_the_id_of_the_frame(tmp_path: Path, render: Render) -> None:
+def test_events_are_lines_of_json_with_the_id_of_the_frame(tmp_path: Path, render_file: RenderFile) -> None:
     stream = io.StringIO()
     case.misbehave(tmp_path, element_0002=["die", "ok"], element_0003=["failed"])
-    render(chunk=Chunk(1, Division(2)), report=JsonReport(stream))
+    render_file(chunk=Chunk(1, Division(2)), report=JsonReport(stream))
     lines = [json.loads(line) for line in stream.getvalue().splitlines()]
     kinds = [line["event"] for line in lines]
     assert (kinds[0], kinds[1], kinds[-1]) == ("run_joined", "run_started", "run_ended")

@@ -57,8 +57,7 @@ def run(folder: Path, source: str = "props", **options: object) -> RunResult:
     return run_plan(plan, job.outputs, background, worker_command=case.command(folder), **options)  # type: ignore[arg-type]
 
 
-def test_props_are_rendered_once_for_each_place_of_the_light(tmp_path: Path) -> None:
-    case.run(tmp_path)
+def test_props_are_rendered_once_for_each_place_of_the_light(finished: Path, tmp_path: Path) -> None:
     before = {file: file.read_bytes() for file in (tmp_path / "out/gold").glob("city/*.exr")}
     asked = len(case.requests(tmp_path))
     result = run(tmp_path)
@@ -71,8 +70,7 @@ def test_props_are_rendered_once_for_each_place_of_the_light(tmp_path: Path) -> 
     assert sorted(path.name for path in props.glob("*.exr")) == sorted(path.name for path in before)
 
 
-def test_pictures_show_the_props_over_the_frame(tmp_path: Path) -> None:
-    case.run(tmp_path)
+def test_pictures_show_the_props_over_the_frame(finished: Path, tmp_path: Path) -> None:
     picture = tmp_path / "out/gold/city/element.0002.png"
     plain = oiio.ImageBuf(str(picture)).get_pixels()
     run(tmp_path)

@@ -10,23 +10,12 @@ from typing import Any
 
 import pytest
 import yaml
+from usd_text import material
 
 from lookdev.batch.export_openjd import Needs, export_openjd
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Division
 
-LOOK = """#usda 1.0
-( defaultPrim = "Look" )
-def Material "Look"
-{
-    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        token outputs:layer
-    }
-}
-"""
 JOB = """
 output = "out"
 asset = { builtin = "plane" }
@@ -38,7 +27,7 @@ turntable = [{ kind = "element", frames = 5 }]
 
 @pytest.fixture
 def job(tmp_path: Path) -> Path:
-    (tmp_path / "gold.usda").write_text(LOOK)
+    (tmp_path / "gold.usda").write_text("#usda 1.0\n" + material("Look"))
     (tmp_path / "job.toml").write_text(JOB)
     return tmp_path / "job.toml"
 
@@ -47,20 +36,23 @@ def read(file: Path) -> Any:
     return (json.loads if file.suffix == ".json" else yaml.safe_load)(file.read_text())
 
 
-@pytest.mark.parametrize("name", ["farm.yaml", "farm.json"])
-def test_a_template_beside_the_job_runs_as_it_is(job: Path, name: str) -> None:
-    exported = export_openjd(job, job.with_name(name), Division(3))
-    template = read(job.with_name(name))
-    defaults = {each["name"]: each.get("default") for each in template["parameterDefinitions"]}
+@pytest.mark.both_pythons
+def test_a_template_beside_the_job_runs_as_it_is(job: Path) -> None:
+    file = job.with_name("farm.yaml")
+    exported = export_openjd(job, file, Division(3))
+    template = read(file)
+    defaults = {parameter["name"]: parameter.get("default") for parameter in template["parameterDefinitions"]}
     assert defaults == {"Job": "job.toml", "Output": "out", "Chunks": 3, "Machines": 3, "Command": "lookdev"}
-    assert exported.summary().endswith(f"openjd run {job.with_name(name)} --step Outputs --run-dependencies")
+    assert exported.summary().endswith(f"openjd run {file} --step Outputs --run-dependencies")
     tool = Path(sys.executable).with_name("openjd")
-    done = subprocess.run([tool, "check", job.with_name(name)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    checked = subprocess.run([tool, "check", file], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout
     render, outputs = template["steps"]
     assert outputs["dependencies"] == [{"dependsOn": "Render"}]
     assert "--outputs-only" in outputs["script"]["actions"]["onRun"]["args"]
     assert {"name": "amount.worker.memory", "min": 4096} in render["hostRequirements"]["amounts"]
+    export_openjd(job, job.with_name("farm.json"), Division(3))
+    assert read(job.with_name("farm.json")) == template
 
 
 def test_a_template_elsewhere_has_paths_that_are_given(job: Path, tmp_path: Path) -> None:

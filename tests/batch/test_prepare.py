@@ -9,56 +9,32 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from usd_text import card, material, textured
 
 from lookdev.batch.prepare import Prepared, plan_job, prepare_job
 from lookdev.codegen import NodeSource, ShaderSource, Source
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
+from lookdev.light.dome.maps import KnownMap, load_dome
 from lookdev.material import Look
 from lookdev.render.backends import BACKENDS, Setting, job_backends
 from lookdev.render.task import SceneTask
 
-LOOK = """#usda 1.0
-def Material "Paint"
-{{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {{
-        uniform token info:id = "LookdevDisney"
-        float inputs:roughness = {roughness}
-        token outputs:layer
-    }}
-}}
-"""
-CARD = """#usda 1.0
-( upAxis = "Z" )
-def Mesh "{name}"
-{{
-    int[] faceVertexCounts = [4]
-    int[] faceVertexIndices = [0, 1, 2, 3]
-    point3f[] points = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]
-}}
-"""
 JOB = """
 output = "out"
-[asset]
-usd = "asset.usda"
-[[look]]
-name = "good"
-material = "good.usda"
-{parts}
-[[look]]
-name = "other"
-material = "other.usda"
+asset = { usd = "asset.usda" }
+turntable = [{ kind = "element", frames = 3 }]
+look = [{ name = "good", material = "good.usda" }, { name = "other", material = "other.usda" }]
 [[ibl]]
 name = "white"
 builtin = "white"
-[[turntable]]
-kind = "element"
-frames = 3
 [render]
 resolution = [8, 8]
 """
+
+
+def look_text(roughness: float) -> str:
+    return "#usda 1.0\n" + material("Paint", f"float inputs:roughness = {roughness}")
 
 
 @pytest.fixture
@@ -66,14 +42,20 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a job without a fault."""
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     for name in ("good", "other"):
-        (tmp_path / f"{name}.usda").write_text(LOOK.format(roughness=0.5))
-    two = CARD.format(name="Left") + CARD.format(name="Right").partition(")\n")[2]
-    (tmp_path / "asset.usda").write_text(two)
+        (tmp_path / f"{name}.usda").write_text(look_text(0.5))
+    cards = card("Left") + card("Right")
+    (tmp_path / "asset.usda").write_text(f'#usda 1.0\n( upAxis = "Z" )\n{cards}')
     path = tmp_path / "job.toml"
-    path.write_text(JOB.format(parts=""))
+    path.write_text(JOB)
     return path
 
 
+def with_good(keys: str) -> str:
+    """Return the text of the job with further keys of its look "good"."""
+    return JOB.replace('"good.usda"', f'"good.usda", {keys}')
+
+
+@pytest.mark.both_pythons
 def test_a_scene_with_the_shader_of_frames_is_known_before_the_asset_is_read(job: Path) -> None:
     scenes: list[SceneTask] = []
     prepared = plan_job(load_job(job), scenes.append)
@@ -97,7 +79,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     (job.parent / "light.hdr").write_text("dark")
     (job.parent / "asset.usda").write_text("no USD")
     (job.parent / "good.usda").write_text("no USD either")
-    (job.parent / "other.usda").write_text(LOOK.format(roughness=7))
+    (job.parent / "other.usda").write_text(look_text(7))
     with pytest.raises(FaultsError) as caught:
         prepare_job(job)
     asset, light, good, other = map(str, caught.value.faults)
@@ -110,7 +92,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
 
 
 def test_an_unknown_part_is_reported_with_the_known_ones(job: Path) -> None:
-    job.write_text(JOB.format(parts='parts = ["/Left", "/Wrong*"]'))
+    job.write_text(with_good('parts = ["/Left", "/Wrong*"]'))
     with pytest.raises(FaultsError) as caught:
         prepare_job(job)
     (fault,) = caught.value.faults
@@ -118,7 +100,7 @@ def test_an_unknown_part_is_reported_with_the_known_ones(job: Path) -> None:
 
 
 def test_a_part_that_no_look_covers_is_neutral_and_noted(job: Path) -> None:
-    job.write_text(JOB.format(parts='parts = ["/Left"]'))
+    job.write_text(with_good('parts = ["/Left"]'))
     prepared = prepare_job(job)
     assert prepared.notes == ("look 'good': nothing covers /Right; it is rendered neutral grey",)
     assert len(prepared.plan.pending()) == 6
@@ -164,6 +146,16 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
         return generate(look, setting)
 
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], generate=counted))
+
+    def varied(file: Path | None, builtin: str) -> KnownMap:
+        """Return a map that varies, but for white; its tables of directions are any file: nothing reads them here."""
+        white = load_dome(builtin="white")
+        if builtin == "white":
+            return white
+        tables = dict.fromkeys(("points_file", "slots_file", "bins_file"), white.dome.radiance_file)
+        return replace(white, dome=replace(white.dome, constant=False, map_digest=builtin, **tables))
+
+    monkeypatch.setattr("lookdev.job.lights.load_dome", varied)
     lights = [f'[[ibl]]\nname = "{name}"\nbuiltin = "{name}"\n' for name in ("city", "forest")]
     job.write_text(job.read_text() + "".join(lights))
     setups = prepare_job(job).setups
@@ -182,7 +174,7 @@ def test_a_backend_can_be_another_than_the_jobs(job: Path) -> None:
 
 
 def test_a_look_that_a_backend_cannot_show_is_a_fault_with_its_place(job: Path) -> None:
-    see_through = LOOK.format(roughness=0.5).replace("LookdevDisney", "LookdevPixar")
+    see_through = look_text(0.5).replace("LookdevDisney", "LookdevPixar")
     (job.parent / "other.usda").write_text(see_through.replace("float inputs:roughness", "float inputs:presence"))
     assert prepare_job(job, backend="nodes").plan.frames
     with pytest.raises(FaultsError) as caught:
@@ -263,7 +255,7 @@ def Material "Paint" (
 
 def varied(job: Path, variants: str, other: str = "other") -> Prepared:
     """Prepare a job whose look "good" is of the material with variant sets, and chooses them so."""
-    text = JOB.format(parts=f"variants = {{ {variants} }}").replace('name = "other"', f'name = "{other}"')
+    text = with_good(f"variants = {{ {variants} }}").replace('name = "other"', f'name = "{other}"')
     job.write_text(text.replace("frames = 3", "frames = 1"))
     (job.parent / "good.usda").write_text(VARIED)
     return prepare_job(job)
@@ -275,6 +267,7 @@ def variant_faults(job: Path, variants: str, other: str = "other") -> list[str]:
     return [str(fault) for fault in caught.value.faults]
 
 
+@pytest.mark.both_pythons
 def test_a_star_makes_a_look_of_each_variant(job: Path) -> None:
     prepared = varied(job, 'wear = "*", gloss = "bright"')
     assert [(look.name, look.variants) for look in prepared.job.look] == [
@@ -321,36 +314,11 @@ def test_looks_of_variants_have_names_of_their_own(job: Path) -> None:
     ]
 
 
-TEXTURED = """#usda 1.0
-def Material "Checks"
-{
-    token outputs:lookdev:surface.connect = </Checks/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor.connect = </Checks/Map.outputs:rgb>
-        float inputs:clearcoat.connect = </Checks/Map.outputs:r>
-        token outputs:layer
-    }
-    def Shader "Map"
-    {
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @map.png@
-        token inputs:sourceColorSpace = "raw"
-        token inputs:wrapS = "repeat"
-        token inputs:wrapT = "repeat"
-        float2 inputs:st.connect = </Checks/St.outputs:result>
-        float outputs:r
-        color3f outputs:rgb
-    }
-    def Shader "St"
-    {
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }
-}
-"""
+TEXTURED = "#usda 1.0\n" + textured(
+    "Checks",
+    "color3f inputs:baseColor.connect = </Checks/Map.outputs:rgb>",
+    "float inputs:clearcoat.connect = </Checks/Map.outputs:r>",
+)
 UVS = "texCoord2f[] primvars:{name} = [(0, 0), (1, 0), (1, 1), (0, 1)]"
 
 
@@ -368,19 +336,19 @@ def uv_faults(job: Path, *sets: str) -> list[str]:
     return []
 
 
-@pytest.mark.parametrize("sets", [("st",), ("map1",), ("map1", "st")])
-def test_a_mesh_with_a_uv_set_that_can_be_meant_has_no_fault(job: Path, sets: tuple[str, ...]) -> None:
-    assert uv_faults(job, *sets) == []
-
-
-def test_several_uv_sets_without_st_are_a_fault_that_lists_them(job: Path) -> None:
-    (fault,) = uv_faults(job, "map1", "map2")
-    place = "asset: /Left and 1 more, look 'good'"
-    assert fault == f"{place}: no UV set 'st' (it has: map1, map2; the look can name one)"
-
-
-def test_a_mesh_without_uvs_is_a_fault_of_a_look_that_needs_them(job: Path) -> None:
-    assert uv_faults(job) == ["asset: /Left and 1 more, look 'good': no UV set 'st' (it has none at all)"]
+@pytest.mark.parametrize(
+    ("sets", "fault"),
+    [
+        (("st",), None),
+        (("map1",), None),
+        (("map1", "st"), None),
+        (("map1", "map2"), "it has: map1, map2; the look can name one"),
+        ((), "it has none at all"),
+    ],
+)
+def test_a_mesh_has_a_uv_set_that_can_be_meant(job: Path, sets: tuple[str, ...], fault: str | None) -> None:
+    lacks = "asset: /Left and 1 more, look 'good': no UV set 'st'"
+    assert uv_faults(job, *sets) == ([] if fault is None else [f"{lacks} ({fault})"])
 
 
 def test_a_look_whose_textures_reach_no_pixel_needs_no_uvs(job: Path) -> None:

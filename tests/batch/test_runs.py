@@ -4,27 +4,15 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
+import batch_case as case
 import pytest
-from batch_case import wait_until
 
 from lookdev.batch.runs import Run, RunInfo, Runs
 from lookdev.errors import OutputError
 
-# Another process that has joined, claimed something, and ends when its input does.
-HOLD = """
-import sys
-from pathlib import Path
-from lookdev.batch.runs import Run, RunInfo, Runs
-with Run(Path(sys.argv[1])) as run:
-    run.renders("plan")
-    assert run.claim("gold/city/element.0001")
-    print("held", flush=True)
-    sys.stdin.read()
-"""
 # Another process that is killed as it writes its file.
 HALF = """
 import os, sys
@@ -36,15 +24,7 @@ with atomic_path(Path(sys.argv[1])) as half:
 """
 FRAME = "gold/city/element.0001"
 
-
-@contextmanager
-def holder(out: Path) -> Iterator[subprocess.Popen[bytes]]:
-    with subprocess.Popen(
-        (sys.executable, "-c", HOLD, str(out)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"held\n"
-        yield process
+pytestmark = pytest.mark.both_pythons  # processes, signals, and claims on disk
 
 
 def state(out: Path) -> list[str]:
@@ -53,7 +33,7 @@ def state(out: Path) -> list[str]:
 
 def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
-    with holder(out) as other, Run(out) as run:
+    with case.hold_frame(out, FRAME) as other, Run(out) as run:
         assert [each.process for each in run.renders("plan")] == [other.pid]
         assert not run.claim(FRAME)
         assert run.claim("gold/city/element.0002")
@@ -64,7 +44,7 @@ def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
 
 
 def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
-    with holder(tmp_path) as other:
+    with case.hold_frame(tmp_path, FRAME) as other:
         other.kill()
     subprocess.run((sys.executable, "-c", HALF, str(tmp_path / ".lookdev/runs/0123456789abcdef")), check=False)
     assert len(state(tmp_path)) == 5
@@ -76,38 +56,44 @@ def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
 
 def test_a_living_run_of_another_plan_is_named(tmp_path: Path) -> None:
     with (
-        holder(tmp_path) as other,
+        case.hold_frame(tmp_path, FRAME) as other,
         Run(tmp_path) as run,
         pytest.raises(OutputError, match=rf"process {other.pid} on .*wait for its end"),
     ):
         run.renders("another plan")
 
 
-def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def _short_lease(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let other processes show life six times a second, and count as dead here without a sign for half a second."""
     monkeypatch.setenv("LOOKDEV_LEASE", "1")
-    with holder(tmp_path) as other, Run(tmp_path) as run:
+    monkeypatch.setattr("lookdev.batch.runs.lease", lambda: 0.5)
+
+
+@pytest.mark.usefixtures("_short_lease")
+def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path) -> None:
+    with case.hold_frame(tmp_path, FRAME) as other, Run(tmp_path) as run:
         other.send_signal(signal.SIGSTOP)
-        wait_until(lambda: run.claim(FRAME))
+        case.wait_until(lambda: run.claim(FRAME))
         with Run(tmp_path) as late:
             late._file.unlink()
-            with pytest.raises(OutputError, match="stood still for more than 1 s"):
+            with pytest.raises(OutputError, match=r"stood still for more than 0\.5 s"):
                 late.check()
         other.send_signal(signal.SIGCONT)
         other.communicate()
     assert state(tmp_path) == []
 
 
+@pytest.mark.usefixtures("_short_lease")
 @pytest.mark.parametrize("skew", [-3600, 3600])
-def test_what_clocks_show_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, skew: int) -> None:
-    monkeypatch.setenv("LOOKDEV_LEASE", "1")
-    with holder(tmp_path) as other, Run(tmp_path) as run:
+def test_what_clocks_show_does_not_matter(tmp_path: Path, skew: int) -> None:
+    with case.hold_frame(tmp_path, FRAME) as other, Run(tmp_path) as run:
         for file in (tmp_path / ".lookdev" / "runs").iterdir():
             there = file.stat().st_mtime + skew
             os.utime(file, (there, there))
         assert not run.claim(FRAME)
         other.send_signal(signal.SIGSTOP)
-        wait_until(lambda: run.claim(FRAME))
-        other.kill()
+        case.wait_until(lambda: run.claim(FRAME))
 
 
 def test_without_hard_links_claims_are_of_one_run_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

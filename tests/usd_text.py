@@ -1,0 +1,52 @@
+"""Text of small USD files: materials of Disney's model, plain or with an image, and cards."""
+
+from __future__ import annotations
+
+
+def shader(name: str, kind: str, *lines: str) -> str:
+    """Return a shader of a kind, by its ``info:id``."""
+    return "\n".join((f'def Shader "{name}"', "{", f'uniform token info:id = "{kind}"', *lines, "}\n"))
+
+
+def material(name: str = "Paint", *inputs: str, scope: str = "", more: str = "") -> str:
+    """Return a material with inputs of its layer; `scope` is the path above it, `more` further lines of it."""
+    surface = f"token outputs:lookdev:surface.connect = <{scope}/{name}/Base.outputs:layer>"
+    base = shader("Base", "LookdevDisney", *inputs, "token outputs:layer")
+    return f'def Material "{name}"\n{{\n{surface}\n{base}{more}}}\n'
+
+
+def textured(name: str = "Paint", *inputs: str, file: str = "map.png", st: str = "st", space: str = "raw") -> str:
+    """Return a material that reads an image, by default for its base colour, at a UV set."""
+    base_color = f"color3f inputs:baseColor.connect = </{name}/Map.outputs:rgb>"
+    return material(name, *(inputs or (base_color,)), more=image(name, file, st, space))
+
+
+def image(name: str, file: str = "map.png", st: str = "st", space: str = "raw") -> str:
+    """Return the shaders Map and St of a material, which read an image."""
+    texture = shader(
+        "Map",
+        "UsdUVTexture",
+        f"asset inputs:file = @{file}@",
+        f'token inputs:sourceColorSpace = "{space}"',
+        'token inputs:wrapS = "repeat"',
+        'token inputs:wrapT = "repeat"',
+        f"float2 inputs:st.connect = </{name}/St.outputs:result>",
+        "float outputs:r",
+        "color3f outputs:rgb",
+    )
+    return texture + shader("St", "UsdPrimvarReader_float2", f'string inputs:varname = "{st}"', "float2 outputs:result")
+
+
+def card(name: str, *lines: str) -> str:
+    """Return a square mesh in the plane y = 0, from -1 to 1, with further lines."""
+    return "\n".join(
+        (
+            f'def Mesh "{name}"',
+            "{",
+            "int[] faceVertexCounts = [4]",
+            "int[] faceVertexIndices = [0, 1, 2, 3]",
+            "point3f[] points = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]",
+            *lines,
+            "}\n",
+        )
+    )
