@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lookdev.asset import Asset, Instance, Mesh, Slot, load_asset
+from lookdev.asset import Asset, Instance, Mesh, Slot
+from lookdev.asset.builtin import make_sphere
 from lookdev.asset.normals import area_vectors, flat_normals
 from lookdev.asset.store import make_asset
 from lookdev.errors import AssetError
@@ -16,13 +17,15 @@ from lookdev.material.expression import parse
 from lookdev.material.look import Coordinates, Formula
 from lookdev.scene.displace import displace
 
-
-def worn(displacement: Displacement | None, name: str = "look") -> Look:
-    return Look(name, (Layer("Base", "disney"),), displacement=displacement)
+RINGS = 256
 
 
-def displaced(asset: Asset, displacement: Displacement) -> Asset:
-    return displace(asset, {slot.path: worn(displacement) for slot in asset.slots})
+def look(displacement: Displacement | None) -> Look:
+    return Look("look", (Layer("Base", "disney"),), displacement=displacement)
+
+
+def displaced(asset: Asset, displacement: Displacement | None) -> Asset:
+    return displace(asset, {slot.path: look(displacement) for slot in asset.slots})
 
 
 def with_primvar(asset: Asset, heights: np.ndarray, *, matrix: np.ndarray | None = None) -> Asset:
@@ -34,7 +37,7 @@ def with_primvar(asset: Asset, heights: np.ndarray, *, matrix: np.ndarray | None
 
 @pytest.fixture(scope="module")
 def sphere() -> Asset:
-    return load_asset(builtin="sphere")
+    return make_sphere(64, RINGS)
 
 
 def box() -> Asset:
@@ -49,7 +52,7 @@ def box() -> Asset:
 
 
 def test_without_displacement_the_asset_is_the_same(sphere: Asset) -> None:
-    assert displace(sphere, {slot.path: worn(None) for slot in sphere.slots}) is sphere
+    assert displaced(sphere, None) is sphere
 
 
 def test_a_constant_height_makes_a_larger_sphere(sphere: Asset) -> None:
@@ -76,8 +79,8 @@ def test_normals_are_those_of_the_displaced_surface(sphere: Asset) -> None:
     slope = a * k * np.cos(k * z)
     expected = unit - slope / (1.0 + a * np.sin(k * z)) * (np.array([0.0, 0.0, 1.0]) - z * unit)
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    # Rings are pi / 256 apart: central differences err by (k pi / 256)^2 / 6 of the slope, and less at the poles.
-    assert np.abs(mesh.normals - expected[mesh.corner_points]).max() < 2.0 * a * k * (k * np.pi / 256) ** 2
+    # Of rings pi / 256 apart, central differences err by (k pi / 256)^2 / 6 of the slope, and less at the poles.
+    assert np.abs(mesh.normals - expected[mesh.corner_points]).max() < 2.0 * a * k * (k * np.pi / RINGS) ** 2
 
 
 @pytest.mark.parametrize("scales", [(2.0, 2.0, 2.0), (1.0, 2.0, 0.5), (-1.0, 2.0, 1.0)])
@@ -96,11 +99,12 @@ def test_instances_of_one_shape_share_a_mesh() -> None:
     asset = box()
     far, twice = np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])
     far[0, 3] = 10.0
-    placed = [Instance(0, matrix, f"/box{i}") for i, matrix in enumerate((np.eye(4), twice, far))]
-    asset = make_asset("boxes", asset.meshes, placed, asset.slots)
+    instances = [Instance(0, matrix, f"/box{i}") for i, matrix in enumerate((np.eye(4), twice, far))]
+    asset = make_asset("boxes", asset.meshes, instances, asset.slots)
     assert len(displaced(asset, Displacement(0.1)).meshes) == 1
     result = displaced(asset, Displacement(0.1, units="world"))
-    assert [(each.mesh, each.path) for each in result.instances] == [(0, "/box0"), (0, "/box2"), (1, "/box1")]
+    places = [(instance.mesh, instance.path) for instance in result.instances]
+    assert places == [(0, "/box0"), (0, "/box2"), (1, "/box1")]
 
 
 def test_hard_edges_stay_closed_and_hard() -> None:
@@ -115,12 +119,11 @@ def test_only_parts_whose_look_displaces_move(sphere: Asset) -> None:
     slots = np.zeros_like(mesh.face_slots)
     slots[len(slots) // 2 :] = 1
     asset = make_asset("two", [replace(mesh, face_slots=slots)], [Instance(0, np.eye(4))], [Slot("/a"), Slot("/b")])
-    moved = displace(asset, {"/a": worn(None), "/b": worn(Displacement(0.1))}).meshes[0]
-    own = np.unique(mesh.corner_points[np.repeat(slots, mesh.face_sizes) == 0])
-    other = np.unique(mesh.corner_points[np.repeat(slots, mesh.face_sizes) == 1])
+    moved = displace(asset, {"/a": look(None), "/b": look(Displacement(0.1))}).meshes[0]
+    a, b = (mesh.corner_points[np.repeat(slots, mesh.face_sizes) == slot] for slot in (0, 1))
     radii = np.linalg.norm(moved.points, axis=1)
-    np.testing.assert_allclose(radii[np.setdiff1d(own, other)], 1.0, rtol=1e-6)
-    np.testing.assert_allclose(radii[np.setdiff1d(other, own)], 1.1, rtol=1e-6)
+    np.testing.assert_allclose(radii[np.setdiff1d(a, b)], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(radii[np.setdiff1d(b, a)], 1.1, rtol=1e-6)
 
 
 def test_an_expression_of_coordinates_displaces(sphere: Asset) -> None:
@@ -130,17 +133,15 @@ def test_an_expression_of_coordinates_displaces(sphere: Asset) -> None:
     np.testing.assert_allclose(radii, 1.0 + 0.1 * mesh.uvs["st"][:, 1], rtol=1e-6)
 
 
+MAP1 = Formula(parse("st[0]"), {"st": Coordinates("map1")}, {"st": "color"})
+FACING = Formula(parse("view"), {"view": View()}, {"view": "float"})
+
+
 @pytest.mark.parametrize(
     ("displacement", "message"),
     [
-        (
-            Displacement(Formula(parse("st[0]"), {"st": Coordinates("map1")}, {"st": "color"})),
-            "reads the UV set 'map1'; it has: st",
-        ),
-        (
-            Displacement(Formula(parse("view"), {"view": View()}, {"view": "float"})),
-            "a displacement depends on the view",
-        ),
+        (Displacement(MAP1), "reads the UV set 'map1'; it has: st"),
+        (Displacement(FACING), "a displacement depends on the view"),
         (Displacement(10.0, scale=1e308), "'look' is not finite"),
         (Displacement(Primvar("h", (0.0, 0.0, 0.0))), "primvar 'h' has 1 numbers; the displacement reads 3"),
     ],
