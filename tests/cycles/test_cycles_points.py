@@ -15,7 +15,7 @@ from lookdev.brdf import MODELS, evaluate, pdf
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_lines, evaluate_numpy
 from lookdev.codegen.points import PointLayer
 
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm_points")]
 
 Floats = NDArray[np.float64]
 
