@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors
 from lookdev.asset.tangents import tangents_of
+
+
+def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> NDArray[np.float64]:
+    """Return the matrix (4, 4) of a linear part, (3, 3) or a factor, and an offset (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear if np.ndim(linear) else np.multiply(linear, np.eye(3))
+    matrix[:3, 3] = offset
+    return matrix
 
 
 def face_areas(mesh: Mesh) -> NDArray[np.float64]:

@@ -3,41 +3,54 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Sdf, Usd, UsdShade
+from pxr import Usd, UsdShade
 
 from lookdev.asset import Slot
 
-STRONGER = UsdShade.Tokens.strongerThanDescendants
+STRONGER, WEAKER = UsdShade.Tokens.strongerThanDescendants, UsdShade.Tokens.weakerThanDescendants
+ALL, FULL, PREVIEW = UsdShade.Tokens.allPurpose, UsdShade.Tokens.full, UsdShade.Tokens.preview
 
 
 def binder(file, path):
     return UsdShade.MaterialBindingAPI.Apply(file.stage.GetPrimAtPath(path))
 
 
-def bind(file, path, material, strength=UsdShade.Tokens.weakerThanDescendants, purpose=UsdShade.Tokens.allPurpose):
-    binder(file, path).Bind(file.material(f"/Looks/{material}"), strength, purpose)
+def bind(path, material, strength=WEAKER, purpose=ALL):
+    """Return a function that binds a material to a prim of a file."""
+    return lambda file: binder(file, path).Bind(file.material(f"/Looks/{material}"), strength, purpose)
 
 
-def collect(file, path, name, material, includes, **options):
-    """Bind a material on `path` to a collection of prims."""
-    collection = Usd.CollectionAPI.Apply(file.stage.GetPrimAtPath(path), name)
-    for each in includes:
-        collection.IncludePath(each)
-    binder(file, path).Bind(collection, file.material(f"/Looks/{material}"), name, **options)
-    return collection
+def collect(path, name, material, includes, excludes=(), strength=WEAKER, purpose=ALL):
+    """Return a function that binds a material on `path` to a collection of prims."""
+
+    def apply(file):
+        collection = Usd.CollectionAPI.Apply(file.stage.GetPrimAtPath(path), name)
+        collection.IncludePath(includes)
+        for excluded in excludes:
+            collection.ExcludePath(excluded)
+        binder(file, path).Bind(collection, file.material(f"/Looks/{material}"), name, strength, purpose)
+
+    return apply
 
 
-def check(file, **expected):
-    """Assert the materials of the parts below /W, by name, and that UsdShade computes the same."""
+def subsets(**faces):
+    """Return a function that makes subsets of /W/A/Cube."""
+    return lambda file: [binder(file, "/W/A/Cube").CreateMaterialBindSubset(*subset) for subset in faces.items()]
+
+
+def order(*names):
+    properties = [f"material:binding:collection:{name}" for name in names]
+    return lambda file: file.stage.GetPrimAtPath("/W").SetPropertyOrder(properties)
+
+
+def check(file, expected):
+    """Assert the materials of the parts below /W, by their paths, and that UsdShade computes the same."""
     asset = file.read()
-    found = {
-        slot.path.removeprefix("/W/"): slot.material and slot.material.removeprefix("/Looks/") for slot in asset.slots
-    }
-    assert found == {name.replace("__", "/"): material for name, material in expected.items()}
     for slot in asset.slots:
-        prim = file.stage.GetPrimAtPath(slot.path)
-        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)
+        material, _ = UsdShade.MaterialBindingAPI(file.stage.GetPrimAtPath(slot.path)).ComputeBoundMaterial(FULL)
         assert slot.material == (str(material.GetPath()) if material else None)
+    bound = {slot.path.removeprefix("/W/"): slot.material for slot in asset.slots}
+    assert bound == {path: material and f"/Looks/{material}" for path, material in expected.items()}
     return asset
 
 
@@ -49,130 +62,99 @@ def pair(file):
     return file
 
 
-def test_nothing_is_bound(pair):
-    check(pair, A__Cube=None, B__Cube=None)
+APPLE_ZEBRA = collect("/W", "zebra", "Zebra", "/W"), collect("/W", "apple", "Apple", "/W/A")
+# What is bound, and the materials of /W/A/Cube and /W/B/Cube.
+RULES = {
+    "nothing is bound": ([], (None, None)),
+    "the nearest direct binding wins": ([bind("/W", "Top"), bind("/W/A/Cube", "Near")], ("Near", "Top")),
+    "a binding stronger than descendants wins": (
+        [bind("/W", "Top", STRONGER), bind("/W/A", "Middle"), bind("/W/A/Cube", "Near")],
+        ("Top", "Top"),
+    ),
+    "of two strong bindings the upper one wins": (
+        [bind("/W", "Top", STRONGER), bind("/W/A", "Middle", STRONGER)],
+        ("Top", "Top"),
+    ),
+    "the full purpose comes before all purposes even from above": (
+        [bind("/W", "Full", purpose=FULL), bind("/W/A/Cube", "All"), bind("/W/B/Cube", "Preview", purpose=PREVIEW)],
+        ("Full", "Full"),
+    ),
+    "the preview purpose is not that of renders": (
+        [bind("/W", "All"), bind("/W/A/Cube", "Preview", purpose=PREVIEW)],
+        ("All", "All"),
+    ),
+    "a collection binds its members": ([collect("/W", "red", "Red", "/W/B")], (None, "Red")),
+    "a collection can exclude": ([collect("/W", "red", "Red", "/W", ["/W/A"])], (None, "Red")),
+    "on one prim a collection comes before a direct binding": (
+        [bind("/W", "Direct"), collect("/W", "red", "Red", "/W/B")],
+        ("Direct", "Red"),
+    ),
+    "of collections on one prim the first by name wins": (APPLE_ZEBRA, ("Apple", "Zebra")),
+    "of collections on one prim the first in order wins": (
+        [*APPLE_ZEBRA, order("zebra", "apple")],
+        ("Zebra", "Zebra"),
+    ),
+    "a nearer direct binding comes before a collection above unless that is stronger": (
+        [
+            bind("/W/A/Cube", "NearA"),
+            bind("/W/B/Cube", "NearB"),
+            collect("/W", "weak", "Weak", "/W/A"),
+            collect("/W", "strong", "Strong", "/W/B", strength=STRONGER),
+        ],
+        ("NearA", "Strong"),
+    ),
+    "a collection of the full purpose comes before direct bindings of all": (
+        [bind("/W/A/Cube", "All"), collect("/W", "red", "Red", "/W/A", purpose=FULL)],
+        ("Red", None),
+    ),
+}
 
 
-def test_the_nearest_direct_binding_wins(pair):
-    bind(pair, "/W", "Top")
-    bind(pair, "/W/A/Cube", "Near")
-    check(pair, A__Cube="Near", B__Cube="Top")
+@pytest.mark.parametrize(("bindings", "materials"), RULES.values(), ids=RULES)
+def test_which_binding_wins(pair, bindings, materials):
+    for apply in bindings:
+        apply(pair)
+    check(pair, dict(zip(("A/Cube", "B/Cube"), materials, strict=True)))
 
 
-def test_a_binding_stronger_than_descendants_wins(pair):
-    bind(pair, "/W", "Top", STRONGER)
-    bind(pair, "/W/A", "Middle")
-    bind(pair, "/W/A/Cube", "Near")
-    check(pair, A__Cube="Top", B__Cube="Top")
+SUBSETS = {
+    "a subset inherits and overrides": (
+        [bind("/W/A", "Whole"), subsets(lid=[5], sides=[0, 1]), bind("/W/A/Cube/lid", "Lid")],
+        {"A/Cube": "Whole", "A/Cube/lid": "Lid", "A/Cube/sides": "Whole"},
+    ),
+    "a collection binds a subset": (
+        [subsets(lid=[5]), collect("/W", "lids", "Red", "/W/A/Cube/lid")],
+        {"A/Cube": None, "A/Cube/lid": "Red"},
+    ),
+    "a mesh whose faces are all in subsets has no slot of its own": (
+        [subsets(front=[0, 1, 2], back=[3, 4, 5]), bind("/W/A/Cube/back", "Back")],
+        {"A/Cube/front": None, "A/Cube/back": "Back"},
+    ),
+}
 
 
-def test_of_two_strong_bindings_the_upper_one_wins(pair):
-    bind(pair, "/W", "Top", STRONGER)
-    bind(pair, "/W/A", "Middle", STRONGER)
-    check(pair, A__Cube="Top", B__Cube="Top")
-
-
-def test_the_full_purpose_comes_before_all_purposes_even_from_above(pair):
-    bind(pair, "/W", "Full", purpose=UsdShade.Tokens.full)
-    bind(pair, "/W/A/Cube", "All")
-    bind(pair, "/W/B/Cube", "Preview", purpose=UsdShade.Tokens.preview)
-    check(pair, A__Cube="Full", B__Cube="Full")
-
-
-def test_the_preview_purpose_is_not_that_of_renders(pair):
-    bind(pair, "/W", "All")
-    bind(pair, "/W/A/Cube", "Preview", purpose=UsdShade.Tokens.preview)
-    check(pair, A__Cube="All", B__Cube="All")
-
-
-def test_a_collection_binds_its_members(pair):
-    collect(pair, "/W", "red", "Red", ["/W/B"])
-    check(pair, A__Cube=None, B__Cube="Red")
-
-
-def test_a_collection_can_exclude(pair):
-    collect(pair, "/W", "red", "Red", ["/W"]).ExcludePath("/W/A")
-    check(pair, A__Cube=None, B__Cube="Red")
-
-
-def test_on_one_prim_a_collection_comes_before_a_direct_binding(pair):
-    bind(pair, "/W", "Direct")
-    collect(pair, "/W", "red", "Red", ["/W/B"])
-    check(pair, A__Cube="Direct", B__Cube="Red")
-
-
-@pytest.mark.parametrize("ordered", [False, True])
-def test_of_collections_on_one_prim_the_first_property_wins(pair, ordered):
-    collect(pair, "/W", "zebra", "Zebra", ["/W"])
-    collect(pair, "/W", "apple", "Apple", ["/W/A"])
-    if ordered:  # otherwise by name
-        names = [f"material:binding:collection:{name}" for name in ("zebra", "apple")]
-        pair.stage.GetPrimAtPath("/W").SetPropertyOrder(names)
-    check(pair, A__Cube="Zebra" if ordered else "Apple", B__Cube="Zebra")
-
-
-def test_a_nearer_direct_binding_comes_before_a_collection_above_unless_that_is_stronger(pair):
-    bind(pair, "/W/A/Cube", "NearA")
-    bind(pair, "/W/B/Cube", "NearB")
-    collect(pair, "/W", "weak", "Weak", ["/W/A"])
-    collect(pair, "/W", "strong", "Strong", ["/W/B"], bindingStrength=STRONGER)
-    check(pair, A__Cube="NearA", B__Cube="Strong")
-
-
-def test_a_collection_of_the_full_purpose_comes_before_direct_bindings_of_all(pair):
-    bind(pair, "/W/A/Cube", "All")
-    collect(pair, "/W", "red", "Red", ["/W/A"], materialPurpose=UsdShade.Tokens.full)
-    check(pair, A__Cube="Red", B__Cube=None)
-
-
-def test_a_subset_inherits_and_overrides(pair):
-    bind(pair, "/W/A", "Whole")
-    api = binder(pair, "/W/A/Cube")
-    api.CreateMaterialBindSubset("lid", [5])
-    api.CreateMaterialBindSubset("sides", [0, 1])
-    bind(pair, "/W/A/Cube/lid", "Lid")
-    check(pair, A__Cube="Whole", A__Cube__lid="Lid", A__Cube__sides="Whole", B__Cube=None)
-
-
-def test_a_collection_binds_a_subset(pair):
-    binder(pair, "/W/A/Cube").CreateMaterialBindSubset("lid", [5])
-    collect(pair, "/W", "lids", "Red", ["/W/A/Cube/lid"])
-    check(pair, A__Cube=None, A__Cube__lid="Red", B__Cube=None)
-
-
-def test_a_mesh_whose_faces_are_all_in_subsets_has_no_slot_of_its_own(pair):
-    api = binder(pair, "/W/A/Cube")
-    api.CreateMaterialBindSubset("front", [0, 1, 2])
-    api.CreateMaterialBindSubset("back", [3, 4, 5])
-    bind(pair, "/W/A/Cube/back", "Back")
-    check(pair, A__Cube__front=None, A__Cube__back="Back", B__Cube=None)
+@pytest.mark.parametrize(("bindings", "materials"), SUBSETS.values(), ids=SUBSETS)
+def test_bindings_of_subsets(pair, bindings, materials):
+    for apply in bindings:
+        apply(pair)
+    check(pair, {**materials, "B/Cube": None})
 
 
 def test_instances_are_bound_from_outside_and_share_their_arrays(file):
     file.mesh("/Proto/Cube")
     binder(file, "/Proto/Cube").CreateMaterialBindSubset("lid", [5])
-    file.stage.GetPrimAtPath("/Proto").SetSpecifier(Sdf.SpecifierClass)
-    for name in "ABC":
-        prim = file.stage.DefinePrim(f"/W/{name}", "Xform")
-        prim.GetReferences().AddInternalReference("/Proto")
-        prim.SetInstanceable(True)
-    bind(file, "/W", "Red")
-    collect(file, "/W", "lids", "Blue", ["/W/B/Cube/lid"])
-    collect(file, "/W", "cubes", "Green", ["/W/C"])
+    file.instances("/Proto", *(f"/W/{name}" for name in "ABCD"))
+    for apply in (bind("/W", "Red"), collect("/W", "a", "Blue", "/W/B/Cube/lid"), collect("/W", "b", "Green", "/W/C")):
+        apply(file)
     asset = check(
         file,
-        A__Cube="Red",
-        A__Cube__lid="Red",
-        B__Cube="Red",
-        B__Cube__lid="Blue",
-        C__Cube="Green",
-        C__Cube__lid="Green",
-    )
-    assert [(each.mesh, each.path) for each in asset.instances] == [
-        (0, "/W/A/Cube"),
-        (1, "/W/B/Cube"),
-        (2, "/W/C/Cube"),
-    ]
+        {
+            "A/Cube": "Red", "A/Cube/lid": "Red", "B/Cube": "Red", "B/Cube/lid": "Blue",
+            "C/Cube": "Green", "C/Cube/lid": "Green",
+        },
+    )  # fmt: skip
+    instances = [(instance.mesh, instance.path) for instance in asset.instances]
+    assert instances == [(number, f"/W/{name}/Cube") for number, name in zip((0, 1, 2, 0), "ABCD", strict=True)]
     first, *others = asset.meshes
     for other in others:
         assert all(getattr(other, name) is getattr(first, name) for name in ("points", "normals"))
@@ -180,10 +162,10 @@ def test_instances_are_bound_from_outside_and_share_their_arrays(file):
 
 @pytest.mark.parametrize("target", ["/Looks/Gone", "/W/A"])
 def test_a_binding_to_no_material_hides_those_above_and_is_noted(pair, target):
-    bind(pair, "/W", "Top")
-    binder(pair, "/W/A").GetDirectBindingRel().SetTargets([target])
-    binder(pair, "/W/B").GetDirectBindingRel().SetTargets([target])
-    asset = check(pair, A__Cube=None, B__Cube=None)
+    bind("/W", "Top")(pair)
+    for path in ("/W/A", "/W/B"):
+        binder(pair, path).GetDirectBindingRel().SetTargets([target])
+    asset = check(pair, {"A/Cube": None, "B/Cube": None})
     note = f"{pair.path}: material:binding names {target}, which is not a material (2): /W/A, /W/B"
     assert asset.notes == (note,)
 

@@ -37,6 +37,23 @@ class File:
         points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
         return self.mesh(path, points, [0, 1, 4, 3, 1, 2, 5, 4])
 
+    def instances(self, of, *paths):
+        """Make a prim abstract, and instances of it; return these."""
+        self.stage.GetPrimAtPath(of).SetSpecifier(Sdf.SpecifierClass)
+        prims = [UsdGeom.Xform.Define(self.stage, path) for path in paths]
+        for prim in prims:
+            prim.GetPrim().GetReferences().AddInternalReference(of)
+            prim.GetPrim().SetInstanceable(True)
+        return prims
+
+    def instancer(self, path, prototypes, positions, numbers=None):
+        """Place prototypes, by default the first, at positions."""
+        instancer = UsdGeom.PointInstancer.Define(self.stage, path)
+        instancer.GetPrototypesRel().SetTargets(prototypes)
+        instancer.GetPositionsAttr().Set(Vt.Vec3fArray(positions))
+        instancer.GetProtoIndicesAttr().Set(numbers or [0] * len(positions))
+        return instancer
+
     def material(self, path, *users):
         material = UsdShade.Material.Define(self.stage, path)
         for user in users:
@@ -59,8 +76,8 @@ class File:
 
 
 def primvar(mesh, name, kind, interpolation, values, indices=None):
-    made = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, kind, interpolation)
-    made.Set(values)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, kind, interpolation)
+    primvar.Set(values)
     if indices is not None:
-        made.SetIndices(Vt.IntArray(indices))
-    return made
+        primvar.SetIndices(Vt.IntArray(indices))
+    return primvar
