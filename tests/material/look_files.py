@@ -55,6 +55,10 @@ def rough(source: str) -> str:
     return disney(body=f"float roughness <- {source}")
 
 
+def expression(text: str, inputs: str = "", name: str = "Expr", kind: str = "float") -> str:
+    return shader(name, "LookdevExpression", f'string expression = "{text}"\n{inputs}\n{kind} outputs:result')
+
+
 BASE = "token base <- Base.layer\n"
 LAYER1 = "token layer1 <- Coat.layer\n"
 
@@ -80,12 +84,17 @@ def stack(inputs: str, *shaders: str) -> str:
 STACK = "</M/Layers.outputs:surface>"
 
 
+def short(place: str) -> str:
+    """Return ``Tex.st`` for the place /M/Tex.inputs:st."""
+    return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", place)
+
+
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
     """Return place, text and hint of each fault for which a file is refused."""
     with pytest.raises(LookError) as caught:
         read(file, **options)
     assert all(fault.file == str(file) for fault in caught.value.faults)
-    return [(fault.where, fault.what, fault.hint) for fault in caught.value.faults]
+    return [(short(fault.where), fault.what, fault.hint) for fault in caught.value.faults]
 
 
 PREVIEW = "token outputs:surface.connect = </M/S.outputs:surface>\n"
@@ -114,4 +123,4 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
 
 
 def lost(found: BoundLook) -> list[tuple[str, str]]:
-    return [(fault.where, fault.what) for fault in found.lost]
+    return [(short(fault.where), fault.what) for fault in found.lost]

@@ -65,13 +65,13 @@ def test_the_built_in_measurement_is_no_file(write) -> None:
 @pytest.mark.parametrize(
     ("body", "where", "what"),
     [
-        ("", "/M/Base.inputs:file", "names no file"),
-        ("asset file = @@", "/M/Base.inputs:file", "names no file"),
-        ("asset file = @./gold.binary@", "/M/Base.inputs:file", "no such file: ./gold.binary"),
-        ("asset file = @./gray.png@", "/M/Base.inputs:file", "gray.png: is not a file of measured reflectance"),
-        ('token file = "even.dat"', "/M/Base.inputs:file", "has type token"),
-        ("asset file <- Base.layer", "/M/Base.inputs:file", "is computed by </M/Base>"),
-        ('asset file = @./even.dat@\ntoken interpolation = "cubic"', "/M/Base.inputs:interpolation", "cub"),
+        ("", "Base.file", "names no file"),
+        ("asset file = @@", "Base.file", "names no file"),
+        ("asset file = @./gold.binary@", "Base.file", "no such file: ./gold.binary"),
+        ("asset file = @./gray.png@", "Base.file", "gray.png: is not a file of measured reflectance"),
+        ('token file = "even.dat"', "Base.file", "has type token"),
+        ("asset file <- Base.layer", "Base.file", "is computed by </M/Base>"),
+        ('asset file = @./even.dat@\ntoken interpolation = "cubic"', "Base.interpolation", "cub"),
     ],
 )
 def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, where: str, what: str) -> None:

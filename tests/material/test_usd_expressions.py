@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from look_files import BASE, LAYER1, STACK, disney, faults_of, shader, stack, texture
+from look_files import BASE, LAYER1, STACK, disney, expression, shader, stack, texture
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
@@ -19,10 +19,6 @@ from lookdev.scene.uvs import look_uvs
 
 TEX = texture('token sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
 EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat fallback = 0.25')
-
-
-def expression(text: str, inputs: str = "", name: str = "Expr", kind: str = "float") -> str:
-    return shader(name, "LookdevExpression", f'string expression = "{text}"\n{inputs}\n{kind} outputs:result')
 
 
 def masked(*shaders: str) -> str:
@@ -89,51 +85,6 @@ def test_every_kind_of_parameter_may_depend_on_the_view(write) -> None:
     look = read_look(write(disney(body=links) + nodes + normal))
     assert all(depends_on_view(source) for source in look.layers[0].inputs.values())
     assert len(look.layers[0].inputs) == 3
-
-
-FAULTS = {
-    "no text": (expression(""), "/M/Expr.inputs:expression", "holds no expression"),
-    "syntax": (expression("1 +"), "/M/Expr.inputs:expression", "^"),
-    "unknown name": (expression("dirt * 2"), "/M/Expr.inputs:dirt", "which is no input of its node"),
-    "unknown function": (expression("smothstep(1, 0, 1)"), "/M/Expr.inputs:expression", "smoothstep"),
-    "unused input": (expression("1", "float dirt = 1"), "/M/Expr.inputs:dirt", "unknown input"),
-    "unset input": (expression("dirt", "float dirt"), "/M/Expr.inputs:dirt", "neither set nor connected"),
-    "a view of another type": (expression("view", "color3f view"), "/M/Expr.inputs:view", "it must be float"),
-    "wrong type": (expression("dirt", "int dirt = 1"), "/M/Expr.inputs:dirt", "has type int"),
-    "a color for a mask": (expression("[1, 0, 0]"), "/M/Expr.inputs:expression", "luminance"),
-    "a color for a float": (
-        expression("noise(c)", "color3f c = (1, 0, 0)"),
-        "/M/Expr.inputs:expression",
-        "needs a float, this is a color",
-    ),
-    "cycle": (expression("a", "float a <- Expr.result"), "/M/Expr.inputs:a", "reads its own result"),
-    "wrong output": (
-        expression("a", "float a <- Other.value")
-        + shader("Other", "LookdevExpression", 'string expression = "1"\nfloat outputs:value'),
-        "/M/Expr.inputs:a",
-        "use outputs:result",
-    ),
-}
-
-
-@pytest.mark.parametrize(("shaders", "where", "message"), FAULTS.values(), ids=FAULTS)
-def test_fault(write, shaders: str, where: str, message: str) -> None:
-    [(place, what, hint)] = faults_of(write(masked(shaders), STACK))
-    assert place == where
-    assert message in f"{what} ({hint})"
-
-
-def test_expressions_do_not_nest_without_end(write) -> None:
-    link = "float a <- E{}.result"
-    chain = "".join(expression("a", link.format(number + 1), f"E{number}") for number in range(40))
-    faults = faults_of(write(masked(expression("a", link.format(0)), chain), STACK))
-    assert "more than 32 expressions" in faults[0][1]
-    assert len(faults) == 1
-
-
-def test_a_layer_has_one_output(write) -> None:
-    ((place, what, hint),) = faults_of(write(stack(BASE.replace(".layer", ".out"), disney()), STACK))
-    assert (place, what, hint) == ("/M/Layers.inputs:base", "cannot use </M/Base.outputs:out>", "use outputs:layer")
 
 
 def test_what_expressions_share_is_read_and_computed_once(write) -> None:

@@ -2,151 +2,176 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, pixar, rough, shader, stack, texture
-
-
-def textured(node: str = "", file: str = "@./gray.png@") -> str:
-    return rough("Tex.r") + texture(node, file)
-
-
-def normal_map(file: str, node: str = "", output: str = "rgb") -> str:
-    return pixar(body=f"normal3f diffuseNormal <- Tex.{output}") + texture(node, file)
-
+from look_files import BASE, LAYER1, ST, STACK, disney, expression, faults_of, pixar, rough, shader, stack, texture
 
 RAW = 'token sourceColorSpace = "raw"\n'
 CENTRED = "float4 scale = (2, 2, 2, 1)\nfloat4 bias = (-1, -1, -1, 0)\n"
 HEIGHT = "float height <- Tex.r\n"
+CLEAR = "token base <- Clear.layer\ntoken layer1 <- {}.layer\ntoken layer2 <- {}.layer\n"
+TWO = BASE + LAYER1
+MOVED = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
+TERMINAL = "/M.outputs:lookdev:displacement"
 
 
-ROUGH, NORMAL = "/M/Base.inputs:roughness", "/M/Base.inputs:diffuseNormal"
+def textured(node: str = "", file: str = "gray.png") -> str:
+    return rough("Tex.r") + texture(node, f"@./{file}@")
 
 
-def bump(inputs: str) -> str:
+def base(body: str) -> str:
+    return disney(body=body)
+
+
+def wood(body: str, more: str = "") -> str:
+    return pixar(body=body) + more
+
+
+def reader(kind: str, body: str) -> str:
+    return shader("P", f"UsdPrimvarReader_{kind}", body)
+
+
+def normal_map(file: str, node: str = "", output: str = "rgb") -> str:
+    return wood(f"normal3f diffuseNormal <- Tex.{output}", texture(node, f"@./{file}@"))
+
+
+def bump(inputs: str, more: str = "") -> str:
     """Return a normal from a bump, beside a texture for its height."""
-    normal = pixar(body="normal3f highlightNormal <- Bump.normal")
-    return normal + shader("Bump", "LookdevBump", inputs) + texture()
+    return wood("normal3f highlightNormal <- Bump.normal", shader("Bump", "LookdevBump", inputs) + texture() + more)
+
+
+def displaced(inputs: str, more: str = "") -> str:
+    return MOVED + disney() + shader("Moved", "LookdevDisplacement", inputs) + more
 
 
 FAULTS = {
-    "misspelt input": (disney(body="float roughnes = 1"), "/M/Base.inputs:roughnes", "did you mean 'roughness'"),
-    "wrong type": (disney(body="double roughness = 1"), ROUGH, "must be float"),
-    "float for a colour": (disney(body="float baseColor = 1"), "/M/Base.inputs:baseColor", "must be color3f"),
-    "wrong type behind the interface": (
-        "int r = 1\n" + disney(body="float roughness <- .r"),
-        ROUGH,
-        "has type int at </M.inputs:r>",
+    "misspelt input": (base("float roughnes = 1"), "Base.roughnes", "did you mean 'roughness'"),
+    "wrong type": (base("double roughness = 1"), "Base.roughness", "must be float"),
+    "float for a colour": (base("float baseColor = 1"), "Base.baseColor", "must be color3f"),
+    "type behind the interface": (
+        "int r = 1\n" + base("float roughness <- .r"),
+        "Base.roughness",
+        "int at </M.inputs:r>",
     ),
-    "out of range": (disney(body="float roughness = 1.5"), ROUGH, "within [0, 1]"),
-    "one channel out of range": (
-        disney(body="color3f baseColor = (0, 1.5, 0)"),
-        "/M/Base.inputs:baseColor",
-        "0, 1.5, 0 is out of range",
-    ),
-    "NaN": (disney(body="float roughness = nan"), ROUGH, "not finite"),
-    "infinite": (disney(body="color3f baseColor = (0, inf, 0)"), "/M/Base.inputs:baseColor", "not finite"),
-    "animated": (disney(body="float inputs:roughness.timeSamples = { 1: 0.5 }"), ROUGH, "animated"),
-    "unknown token": (disney(body='token variant = "2013"'), "/M/Base.inputs:variant", "did you mean '201"),
-    "computed token": (
-        disney(body="token variant <- St.result") + ST,
-        "/M/Base.inputs:variant",
-        "choose one of 2014, 2012",
-    ),
-    "dangling": (rough("Gone.r"), ROUGH, "</M/Gone.outputs:r>, which is no output"),
-    "dangling interface": (disney(body="float roughness <- .gone"), ROUGH, "no interface input"),
+    "out of range": (base("float roughness = 1.5"), "Base.roughness", "within [0, 1]"),
+    "one channel": (base("color3f baseColor = (0, 1.5, 0)"), "Base.baseColor", "0, 1.5, 0 is out of range"),
+    "NaN": (base("float roughness = nan"), "Base.roughness", "not finite"),
+    "infinite": (base("color3f baseColor = (0, inf, 0)"), "Base.baseColor", "not finite"),
+    "animated": (base("float roughness.timeSamples = { 1: 0.5 }"), "Base.roughness", "animated"),
+    "unknown token": (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
+    "computed token": (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
+    "dangling": (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
+    "dangling interface": (base("float roughness <- .gone"), "Base.roughness", "no interface input"),
     "two connections": (
-        disney(body="float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"),
-        ROUGH,
+        base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"),
+        "Base.roughness",
         "2 connections",
     ),
-    "cycle of inputs": (
-        "float a <- .b\nfloat b <- .a\n" + disney(body="float roughness <- .a"),
-        "/M.inputs:a",
-        "cycle",
-    ),
+    "cycle of inputs": ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
     "cycle of transforms": (
         textured("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"),
-        "/M/T.inputs:in",
+        "T.in",
         "cycle",
     ),
-    "missing image": (textured(file="@./gone.png@"), "/M/Tex.inputs:file", "no such image file: ./gone.png"),
-    "no image": (textured(file="@@"), "/M/Tex.inputs:file", "names no image file"),
-    "not an image": (textured(file="@./look.usda@"), "/M/Tex.inputs:file", "cannot be read as an image"),
-    "UDIM": (textured(file="@./gray.<UDIM>.png@"), "/M/Tex.inputs:file", "no tile of this set: ./gray.<UDIM>.png"),
-    "unknown texture input": (textured("float gamma = 1"), "/M/Tex.inputs:gamma", "unknown input"),
-    "unknown wrap": (textured('token wrapS = "repeats"'), "/M/Tex.inputs:wrapS", "did you mean 'repeat'"),
-    "computed wrap": (textured("token wrapS <- St.result"), "/M/Tex.inputs:wrapS", "must be a constant"),
-    "st not connected": (textured("float2 st = (0, 0)"), "/M/Tex.inputs:st", "not connected"),
-    "st from a texture": (textured("float2 st <- Tex.rgb"), "/M/Tex.inputs:st", "whose info:id is 'UsdUVTexture'"),
-    "colour into a float": (rough("Tex.rgb") + texture(), ROUGH, "use outputs:r or g or b or a"),
+    "missing image": (textured(file="gone.png"), "Tex.file", "no such image file: ./gone.png"),
+    "no image": (rough("Tex.r") + texture(file="@@"), "Tex.file", "names no image file"),
+    "not an image": (textured(file="look.usda"), "Tex.file", "cannot be read as an image"),
+    "UDIM": (textured(file="gray.<UDIM>.png"), "Tex.file", "no tile of this set: ./gray.<UDIM>.png"),
+    "unknown texture input": (textured("float gamma = 1"), "Tex.gamma", "unknown input"),
+    "unknown wrap": (textured('token wrapS = "repeats"'), "Tex.wrapS", "did you mean 'repeat'"),
+    "computed wrap": (textured("token wrapS <- St.result"), "Tex.wrapS", "must be a constant"),
+    "st not connected": (textured("float2 st = (0, 0)"), "Tex.st", "not connected"),
+    "st from a texture": (textured("float2 st <- Tex.rgb"), "Tex.st", "whose info:id is 'UsdUVTexture'"),
+    "colour into a float": (rough("Tex.rgb") + texture(), "Base.roughness", "use outputs:r or g or b or a"),
     "reader of another type": (
         rough("St.result") + ST,
-        ROUGH,
+        "Base.roughness",
         "use UsdUVTexture, UsdPrimvarReader_float or LookdevExpression",
     ),
-    "reader without a name": (
-        rough("P.result") + shader("P", "UsdPrimvarReader_float"),
-        "/M/P.inputs:varname",
-        "names no primvar",
-    ),
+    "reader without a name": (rough("P.result") + reader("float", ""), "P.varname", "names no primvar"),
     "fallback out of range": (
-        rough("P.result") + shader("P", "UsdPrimvarReader_float", 'string varname = "x"\nfloat fallback = 2'),
-        "/M/P.inputs:fallback",
+        rough("P.result") + reader("float", 'string varname = "x"\nfloat fallback = 2'),
+        "P.fallback",
         "within [0, 1]",
     ),
-    "expression": (
-        rough("X.result") + shader("X", "LookdevExpression"),
-        "/M/X.inputs:expression",
-        "holds no expression",
-    ),
-    "zero normal": (pixar(body="normal3f diffuseNormal = (0, 0, 0)"), NORMAL, "cannot be the zero vector"),
-    "normal out of range": (pixar(body="normal3f diffuseNormal = (0, 0, 2)"), NORMAL, "within [-1, 1]"),
-    "float for a normal": (pixar(body="float diffuseNormal = 1"), NORMAL, "must be normal3f"),
+    "expression": (rough("X.result") + shader("X", "LookdevExpression"), "X.expression", "holds no expression"),
+    "zero normal": (wood("normal3f diffuseNormal = (0, 0, 0)"), "Base.diffuseNormal", "cannot be the zero vector"),
+    "normal out of range": (wood("normal3f diffuseNormal = (0, 0, 2)"), "Base.diffuseNormal", "within [-1, 1]"),
+    "float for a normal": (wood("float diffuseNormal = 1"), "Base.diffuseNormal", "must be normal3f"),
     "normal from a primvar": (
-        pixar(body="normal3f diffuseNormal <- N.result")
-        + shader("N", "UsdPrimvarReader_float3", 'string varname = "n"'),
-        NORMAL,
+        wood("normal3f diffuseNormal <- P.result", reader("float3", 'string varname = "n"')),
+        "Base.diffuseNormal",
         "use UsdUVTexture, LookdevBump",
     ),
-    "normal from one channel": (normal_map("@./rgb.exr@", output="r"), NORMAL, "use outputs:rgb"),
+    "normal from one channel": (normal_map("rgb.exr", output="r"), "Base.diffuseNormal", "use outputs:rgb"),
     "sRGB normal map": (
-        normal_map("@./rgb.png@", CENTRED),
-        "/M/Tex.inputs:sourceColorSpace",
+        normal_map("rgb.png", CENTRED),
+        "Tex.sourceColorSpace",
         "a normal map is data (set it to 'raw')",
     ),
     "normal map of 8 bits without scale and bias": (
-        normal_map("@./rgb.png@", RAW),
-        "/M/Tex.inputs:bias",
+        normal_map("rgb.png", RAW),
+        "Tex.bias",
         "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)",
     ),
     "normal map of 16 bits without bias": (
-        normal_map("@./rgb16.png@", "float4 scale = (2, 2, 2, 1)"),
-        "/M/Tex.inputs:bias",
+        normal_map("rgb16.png", "float4 scale = (2, 2, 2, 1)"),
+        "Tex.bias",
         "no normal has a negative component",
     ),
     "bump into a colour": (
-        pixar(body="color3f surfaceColor <- Bump.normal") + shader("Bump", "LookdevBump"),
-        "/M/Base.inputs:surfaceColor",
+        wood("color3f surfaceColor <- Bump.normal", shader("Bump", "LookdevBump")),
+        "Base.surfaceColor",
         "use UsdUVTexture, UsdPrimvarReader_float3",
     ),
-    "bump without a height": (bump(""), "/M/Bump.inputs:height", "is not connected (only a UsdUVTexture has a slope"),
-    "constant height": ("float h = 1\n" + bump("float height <- .h"), "/M/Bump.inputs:height", "is not connected"),
+    "bump without a height": (bump(""), "Bump.height", "is not connected (only a UsdUVTexture has a slope"),
+    "constant height": ("float h = 1\n" + bump("float height <- .h"), "Bump.height", "is not connected"),
     "height from a primvar": (
-        bump("float height <- P.result") + shader("P", "UsdPrimvarReader_float", 'string varname = "h"'),
-        "/M/Bump.inputs:height",
+        bump("float height <- P.result", reader("float", 'string varname = "h"')),
+        "Bump.height",
         "comes from </M/P>",
     ),
-    "height of three channels": (
-        bump(HEIGHT.replace(".r", ".rgb")),
-        "/M/Bump.inputs:height",
-        "outputs:r",
-    ),
-    "height of a wrong type": (bump(HEIGHT.replace("float", "color3f")), "/M/Bump.inputs:height", "must be float"),
-    "dangling height": (bump("float height <- Gone.r"), "/M/Bump.inputs:height", "which is no output"),
-    "computed scale of a bump": (bump(HEIGHT + "float scale <- Tex.g"), "/M/Bump.inputs:scale", "must be a constant"),
-    "infinite scale of a bump": (bump(HEIGHT + "float scale = inf"), "/M/Bump.inputs:scale", "not finite"),
-    "unknown input of a bump": (bump(HEIGHT + "float scal = 1"), "/M/Bump.inputs:scal", "mean 'scale'"),
+    "height of three channels": (bump("float height <- Tex.rgb"), "Bump.height", "outputs:r"),
+    "height of a wrong type": (bump("color3f height <- Tex.r"), "Bump.height", "must be float"),
+    "dangling height": (bump("float height <- Gone.r"), "Bump.height", "which is no output"),
+    "computed scale of a bump": (bump(HEIGHT + "float scale <- Tex.g"), "Bump.scale", "must be a constant"),
+    "infinite scale of a bump": (bump(HEIGHT + "float scale = inf"), "Bump.scale", "not finite"),
+    "unknown input of a bump": (bump(HEIGHT + "float scal = 1"), "Bump.scal", "mean 'scale'"),
     "unknown shader": (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
+    "displacement: no source": (f"{MOVED.split('.')[0]}\n" + disney(), TERMINAL, "is not connected"),
+    "displacement: a layer": (
+        MOVED.replace("Moved", "Base") + disney(),
+        TERMINAL,
+        "has the unknown info:id 'LookdevDisney'",
+    ),
+    "displacement: dangling": (MOVED + disney(), TERMINAL, "is no output of a shader"),
+    "height unset": (displaced(""), "Moved.height", "is neither set nor connected"),
+    "a colour for a height": (displaced("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
+    "height NaN": (displaced("float height = nan"), "Moved.height", "nan is not finite"),
+    "displacement scale": (displaced("float height = 1\nfloat scale = inf"), "Moved.scale", "inf is not finite"),
+    "displacement input": (displaced("float height = 1\nfloat sacle = 1"), "Moved.sacle", "unknown input"),
+    "displacement units": (displaced('float height = 1\ntoken units = "feet"'), "Moved.units", "unknown value"),
+    "displacement by colours": (
+        displaced("float height <- Tex.rgb", texture()),
+        "Moved.height",
+        "</M/Tex.outputs:rgb>",
+    ),
+    "displacement cycle": (
+        displaced("float inputs:height.connect = </M/Moved.inputs:height>"),
+        "Moved.height",
+        "which is no output of a shader",
+    ),
+    "computed displacement scale": (
+        displaced("float height = 1\nfloat scale <- Tex.r", texture()),
+        "Moved.scale",
+        "it must be a constant",
+    ),
+    "displacement by the view": (
+        displaced("float height <- X.result", expression("0.1 * view", name="X")),
+        "Moved.height",
+        "depends on the view",
+    ),
 }
 
 # The places are inputs of the stack.
@@ -154,51 +179,77 @@ STACK_FAULTS = {
     "no base": (LAYER1, "base", "the stack has no base"),
     "base not connected": ('token base = "Base"', "base", "not connected to a layer"),
     "base is a stack": ("token base <- Layers.surface", "base", "unknown info:id 'LookdevLayers'"),
+    "an output that a layer has not": (
+        "token base <- Base.out",
+        "base",
+        "cannot use </M/Base.outputs:out> (use outputs:layer)",
+    ),
     "gap": (BASE + "token layer2 <- Coat.layer", "layer2", "there is no layer1"),
     "mask without a layer": (BASE + "float layer1Mask = 1", "layer1", "is not connected"),
-    "mask out of range": (BASE + LAYER1 + "float layer1Mask = -0.25", "layer1Mask", "within [0, 1]"),
-    "mask of a wrong type": (BASE + LAYER1 + "color3f layer1Mask = (1, 1, 1)", "layer1Mask", "must be float"),
-    "computed switch": (BASE + LAYER1 + "bool layer1Enabled <- Coat.layer", "layer1Enabled", "must be a constant"),
-    "transmit": (BASE + LAYER1 + 'token layer1Mode = "transmit"', "layer1Mode", "Coat is a disney layer"),
+    "mask out of range": (TWO + "float layer1Mask = -0.25", "layer1Mask", "within [0, 1]"),
+    "mask of a wrong type": (TWO + "color3f layer1Mask = (1, 1, 1)", "layer1Mask", "must be float"),
+    "computed switch": (TWO + "bool layer1Enabled <- Coat.layer", "layer1Enabled", "must be a constant"),
+    "transmit": (TWO + 'token layer1Mode = "transmit"', "layer1Mode", "Coat is a disney layer"),
     "transmit over Disney": (
         BASE + 'token layer1 <- Clear.layer\ntoken layer1Mode = "transmit"',
         "layer1Mode",
         "Base is a disney layer (only a LookdevPixar layer over nothing but LookdevPixar layers can transmit",
     ),
     "transmit over a stack that holds Disney": (
-        """token base <- Clear.layer
-        token layer1 <- Coat.layer
-        token layer2 <- Clear.layer
-        token layer2Mode = "transmit" """,
+        CLEAR.format("Coat", "Clear") + 'token layer2Mode = "transmit"',
         "layer2Mode",
         "Coat is a disney layer",
     ),
     "tokens differ": (
-        """token base <- Clear.layer
-        token layer1 <- Clear.layer
-        token layer2 <- Saved.layer""",
+        CLEAR.format("Clear", "Saved"),
         "layer2",
         "energy of Saved is 'conserving', but that of Clear beneath is 'published'",
     ),
-    "unknown mode": (BASE + LAYER1 + 'token layer1Mode = "under"', "layer1Mode", "known: over, transmit"),
-    "unknown input": (BASE + LAYER1 + "float layer1Msk = 1", "layer1Msk", "did you mean 'layer1Mask'"),
+    "unknown mode": (TWO + 'token layer1Mode = "under"', "layer1Mode", "known: over, transmit"),
+    "unknown input": (TWO + "float layer1Msk = 1", "layer1Msk", "did you mean 'layer1Mask'"),
     "layer zero": (BASE + "token layer0 <- Coat.layer", "layer0", "unknown"),
 }
-
-
 LAYERS = disney(), disney("Coat"), pixar("Clear"), pixar("Saved", 'token energy = "conserving"')
 
+# Of a mask that is the result of Expr.
+EXPRESSION_FAULTS = {
+    "no text": (expression(""), "Expr.expression", "holds no expression"),
+    "syntax": (expression("1 +"), "Expr.expression", "^"),
+    "unknown name": (expression("dirt * 2"), "Expr.dirt", "which is no input of its node"),
+    "unknown function": (expression("smothstep(1, 0, 1)"), "Expr.expression", "smoothstep"),
+    "unused input": (expression("1", "float dirt = 1"), "Expr.dirt", "unknown input"),
+    "unset input": (expression("dirt", "float dirt"), "Expr.dirt", "neither set nor connected"),
+    "a view of another type": (expression("view", "color3f view"), "Expr.view", "it must be float"),
+    "wrong type": (expression("dirt", "int dirt = 1"), "Expr.dirt", "has type int"),
+    "a color for a mask": (expression("[1, 0, 0]"), "Expr.expression", "luminance"),
+    "a color for a float": (
+        expression("noise(c)", "color3f c = (1, 0, 0)"),
+        "Expr.expression",
+        "needs a float, this is a color",
+    ),
+    "cycle": (expression("a", "float a <- Expr.result"), "Expr.a", "reads its own result"),
+    "wrong output": (
+        expression("a", "float a <- Other.value")
+        + shader("Other", "LookdevExpression", 'string expression = "1"\nfloat outputs:value'),
+        "Expr.a",
+        "use outputs:result",
+    ),
+}
+MASKED = stack(TWO + "float layer1Mask <- Expr.result", *LAYERS[:2])
+CASES = [
+    *(pytest.param(body, "</M/Base.outputs:layer>", *fault, id=name) for name, (body, *fault) in FAULTS.items()),
+    *(
+        pytest.param(stack(inputs, *LAYERS), STACK, f"Layers.{place}", message, id=name)
+        for name, (inputs, place, message) in STACK_FAULTS.items()
+    ),
+    *(
+        pytest.param(MASKED + nodes, STACK, *fault, id=f"expression: {name}")
+        for name, (nodes, *fault) in EXPRESSION_FAULTS.items()
+    ),
+]
 
-@pytest.mark.parametrize(
-    ("body", "terminal", "where", "message"),
-    [
-        *(pytest.param(body, "</M/Base.outputs:layer>", *fault, id=name) for name, (body, *fault) in FAULTS.items()),
-        *(
-            pytest.param(stack(inputs, *LAYERS), STACK, f"/M/Layers.inputs:{place}", message, id=name)
-            for name, (inputs, place, message) in STACK_FAULTS.items()
-        ),
-    ],
-)
+
+@pytest.mark.parametrize(("body", "terminal", "where", "message"), CASES)
 def test_fault(write, body: str, terminal: str, where: str, message: str) -> None:
     [(place, what, hint)] = faults_of(write(body, terminal))
     assert place == where
@@ -207,16 +258,77 @@ def test_fault(write, body: str, terminal: str, where: str, message: str) -> Non
 
 def test_all_faults_are_reported_at_once_and_shared_nodes_only_once(write) -> None:
     body = stack(
-        BASE + LAYER1 + "float layer1Mask <- Tex.r\nfloat layer1Blur = 1",
-        disney(body="float metalic = 1\nfloat sheen = 7"),
+        TWO + "float layer1Mask <- Tex.r\nfloat layer1Blur = 1",
+        base("float metalic = 1\nfloat sheen = 7"),
         disney("Coat", "float roughness <- Tex.g"),
         shader("Tex", "UsdUVTexture", "asset file = @./gone.png@\nfloat gamma = 1"),
     )
-    assert [where for where, _, _ in faults_of(write(body, STACK))] == [
-        "/M/Layers.inputs:layer1Blur",
-        "/M/Base.inputs:metalic",
-        "/M/Base.inputs:sheen",
-        "/M/Tex.inputs:gamma",
-        "/M/Tex.inputs:file",
-        "/M/Tex.inputs:st",
-    ]
+    places = ["Layers.layer1Blur", "Base.metalic", "Base.sheen", "Tex.gamma", "Tex.file", "Tex.st"]
+    assert [where for where, _, _ in faults_of(write(body, STACK))] == places
+
+
+def test_expressions_do_not_nest_without_end(write) -> None:
+    chain = "".join(expression("a", f"float a <- E{number + 1}.result", f"E{number}") for number in range(40))
+    faults = faults_of(write(MASKED + expression("a", "float a <- E0.result") + chain, STACK))
+    assert "more than 32 expressions" in faults[0][1]
+    assert len(faults) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "where", "message"),
+    [
+        ({"prim": "/N"}, "/N", "no such prim"),
+        ({"prim": "/M/Base"}, "/M/Base", "is not a material"),
+        ({"prim": "M"}, "M", "is not a prim path"),
+        ({"prim": "/M.inputs:x"}, "/M.inputs:x", "is not a prim path"),
+        ({"variants": {"wear": "x"}}, "/M", "has no variant set 'wear'"),
+    ],
+)
+def test_wrong_request(write, options: dict[str, object], where: str, message: str) -> None:
+    [(place, what, _)] = faults_of(write(disney()), **options)
+    assert (place, what) == (where, message)
+
+
+def test_wrong_variant_names_the_nearest(write) -> None:
+    sets = 'variantSet "wear" = { "clean" { }\n "dusty" { } }'
+    file = write(disney() + sets, material='(prepend variantSets = "wear")')
+    fault = "/M", "variant set 'wear' has no variant 'dust'", "did you mean 'dusty'?"
+    assert faults_of(file, variants={"wear": "dust"}) == [fault]
+
+
+def test_broken_reference_is_a_fault(write) -> None:
+    faults = faults_of(write('def "Base" (references = @./gone.usda@</Gold>) { }'))
+    assert any(where == "/M/Base" and "gone.usda" in what for where, what, _ in faults)
+
+
+PRESET = '#usda 1.0\n(\n    defaultPrim = "Gold"\n)\ndef Shader "Gold"\n{\n}\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "what", "hint"),
+    [
+        (None, "", "no such file", ""),
+        ("#usda 1.0\ndef nonsense", "", "USD cannot open it: ", ""),
+        ("", "", "USD cannot open it: ", ""),
+        (
+            '#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n',
+            "",
+            "holds 2 materials and none is the default prim",
+            "name one with prim: /A, /B",
+        ),
+        (
+            PRESET,
+            "/Gold",
+            "is a preset: a layer, not a material",
+            "make a look of it: lookdev materials new LOOK.usda ",
+        ),
+    ],
+)
+def test_a_file_without_a_look(tmp_path: Path, text: str | None, where: str, what: str, hint: str) -> None:
+    file = tmp_path / "look.usda"
+    if text is not None:
+        file.write_text(text)
+    [(place, said, right)] = faults_of(file)
+    assert place == where
+    assert said.startswith(what)
+    assert right.startswith(hint)

@@ -6,11 +6,13 @@ from math import cos, radians, sin
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, STACK, disney, faults_of, pixar, rough, shader, stack, texture
+from look_files import BASE, LAYER1, STACK, disney, expression, faults_of, pixar, rough, shader, stack, texture
 
 from lookdev.brdf import layer_shaders
-from lookdev.material.look import Bump, Layer, Look, Primvar, Texture
-from lookdev.material.usd import has_look, read_look
+from lookdev.material.look import Bump, Displacement, Formula, Layer, Look, Primvar, Texture
+from lookdev.material.usd import expand_variants, has_look, read_look
+
+MOVED = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
 
 
 def test_only_authored_constants_become_inputs(write) -> None:
@@ -23,7 +25,7 @@ def test_only_authored_constants_become_inputs(write) -> None:
         )
     )
     inputs = {"baseColor": (0.25, 0.5, 1.0), "roughness": 0.125, "variant": "2012"}
-    assert read_look(file) == Look("M", (Layer("Base", "disney", inputs),), f"{file}</M>")
+    assert read_look(file) == Look("M", (Layer("Base", "disney", inputs),), f"{file}</M>")  # and no displacement
     assert read_look(file, name="matte").name == "matte"
 
 
@@ -289,54 +291,96 @@ def test_unsupported_material_names_its_terminal(write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "where", "message"),
+    ("inputs", "expected"),
     [
-        ({"prim": "/N"}, "/N", "no such prim"),
-        ({"prim": "/M/Base"}, "/M/Base", "is not a material"),
-        ({"prim": "M"}, "M", "is not a prim path"),
-        ({"prim": "/M.inputs:x"}, "/M.inputs:x", "is not a prim path"),
-        ({"variants": {"wear": "x"}}, "/M", "has no variant set 'wear'"),
+        ("float height = 7", Displacement(7.0, 1.0, 0.0, "object")),
+        (
+            'float height = 0.5\nfloat scale = -2\nfloat midlevel = 0.25\ntoken units = "world"',
+            Displacement(0.5, -2.0, 0.25, "world"),
+        ),
     ],
 )
-def test_wrong_request(write, options: dict[str, object], where: str, message: str) -> None:
-    [(place, what, _)] = faults_of(write(disney()), **options)
-    assert (place, what) == (where, message)
+def test_displacement_by_a_constant(write, inputs: str, expected: Displacement) -> None:
+    assert read_look(write(MOVED + disney() + shader("Moved", "LookdevDisplacement", inputs))).displacement == expected
 
 
-def test_wrong_variant_names_the_nearest(write) -> None:
-    file = write(
-        disney() + 'variantSet "wear" = { "clean" { }\n "dusty" { } }', material='(prepend variantSets = "wear")'
+@pytest.mark.parametrize(
+    ("output", "more", "kind"),
+    [
+        ("Tex.g", texture(), Texture),
+        ("P.result", shader("P", "UsdPrimvarReader_float", 'string varname = "h"'), Primvar),
+        ("X.result", expression("2 - 5", name="X"), Formula),
+    ],
+)
+def test_heights_come_from_nodes(write, output: str, more: str, kind: type) -> None:
+    moved = shader("Moved", "LookdevDisplacement", f"float height <- {output}")
+    found = read_look(write(MOVED + disney() + moved + more)).displacement
+    assert found is not None
+    assert isinstance(found.height, kind)
+
+
+RUBBER = "color3f baseColor = (0.1, 0.1, 0.1)\nfloat roughness = 0.8\nfloat sheen = 0.5"
+LIBRARY = """#usda 1.0
+class "Worn" {
+    float inputs:amount = 0.75
+    over "Base" {
+        float inputs:sheen = 0.25
+    }
+}
+"""
+VARIANTS = """
+variantSet "colour" = {
+    "black" { }
+    "red" {
+        over "Base" { color3f inputs:baseColor = (0.5, 0.02, 0.02); }
+    }
+}
+variantSet "wear" = {
+    "new" {
+        over "Layers" { bool inputs:layer1Enabled = 0; }
+    }
+    "worn" { }
+}
+"""
+METADATA = """(
+    prepend inherits = </Worn>
+    prepend variantSets = ["colour", "wear"]
+    variants = { string colour = "black"; string wear = "new" }
+)"""
+
+
+@pytest.fixture
+def composed(write, tmp_path: Path) -> Path:
+    """Return a look of two layers by reference, with two variant sets, that inherits from a class in a sublayer."""
+    (tmp_path / "rubber.usda").write_text('#usda 1.0\n(\ndefaultPrim = "Rubber"\n)\n' + disney("Rubber", RUBBER))
+    (tmp_path / "library.usda").write_text(LIBRARY)
+    rubber = 'def "{}" (\nreferences = @./rubber.usda@{}\n) {{\n{}\n}}\n'
+    base = rubber.format("Base", "", "float inputs:roughness = 0.6")
+    dust = rubber.format("Coat", "</Rubber>", "color3f inputs:baseColor = (0.4, 0.3, 0.2)")
+    file = write(stack(BASE + LAYER1 + "float layer1Mask <- .amount", base, dust) + VARIANTS, STACK, METADATA)
+    file.write_text(file.read_text().replace("(\n", "(\nsubLayers = [@./library.usda@]\n", 1))
+    return file
+
+
+def test_references_overrides_and_inherits(composed: Path) -> None:
+    (base,) = read_look(composed).layers
+    wanted = {"baseColor": (0.1, 0.1, 0.1), "roughness": 0.6, "sheen": 0.25}
+    assert base == Layer("Base", "disney", {name: pytest.approx(value) for name, value in wanted.items()})
+
+
+def test_variants_of_two_sets(composed: Path) -> None:
+    base, dust = read_look(composed, variants={"colour": "red", "wear": "worn"}).layers
+    assert base.inputs["baseColor"] == pytest.approx((0.5, 0.02, 0.02))
+    assert dust.inputs["baseColor"] == pytest.approx((0.4, 0.3, 0.2))
+    assert dust.mask == 0.75
+    assert expand_variants(composed, None, {"colour": "*", "wear": "*"}) == tuple(
+        {"colour": colour, "wear": wear} for colour in ("black", "red") for wear in ("new", "worn")
     )
-    assert faults_of(file, variants={"wear": "dust"}) == [
-        ("/M", "variant set 'wear' has no variant 'dust'", "did you mean 'dusty'?")
-    ]
+    assert expand_variants(composed, None, {"wear": "worn", "colour": "*"})[1] == {"wear": "worn", "colour": "red"}
 
 
-def test_broken_reference_is_a_fault(write) -> None:
-    file = write('def "Base" (references = @./gone.usda@</Gold>) { }')
-    faults = faults_of(file)
-    assert any(where == "/M/Base" and "gone.usda" in what for where, what, _ in faults)
-
-
-def test_several_materials_and_no_default(tmp_path: Path) -> None:
-    file = tmp_path / "two.usda"
-    file.write_text('#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n')
-    assert faults_of(file) == [("", "holds 2 materials and none is the default prim", "name one with prim: /A, /B")]
-
-
-def test_a_preset_is_no_look(tmp_path: Path) -> None:
-    file = tmp_path / "gold.usda"
-    file.write_text('#usda 1.0\n(\n    defaultPrim = "Gold"\n)\ndef Shader "Gold"\n{\n}\n')
-    ((place, what, hint),) = faults_of(file)
-    assert (place, what) == ("/Gold", "is a preset: a layer, not a material")
-    assert hint == f"make a look of it: lookdev materials new LOOK.usda {file}"
-
-
-@pytest.mark.parametrize("text", [None, "#usda 1.0\ndef nonsense", ""])
-def test_unreadable_file(tmp_path: Path, text: str | None) -> None:
-    file = tmp_path / "look.usda"
-    if text is not None:
-        file.write_text(text)
-    [(where, what, _)] = faults_of(file)
-    assert where == ""
-    assert what == "no such file" if text is None else what.startswith("USD cannot open it: ")
+def test_a_stronger_layer_overrides(composed: Path) -> None:
+    shot = composed.with_name("shot.usda")
+    head = '#usda 1.0\n(\n defaultPrim = "M"\n subLayers = [@./look.usda@]\n)\n'
+    shot.write_text(head + 'over "M" {\n float inputs:amount = 0.125\n}\n')
+    assert read_look(shot, variants={"wear": "worn"}).layers[1].mask == 0.125

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, stack
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, short, stack
 
 from lookdev.cli import run as run_cli
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
@@ -21,7 +21,8 @@ LOOKS = [file for place in (".", "presets", "classic") for file in sorted((ROOT 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
     """Return severity, place and text of what is found in a look."""
     report = examine(file, **options)
-    return [(each.severity, f"{each.prim}.{each.input}".rstrip("."), each.what) for each in report.findings]
+    places = [short(f"{each.prim}.{each.input}".rstrip(".")) for each in report.findings]
+    return [(each.severity, place, each.what) for place, each in zip(places, report.findings, strict=True)]
 
 
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
@@ -37,17 +38,17 @@ def test_displacement_is_examined(write) -> None:
     terminal = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
     moved = shader("Moved", "LookdevDisplacement", "float height = 1\nfloat sacle = 2")
     ((severity, where, what),) = findings(write(terminal + disney() + moved))
-    assert (severity, where, what) == ("error", "/M/Moved.inputs:sacle", "unknown input")
+    assert (severity, where, what) == ("error", "Moved.sacle", "unknown input")
 
 
 NOTES = {
-    "mask 0": (layered("float layer1Mask = 0"), "/M/Layers.inputs:layer1Mask", "the layer never shows: its mask is 0"),
+    "mask 0": (layered("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
     "presence 0": (
         stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", "float presence = 0")),
-        "/M/Layers.inputs:layer1",
+        "Layers.layer1",
         "the layer never shows: the presence of Coat is 0",
     ),
-    "disabled": (layered("bool layer1Enabled = 0"), "/M/Layers.inputs:layer1Enabled", "the layer is not enabled"),
+    "disabled": (layered("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
     "unread texture": (
         layered("float layer1Mask = 0.5") + shader("Tex", "UsdUVTexture", "asset file = @./gray.png@"),
         "/M/Tex",
@@ -65,8 +66,8 @@ def test_note(write, body: str, place: str, what: str) -> None:
 
 def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
     assert findings(write(layered(""), STACK)) == [
-        ("note", "/M/Layers.inputs:base", "the layer never shows: Coat covers it wholly"),
-        ("note", "/M/Layers.inputs:layer1Mask", "the mask is not connected, so the layer covers all beneath"),
+        ("note", "Layers.base", "the layer never shows: Coat covers it wholly"),
+        ("note", "Layers.layer1Mask", "the mask is not connected, so the layer covers all beneath"),
     ]
 
 
@@ -79,8 +80,8 @@ def test_what_lets_light_through_hides_nothing(write) -> None:
 def test_a_disabled_layer_is_examined_too(write) -> None:
     body = layered("bool layer1Enabled = 0", coat="float roughness = 2")
     assert findings(write(body, STACK)) == [
-        ("warning", "/M/Coat.inputs:roughness", "2 is out of range (in a layer that is not enabled)"),
-        ("note", "/M/Layers.inputs:layer1Enabled", "the layer is not enabled"),
+        ("warning", "Coat.roughness", "2 is out of range (in a layer that is not enabled)"),
+        ("note", "Layers.layer1Enabled", "the layer is not enabled"),
     ]
 
 
@@ -127,14 +128,14 @@ def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> 
     body = preview("float subsurface = 1", identifier="ND_standard_surface_surfaceshader")
     first, second = findings(file := write(body, ""))
     assert first == READ_AS
-    assert second[:2] == ("note", "/M/S.inputs:subsurface")
+    assert second[:2] == ("note", "S.subsurface")
     assert not examine(file).has_errors
 
 
 def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
     file = write(preview("float3 diffuseColor = (1, 0, 0)"), "")
     ((severity, place, what), _) = findings(file)
-    assert (severity, place) == ("warning", "/M/S.inputs:diffuseColor")
+    assert (severity, place) == ("warning", "S.diffuseColor")
     assert "Expected 'color3f'" in what
 
 
@@ -180,7 +181,7 @@ def test_too_many_combinations_are_tried_one_by_one(write) -> None:
 USD_FINDINGS = {
     "type in the preview": (
         shader("P", "UsdPreviewSurface", "double roughness = 1\ntoken outputs:surface\n"),
-        ("error", "/M/P.inputs:roughness", "Incorrect type"),
+        ("error", "P.roughness", "Incorrect type"),
     ),
     "another renderer's node": (
         shader("P", "PxrSurface", "token outputs:surface\n"),
@@ -211,7 +212,7 @@ def test_what_usd_finds_too_is_reported_once(write) -> None:
     image = "asset file = @./gone.png@\nfloat2 st <- St.result"
     gone = 'def "Gone" (\nreferences = @./gone.usda@\n) {\n}\n'
     found = findings(write(textured + shader("Tex", "UsdUVTexture", image) + gone))
-    assert [place for _, place, _ in found] == ["/M/Gone", "/M/Tex.inputs:file", "/M/Base.inputs:sheen"]
+    assert [place for _, place, _ in found] == ["/M/Gone", "Tex.file", "Base.sheen"]
 
 
 def test_only_the_material_named_is_examined(write) -> None:
