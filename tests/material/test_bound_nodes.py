@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -23,8 +23,6 @@ from lookdev.material.values import Values
 Floats = NDArray[np.float64]
 
 ST = np.array([[0.1, 0.2], [0.35, 0.8], [0.6, 0.45], [0.9, 0.95]])
-FROM_UV = "float2 {} <- Uv.out"
-SQUARED = "float2 texcoord <- Squared.out"
 COLOR = "color3f diffuseColor <- N.out\n"
 ROUGH = "float roughness <- N.out\n"
 # (s, t, 0) as a colour, beside which other inputs are constant.
@@ -52,127 +50,80 @@ def value(found: BoundLook, name: str, kind: str = "color") -> Floats:
     return np.asarray(Values(Points()).of(source, parameter)) + np.zeros((len(ST), 3) if kind != "float" else len(ST))
 
 
-def node(identifier: str, inputs: str) -> str:
-    return shader("N", identifier, inputs) + UV
-
-
 S, T = ST.T
 C = np.stack([S, T, 0.0 * S], axis=-1)
+GREY = (C @ [0.2, 0.7, 0.1])[:, np.newaxis] + 0 * C
+HALFWAY = np.clip((C - 0.2) / 0.5, 0, 1)
+WEIGHTS = "color3f lumacoeffs = (0.2, 0.7, 0.1)"
+NODES_OF_FLOATS = UV + shader("X", "ND_separate2_vector2", "float2 in <- Uv.out")
+NODES_OF_FLOATS += shader("P", "ND_combine2_vector2", "float in1 <- X.outx\nfloat in2 = 0.5")
 
-NUMBERS: dict[str, tuple[str, str, Callable[[], Floats]]] = {
-    "add": ("ND_add_vector3", "float3 in1 <- C.out\nfloat3 in2 = (1, 2, 3)", lambda: np.add(C, [1, 2, 3])),
-    "subtract": ("ND_subtract_vector3", "float3 in1 = (1, 2, 3)\nfloat3 in2 <- C.out", lambda: [1, 2, 3] - C),
-    "multiply by itself": ("ND_multiply_vector3", "float3 in1 <- C.out\nfloat3 in2 <- C.out", lambda: C * C),
-    "multiply, default": ("ND_multiply_vector3", "float3 in1 <- C.out", lambda: C),
-    "multiply by a float": ("ND_multiply_vector3FA", "float3 in1 <- C.out\nfloat in2 = 3", lambda: 3 * C),
-    "divide": ("ND_divide_vector3FA", "float3 in1 <- C.out\nfloat in2 = 4", lambda: C / 4),
-    "modulo": ("ND_modulo_vector3FA", "float3 in1 <- C.out\nfloat in2 = 0.25", lambda: C % 0.25),
-    "power": ("ND_power_vector3FA", "float3 in1 <- C.out\nfloat in2 = 2.5", lambda: C**2.5),
-    "min": ("ND_min_vector3FA", "float3 in1 <- C.out\nfloat in2 = 0.4", lambda: np.minimum(C, 0.4)),
-    "max": ("ND_max_vector3FA", "float3 in1 <- C.out\nfloat in2 = 0.4", lambda: np.maximum(C, 0.4)),
-    "invert": ("ND_invert_vector3", "float3 in <- C.out", lambda: 1 - C),
-    "absval": ("ND_absval_vector3", "float3 in = (-1, 2, -3)", lambda: 0 * C + [1, 2, 3]),
-    "fract": ("ND_fract_vector3", "float3 in = (1.25, -0.25, 3)", lambda: 0 * C + [0.25, 0.75, 0]),
-    "sin": ("ND_sin_vector3", "float3 in <- C.out", lambda: np.sin(C)),
-    "sqrt": ("ND_sqrt_vector3", "float3 in <- C.out", lambda: np.sqrt(C)),
-    "exp": ("ND_exp_vector3", "float3 in <- C.out", lambda: np.exp(C)),
-    "clamp": ("ND_clamp_vector3FA", "float3 in <- C.out\nfloat low = 0.3", lambda: np.clip(C, 0.3, 1)),
-    "smoothstep": (
-        "ND_smoothstep_vector3FA",
-        "float3 in <- C.out\nfloat low = 0.2\nfloat high = 0.7",
-        lambda: (lambda t: t * t * (3 - 2 * t))(np.clip((C - 0.2) / 0.5, 0, 1)),
-    ),
-    "remap": (
-        "ND_remap_vector3FA",
-        "float3 in <- C.out\nfloat inlow = 0.5\nfloat outlow = 2\nfloat outhigh = -1",
-        lambda: 2 + (C - 0.5) * -3 / 0.5,
-    ),
-    "range": (
-        "ND_range_vector3FA",
-        "float3 in <- C.out\nfloat gamma = 2\nfloat outhigh = 0.5\nbool doclamp = 1",
-        lambda: np.clip(0.5 * np.sqrt(C), 0, 0.5),
-    ),
-    "contrast": ("ND_contrast_vector3FA", "float3 in <- C.out\nfloat amount = 3", lambda: (C - 0.5) * 3 + 0.5),
-    "mix": ("ND_mix_vector3", "float3 fg <- C.out\nfloat3 bg = (1, 1, 1)\nfloat mix = 0.25", lambda: 0.75 + 0.25 * C),
-    "plus": ("ND_plus_color3", "color3f fg <- C.out\ncolor3f bg = (1, 1, 1)", lambda: 1 + C),
-    "minus": ("ND_minus_color3", "color3f fg <- C.out\ncolor3f bg = (1, 1, 1)", lambda: 1 - C),
-    "difference": (
-        "ND_difference_color3",
-        "color3f fg <- C.out\ncolor3f bg = (0.5, 0.5, 0.5)\nfloat mix = 0.5",
-        lambda: 0.25 + 0.5 * np.abs(0.5 - C),
-    ),
-    "screen": ("ND_screen_color3", "color3f fg <- C.out\ncolor3f bg = (0.5, 0.5, 0.5)", lambda: 1 - (1 - C) * 0.5),
-    "inside": ("ND_inside_color3", "color3f in <- C.out\nfloat mask = 0.5", lambda: 0.5 * C),
-    "outside": ("ND_outside_color3", "color3f in <- C.out\nfloat mask = 0.25", lambda: 0.75 * C),
-    "luminance": (
-        "ND_luminance_color3",
-        "color3f in <- C.out\ncolor3f lumacoeffs = (0.2, 0.7, 0.1)",
-        lambda: (C @ [0.2, 0.7, 0.1])[:, np.newaxis] + 0 * C,
-    ),
-    "saturate": (
-        "ND_saturate_color3",
-        "color3f in <- C.out\nfloat amount = 0.5\ncolor3f lumacoeffs = (0.2, 0.7, 0.1)",
-        lambda: 0.5 * C + 0.5 * (C @ [0.2, 0.7, 0.1])[:, np.newaxis],
-    ),
-    "normalize": ("ND_normalize_vector3", "float3 in <- C.out", lambda: C / np.linalg.norm(C, axis=-1, keepdims=True)),
-    "swizzle": (
-        "ND_swizzle_vector3_color3",
-        'float3 in <- C.out\nstring channels = "yx1"',
-        lambda: C[:, [1, 0, 0]] * [1, 1, 0] + [0, 0, 1],
-    ),
-    "constant": ("ND_constant_color3", "color3f value = (1, 0.5, 0.25)", lambda: 0 * C + [1, 0.5, 0.25]),
-    "dot": ("ND_dot_color3", "color3f in <- C.out", lambda: C),
-    "ramplr": ("ND_ramplr_color3", "color3f valuer = (1, 2, 3)", lambda: S[:, np.newaxis] * [1, 2, 3]),
-    "ramptb": ("ND_ramptb_color3", "color3f valuet = (1, 2, 3)", lambda: T[:, np.newaxis] * [1, 2, 3]),
-    "splitlr": ("ND_splitlr_color3", "color3f valuer = (1, 2, 3)", lambda: (S >= 0.5)[:, np.newaxis] * [1, 2, 3]),
-    "splittb": (
-        "ND_splittb_color3",
-        "color3f valuet = (1, 2, 3)\nfloat center = 0.3",
-        lambda: (T >= 0.3)[:, np.newaxis] * [1, 2, 3],
-    ),
-    "switch": ("ND_switch_color3", "color3f in2 <- C.out\nfloat which = 1", lambda: C),
-}
+# Nodes of vectors and colours, whose first input is in, in1 or fg, connected to (s, t, 0): node, type, input, others.
+OF_C = [
+    ("add_vector3", "float3 in1", "float3 in2 = (1, 2, 3)", np.add(C, [1, 2, 3])),
+    ("subtract_vector3", "float3 in2", "float3 in1 = (1, 2, 3)", [1, 2, 3] - C),
+    ("multiply_vector3", "float3 in1", "float3 in2 <- C.out", C * C),
+    ("multiply_vector3", "float3 in1", "", C),
+    ("multiply_vector3FA", "float3 in1", "float in2 = 3", 3 * C),
+    ("divide_vector3FA", "float3 in1", "float in2 = 4", C / 4),
+    ("modulo_vector3FA", "float3 in1", "float in2 = 0.25", C % 0.25),
+    ("power_vector3FA", "float3 in1", "float in2 = 2.5", C**2.5),
+    ("min_vector3FA", "float3 in1", "float in2 = 0.4", np.minimum(C, 0.4)),
+    ("max_vector3FA", "float3 in1", "float in2 = 0.4", np.maximum(C, 0.4)),
+    ("invert_vector3", "float3 in", "", 1 - C),
+    ("sin_vector3", "float3 in", "", np.sin(C)),
+    ("sqrt_vector3", "float3 in", "", np.sqrt(C)),
+    ("exp_vector3", "float3 in", "", np.exp(C)),
+    ("clamp_vector3FA", "float3 in", "float low = 0.3", np.clip(C, 0.3, 1)),
+    ("smoothstep_vector3FA", "float3 in", "float low = 0.2\nfloat high = 0.7", HALFWAY * HALFWAY * (3 - 2 * HALFWAY)),
+    ("remap_vector3FA", "float3 in", "float inlow = 0.5\nfloat outlow = 2\nfloat outhigh = -1", 2 - (C - 0.5) * 6),
+    ("range_vector3FA", "float3 in", "float gamma = 2\nfloat outhigh = 0.5\nbool doclamp = 1", 0.5 * np.sqrt(C)),
+    ("contrast_vector3FA", "float3 in", "float amount = 3", (C - 0.5) * 3 + 0.5),
+    ("mix_vector3", "float3 fg", "float3 bg = (1, 1, 1)\nfloat mix = 0.25", 0.75 + 0.25 * C),
+    ("plus_color3", "color3f fg", "color3f bg = (1, 1, 1)", 1 + C),
+    ("minus_color3", "color3f fg", "color3f bg = (1, 1, 1)", 1 - C),
+    ("difference_color3", "color3f fg", "color3f bg = (.5, .5, .5)\nfloat mix = .5", 0.25 + 0.5 * np.abs(0.5 - C)),
+    ("screen_color3", "color3f fg", "color3f bg = (0.5, 0.5, 0.5)", 1 - (1 - C) * 0.5),
+    ("inside_color3", "color3f in", "float mask = 0.5", 0.5 * C),
+    ("outside_color3", "color3f in", "float mask = 0.25", 0.75 * C),
+    ("luminance_color3", "color3f in", WEIGHTS, GREY),
+    ("saturate_color3", "color3f in", "float amount = 0.5\n" + WEIGHTS, 0.5 * C + 0.5 * GREY),
+    ("normalize_vector3", "float3 in", "", C / np.linalg.norm(C, axis=-1, keepdims=True)),
+    ("swizzle_vector3_color3", "float3 in", 'string channels = "yx1"', np.stack([T, S, 0 * S + 1], axis=-1)),
+    ("dot_color3", "color3f in", "", C),
+    ("switch_color3", "color3f in2", "float which = 1", C),
+    ("extract_vector3", "float3 in", "int index = 1", T),
+    ("dotproduct_vector3", "float3 in1", "float3 in2 = (0.5, 0.25, 9)", C @ [0.5, 0.25, 9]),
+    ("magnitude_vector3", "float3 in", "", np.linalg.norm(C, axis=-1)),
+]
+OTHERS = [
+    ("absval_vector3", "float3 in = (-1, 2, -3)", 0 * C + (1, 2, 3)),
+    ("fract_vector3", "float3 in = (1.25, -0.25, 3)", 0 * C + [0.25, 0.75, 0]),
+    ("constant_color3", "color3f value = (1, 0.5, 0.25)", 0 * C + [1, 0.5, 0.25]),
+    ("ramplr_color3", "color3f valuer = (1, 2, 3)", np.outer(S, [1, 2, 3])),
+    ("ramptb_color3", "color3f valuet = (1, 2, 3)", np.outer(T, [1, 2, 3])),
+    ("splitlr_color3", "color3f valuer = (1, 2, 3)", np.outer(S >= 0.5, [1, 2, 3])),
+    ("splittb_color3", "color3f valuet = (1, 2, 3)\nfloat center = 0.3", np.outer(T >= 0.3, [1, 2, 3])),
+    ("ifgreater_float", "float value1 <- X.outx\nfloat value2 = 0.5\nfloat in1 = 1", np.where(S > 0.5, 1.0, 0.0)),
+    ("ifgreatereq_float", "float value1 <- X.outx\nfloat value2 = 0.5\nfloat in2 = 1", np.where(S >= 0.5, 0.0, 1.0)),
+    ("atan2_float", "float iny = 0.5\nfloat inx <- X.outx", np.arctan2(0.5, S)),
+    ("geompropvalue_float", 'string geomprop = "wear"\nfloat default = 0.5', 0 * S + 0.25),
+    ("add_float", "float in1 <- X.outy", T),
+    ("magnitude_vector2", "float2 in <- P.out", np.hypot(S, 0.5)),
+]
+CASES = [(kind, f"{first} <- C.out\n{others}", expected) for kind, first, others, expected in OF_C] + OTHERS
 
 
-@pytest.mark.parametrize(("identifier", "inputs", "expected"), NUMBERS.values(), ids=NUMBERS)
-def test_values(tmp_path: Path, identifier: str, inputs: str, expected: Callable[[], Floats]) -> None:
-    found = bound(tmp_path, materialx(COLOR, node(identifier, inputs)).replace("diffuseColor", "emissiveColor"))
-    found = BoundLook(found.look, tuple(each for each in found.lost if "emissiveColor" not in each.where))
-    np.testing.assert_allclose(value(found, "emissiveColor"), expected(), rtol=1e-6, atol=1e-7)
-
-
-FLOATS: dict[str, tuple[str, str, Callable[[], Floats]]] = {
-    "extract": ("ND_extract_vector3", "float3 in <- C.out\nint index = 1", lambda: T),
-    "dotproduct": (
-        "ND_dotproduct_vector3",
-        "float3 in1 <- C.out\nfloat3 in2 = (0.5, 0.25, 9)",
-        lambda: C @ [0.5, 0.25, 9],
-    ),
-    "magnitude": ("ND_magnitude_vector3", "float3 in <- C.out", lambda: np.linalg.norm(C, axis=-1)),
-    "ifgreater": (
-        "ND_ifgreater_float",
-        "float value1 <- X.outx\nfloat value2 = 0.5\nfloat in1 = 1",
-        lambda: np.where(S > 0.5, 1.0, 0.0),
-    ),
-    "ifgreatereq": (
-        "ND_ifgreatereq_float",
-        "float value1 <- X.outx\nfloat value2 = 0.5\nfloat in2 = 1",
-        lambda: np.where(S >= 0.5, 0.0, 1.0),
-    ),
-    "atan2": ("ND_atan2_float", "float iny = 0.5\nfloat inx <- X.outx", lambda: np.arctan2(0.5, S)),
-    "geompropvalue": ("ND_geompropvalue_float", 'string geomprop = "wear"\nfloat default = 0.5', lambda: 0 * S + 0.25),
-    "separate2": ("ND_add_float", "float in1 <- X.outy", lambda: T),
-    "combine2": ("ND_magnitude_vector2", "float2 in <- P.out", lambda: np.hypot(S, 0.5)),
-}
-MORE = shader("X", "ND_separate2_vector2", "float2 in <- Uv.out") + shader(
-    "P", "ND_combine2_vector2", "float in1 <- X.outx\nfloat in2 = 0.5"
-)
-
-
-@pytest.mark.parametrize(("identifier", "inputs", "expected"), FLOATS.values(), ids=FLOATS)
-def test_floats(tmp_path: Path, identifier: str, inputs: str, expected: Callable[[], Floats]) -> None:
-    found = bound(tmp_path, materialx(ROUGH, node(identifier, inputs), MORE))
-    np.testing.assert_allclose(value(found, "roughness", "float"), expected(), rtol=1e-6, atol=1e-7)
+@pytest.mark.parametrize(("kind", "inputs", "expected"), CASES, ids=[kind for kind, *_ in CASES])
+def test_values(tmp_path: Path, kind: str, inputs: str, expected: Floats) -> None:
+    nodes = shader("N", f"ND_{kind}", inputs) + NODES_OF_FLOATS
+    if expected.ndim == 1:
+        found = value(bound(tmp_path, materialx(ROUGH, nodes)), "roughness", "float")
+    else:  # beyond 0 to 1 only emission may be, which has no effect otherwise
+        emissive = bound(tmp_path, materialx(COLOR.replace("diffuseColor", "emissiveColor"), nodes))
+        losses = tuple(fault for fault in emissive.lost if "emissiveColor" not in fault.where)
+        found = value(BoundLook(emissive.look, losses), "emissiveColor")
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-7)
 
 
 @pytest.fixture
@@ -240,57 +191,52 @@ float rotate = 30
 float2 offset = (0.1, 0.2)
 float2 texcoord <- Uv.out
 """
-PLACED: dict[str, tuple[str, Callable[[], Floats]]] = {
+TILED = "float2 uvtiling = (2, 3)\nfloat2 uvoffset = (0.25, 0.5)\nfloat2 realworldimagesize = (2, 2)\n"
+GLTF = "color3f factor = (1, 0.5, 0.25)\nfloat2 scale = (2, 3)\nfloat2 offset = (0.25, 0.5)\nfloat rotate = 30"
+FROM_P = "float2 texcoord <- P.out"
+PLACED = {
     "place2d": (
         shader("P", "ND_place2d_vector2", PLACE),
-        lambda: rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25],
+        rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25],
     ),
     "place2d, the other order": (
         shader("P", "ND_place2d_vector2", PLACE + "int operationorder = 1"),
-        lambda: rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25],
+        rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25],
     ),
-    "rotate2d": (shader("P", "ND_rotate2d_vector2", "float2 in <- Uv.out\nfloat amount = 30"), lambda: rotated(ST, 30)),
+    "rotate2d": (shader("P", "ND_rotate2d_vector2", "float2 in <- Uv.out\nfloat amount = 30"), rotated(ST, 30)),
     "arithmetic": (
         shader("P", "ND_multiply_vector2", "float2 in1 <- Q.out\nfloat2 in2 = (2, 3)")
         + shader("Q", "ND_add_vector2", "float2 in1 <- Uv.out\nfloat2 in2 = (1, 0.5)"),
-        lambda: np.add(ST, [1, 0.5]) * [2, 3],
+        np.add(ST, [1, 0.5]) * [2, 3],
     ),
-    "UsdTransform2d": (
-        shader("P", "ND_UsdTransform2d", "float2 in <- Uv.out\nfloat2 scale = (2, 3)"),
-        lambda: ST * [2, 3],
-    ),
-    "another set": (shader("P", "ND_geompropvalue_vector2", 'string geomprop = "map1"'), lambda: 2 * ST),
+    "UsdTransform2d": (shader("P", "ND_UsdTransform2d", "float2 in <- Uv.out\nfloat2 scale = (2, 3)"), ST * [2, 3]),
+    "another set": (shader("P", "ND_geompropvalue_vector2", 'string geomprop = "map1"'), 2 * ST),
 }
-
-
-@pytest.mark.parametrize(("nodes", "expected"), PLACED.values(), ids=PLACED)
-def test_placement(folder: Path, nodes: str, expected: Callable[[], Floats]) -> None:
-    body = "asset file = @./a.exr@\nfloat2 texcoord <- P.out"
-    found = bound(folder, materialx(COLOR, shader("N", "ND_image_color3", body), nodes, UV))
-    np.testing.assert_allclose(value(found, "diffuseColor"), sampled(folder, expected())[:, :3], atol=1e-6)
-
-
-def test_a_tiled_image(folder: Path) -> None:
-    body = """asset file = @./a.exr@
-    float2 uvtiling = (2, 3)
-    float2 uvoffset = (0.25, 0.5)
-    float2 realworldimagesize = (2, 2)
-    float2 realworldtilesize = (1, 4)"""
-    found = bound(folder, materialx(COLOR, shader("N", "ND_tiledimage_color3", body)))
-    expected = sampled(folder, (ST * [2, 3] - [0.25, 0.5]) / 2 * [1, 4])[:, :3]
-    np.testing.assert_allclose(value(found, "diffuseColor"), expected, atol=1e-6)
-
-
-def test_an_image_of_gltf(folder: Path) -> None:
-    body = """asset file = @./a.exr@
-    color3f factor = (1, 0.5, 0.25)
-    float2 scale = (2, 3)
-    float2 offset = (0.25, 0.5)
-    float rotate = 30"""
-    found = bound(folder, materialx(COLOR, shader("N", "ND_gltf_image_color3_color3_1_0", body)))
+IMAGES = [
+    *(pytest.param("image_color3", FROM_P, nodes, st, 1.0, id=name) for name, (nodes, st) in PLACED.items()),
+    (
+        "tiledimage_color3",
+        TILED + "float2 realworldtilesize = (1, 4)",
+        "",
+        (ST * [2, 3] - [0.25, 0.5]) / 2 * [1, 4],
+        1.0,
+    ),
     # NG_gltf_image: place2d about (0, 1) by 1 / scale, -rotate and offset times (-1, 1).
-    st = rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
-    np.testing.assert_allclose(value(found, "diffuseColor"), sampled(folder, st)[:, :3] * [1, 0.5, 0.25], atol=1e-6)
+    (
+        "gltf_image_color3_color3_1_0",
+        GLTF,
+        "",
+        rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1],
+        np.array([1, 0.5, 0.25]),
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "inputs", "nodes", "st", "factor"), IMAGES)
+def test_placement(folder: Path, kind: str, inputs: str, nodes: str, st: Floats, factor: Any) -> None:
+    node = shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}")
+    found = bound(folder, materialx(COLOR, node, nodes, UV))
+    np.testing.assert_allclose(value(found, "diffuseColor"), sampled(folder, st)[:, :3] * factor, atol=1e-6)
 
 
 def test_uv_textures_of_materialx(folder: Path) -> None:
@@ -349,77 +295,49 @@ def test_a_height_to_a_normal_is_a_bump(folder: Path) -> None:
     assert (bump.scale, bump.height.scale[0]) == (4 * 0.5 / 16, 3.0)
 
 
+RGB = "asset file = @./rgb.png@\n"
+SQUARED = shader("Squared", "ND_multiply_vector2", "float2 in1 <- Uv.out\nfloat2 in2 <- Uv.out") + UV
+
+
 @pytest.mark.parametrize(
-    ("nodes", "where", "what"),
+    ("kind", "inputs", "where", "what"),
     [
-        (shader("N", "ND_fractal3d_color3"), "/M/N", "a node of ND_fractal3d_color3 is not supported"),
-        (shader("N", ""), "/M/N", "a node of no info:id is not supported"),
-        (shader("N", "ND_image_color3"), "N.file", "names no image file"),
-        (
-            shader("N", "ND_image_color3", 'asset file = @./rgb.png@\nstring filtertype = "cubic"'),
-            "N.filtertype",
-            "is not carried",
-        ),
-        (
-            shader("N", "ND_image_color3", 'asset file = @./rgb.png@\nstring uaddressmode = "tile"'),
-            "N.uaddressmode",
-            "unknown value 'tile'",
-        ),
-        (
-            shader("N", "ND_image_color3", 'asset file = @./rgb.png@\nstring layer = "left"'),
-            "N.layer",
-            "is not carried: ND_image_color3 is read without it",
-        ),
-        (shader("N", "ND_image_color3", 'string file = "rgb.png"'), "/M/N", "inputs:file is not an asset"),
-        (
-            shader("N", "ND_extract_color3", "color3f in = (1, 2, 3)\nint index = 3"),
-            "/M/N",
-            "there is no channel 3 of 3",
-        ),
-        (shader("N", "ND_swizzle_color3_color3", 'string channels = "rq"'), "/M/N", "'rq' are no channels"),
-        (shader("N", "ND_geompropvalue_color3"), "/M/N", "names no primvar"),
-        (
-            shader("N", "ND_geompropvalue_color4", 'string geomprop = "c"'),
-            "/M/N",
-            "only primvars of one to three numbers are supported",
-        ),
-        (shader("N", "ND_add_color3", "color3f in1 <- N.out"), "N.in1", "its connections run in a cycle"),
-        (
-            shader("N", "ND_add_color3", "color3f in1 <- None.out"),
-            "N.in1",
-            "is connected to </M/None.outputs:out>",
-        ),
-        (shader("N", "ND_add_color3", "color3f in1 = (nan, 0, 0)"), "N.in1", "is not finite"),
-        (shader("N", "ND_place2d_vector2", "float2 scale = (0, 1)"), "/M/N", "has a scale of 0"),
-        (shader("N", "ND_noise2d_color3"), "/M/N", "has another pattern here"),
-        (
-            shader("N", "ND_image_color3", "asset file = @./rgb.png@\n" + SQUARED)
-            + shader("Squared", "ND_multiply_vector2", "\n".join(FROM_UV.format(name) for name in ("in1", "in2")))
-            + shader("Uv", "ND_texcoord_vector2"),
-            "N.texcoord",
-            "is computed",
-        ),
+        ("ND_fractal3d_color3", "", "/M/N", "a node of ND_fractal3d_color3 is not supported"),
+        ("", "", "/M/N", "a node of no info:id is not supported"),
+        ("ND_image_color3", "", "N.file", "names no image file"),
+        ("ND_image_color3", RGB + 'string filtertype = "cubic"', "N.filtertype", "is not carried"),
+        ("ND_image_color3", RGB + 'string uaddressmode = "tile"', "N.uaddressmode", "unknown value 'tile'"),
+        ("ND_image_color3", RGB + 'string layer = "left"', "N.layer", "ND_image_color3 is read without it"),
+        ("ND_image_color3", RGB + "float2 texcoord <- Squared.out", "N.texcoord", "is computed"),
+        ("ND_image_color3", 'string file = "rgb.png"', "/M/N", "inputs:file is not an asset"),
+        ("ND_extract_color3", "color3f in = (1, 2, 3)\nint index = 3", "/M/N", "there is no channel 3 of 3"),
+        ("ND_swizzle_color3_color3", 'string channels = "rq"', "/M/N", "'rq' are no channels"),
+        ("ND_geompropvalue_color3", "", "/M/N", "names no primvar"),
+        ("ND_geompropvalue_color4", 'string geomprop = "c"', "/M/N", "only primvars of one to three numbers"),
+        ("ND_add_color3", "color3f in1 <- N.out", "N.in1", "its connections run in a cycle"),
+        ("ND_add_color3", "color3f in1 <- None.out", "N.in1", "is connected to </M/None.outputs:out>"),
+        ("ND_add_color3", "color3f in1 = (nan, 0, 0)", "N.in1", "is not finite"),
+        ("ND_place2d_vector2", "float2 scale = (0, 1)", "/M/N", "has a scale of 0"),
+        ("ND_noise2d_color3", "", "/M/N", "has another pattern here"),
     ],
 )
-def test_what_is_not_carried_is_listed_at_its_node(folder: Path, nodes: str, where: str, what: str) -> None:
-    found = bound(folder, materialx(COLOR, nodes))
+def test_what_is_not_carried_is_listed_at_its_node(folder: Path, kind: str, inputs: str, where: str, what: str) -> None:
+    found = bound(folder, materialx(COLOR, shader("N", kind, inputs), SQUARED))
     assert any(place == where and what in said for place, said in lost(found)), lost(found)
 
 
 @pytest.mark.parametrize(
-    ("nodes", "what"),
+    ("kind", "inputs", "what"),
     [
-        (IMAGE.replace('"I"', '"N"').replace("color3", "vector3"), None),
-        (shader("N", "ND_normalmap", 'string space = "object"'), "in object space is not supported"),
-        (shader("N", "ND_bump_vector3", "float height <- P.out"), "only one channel"),
+        ("ND_normalmap", 'string space = "object"', "in object space is not supported"),
+        ("ND_bump_vector3", "float height <- P.out", "only one channel"),
     ],
 )
-def test_normals_that_cannot_be_read(folder: Path, nodes: str, what: str | None) -> None:
+def test_normals_that_cannot_be_read(folder: Path, kind: str, inputs: str, what: str) -> None:
     primvar = shader("P", "ND_geompropvalue_float", 'string geomprop = "h"')
-    found = bound(folder, materialx(NORMAL, nodes, primvar))
-    if what is not None:
-        assert "normal" not in found.look.layers[0].inputs
-        assert any(what in said for _, said in lost(found)), lost(found)
+    found = bound(folder, materialx(NORMAL, shader("N", kind, inputs), primvar))
+    assert "normal" not in found.look.layers[0].inputs
+    assert any(what in said for _, said in lost(found)), lost(found)
 
 
 def chain(count: int, body: str) -> str:
@@ -428,7 +346,7 @@ def chain(count: int, body: str) -> str:
     nodes += [
         shader(f"N{number}", "ND_multiply_float", body.format(f"N{number - 1}.out")) for number in range(1, count)
     ]
-    return "".join(nodes) + shader("N", "ND_dot_float", f"float inputs:in.connect = </M/N{count - 1}.outputs:out>")
+    return "".join(nodes) + shader("N", "ND_dot_float", f"float in <- N{count - 1}.out")
 
 
 @pytest.mark.parametrize(

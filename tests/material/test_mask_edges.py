@@ -7,24 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import mask_edges
 import numpy as np
 import pytest
-from mask_edges import (
-    ALLOWED,
-    LIGHTS,
-    MASKS,
-    PAIRS,
-    Pair,
-    Preset,
-    edges,
-    excess,
-    kind_of,
-    overshoot,
-    read_edges,
-    read_presets,
-    sphere_pixels,
-)
-from plot_mask_edges import PAGE, kinds_table, tables, written
+from mask_edges import ALLOWED, LIGHTS, MASKS, PAIRS, Pair, Preset, edges, overshoot, read_presets
 from scipy.stats import qmc
 
 from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
@@ -79,21 +65,18 @@ def alike(presets: dict[str, Preset]) -> list[Pair]:
 
 def test_no_parameter_leaves_its_range(presets: dict[str, Preset]) -> None:
     pairs = of_models(presets, "disney", "disney")
+    numbers = {name: parameter for name, parameter in DISNEY.parameters.items() if parameter.kind != "token"}
     below, above = (
-        DISNEY.tokens({})
-        | {
-            name: np.stack([presets[pair[side]][1][name] for pair in pairs])[:, None]
-            for name, parameter in DISNEY.parameters.items()
-            if parameter.kind != "token"
-        }
+        {name: np.stack([presets[pair[side]][1][name] for pair in pairs])[:, None] for name in numbers}
         for side in (0, 1)
     )
-    for name, value in DISNEY.blended([StackLayer("disney", below), StackLayer("disney", above, MASKS)]).items():
-        if (parameter := DISNEY.parameters[name]).kind != "token":
-            low, high = parameter.hard
-            assert value.shape[:2] == (len(pairs), len(MASKS))
-            assert np.all((value >= low) & (value <= high)), name
-            assert np.all(np.diff(value, axis=1) * (above[name] - below[name]) >= 0.0), name
+    layers = [StackLayer("disney", DISNEY.tokens({}) | below), StackLayer("disney", DISNEY.tokens({}) | above, MASKS)]
+    blended = DISNEY.blended(layers)
+    for name, parameter in numbers.items():
+        value, (low, high) = blended[name], parameter.hard
+        assert value.shape[:2] == (len(pairs), len(MASKS))
+        assert np.all((value >= low) & (value <= high)), name
+        assert np.all(np.diff(value, axis=1) * (above[name] - below[name]) >= 0.0), name
 
 
 def test_no_lobe_leaves_its_range(presets: dict[str, Preset]) -> None:
@@ -115,9 +98,9 @@ def test_no_lobe_leaves_its_range(presets: dict[str, Preset]) -> None:
 def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
     shown = [edges(light, presets, pairs) for light in LIGHTS]
     assert all(np.isfinite(each).all() and (each >= 0.0).all() for each in shown)
-    worst = np.max([excess(each).max(axis=(1, 2, 3)) for each in shown], axis=0)
-    recorded = read_edges()
-    assert {pair: kind_of(value) for pair, value in zip(pairs, worst, strict=True)} == {
+    worst = np.max([mask_edges.excess(each).max(axis=(1, 2, 3)) for each in shown], axis=0)
+    recorded = mask_edges.read_edges()
+    assert {pair: mask_edges.kind_of(value) for pair, value in zip(pairs, worst, strict=True)} == {
         pair: recorded[pair] for pair in pairs
     }
 
@@ -125,9 +108,9 @@ def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
 def test_some_edges_are_as_recorded(presets: dict[str, Preset]) -> None:
     assert_as_recorded(
         presets,
-        some(of_models(presets, "disney", "disney"), 50)
-        + some(of_models(presets, "pixar", "pixar"), 10)
-        + some(of_models(presets, "disney", "pixar"), 8),
+        some(of_models(presets, "disney", "disney"), 25)
+        + some(of_models(presets, "pixar", "pixar"), 5)
+        + some(of_models(presets, "disney", "pixar"), 4),
     )
 
 
@@ -167,21 +150,27 @@ def test_presets_that_differ_in_one_thing_leave_the_range(presets: dict[str, Pre
 
 
 def test_presets_of_two_models_blend_along_a_straight_line(presets: dict[str, Preset]) -> None:
-    shown = edges("studio", presets, some(of_models(presets, "disney", "pixar"), 12))
+    shown = edges("studio", presets, some(of_models(presets, "disney", "pixar"), 6))
     mask = MASKS[:, None, None]
     np.testing.assert_allclose(shown, shown[:, :1] * (1.0 - mask) + shown[:, -1:] * mask, rtol=1e-12)
 
 
 def test_it_does_not_matter_which_preset_is_above(presets: dict[str, Preset]) -> None:
     for models in (("disney", "disney"), ("pixar", "pixar"), ("disney", "pixar")):
-        pairs = some(of_models(presets, *models), 6)
+        pairs = some(of_models(presets, *models), 3)
         swapped = edges("studio", presets, [(b, a) for a, b in pairs])
         np.testing.assert_allclose(edges("studio", presets, pairs), swapped[:, ::-1], rtol=1e-9)
 
 
-@pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("name", ["chromium", "red_plastic", "silk", "green_leaf", "frosted_glass"])
-def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "light"),
+    [
+        pytest.param(name, light, marks=[] if (number + k) % 2 else pytest.mark.proof)
+        for number, name in enumerate(["chromium", "red_plastic", "silk", "green_leaf", "frosted_glass"])
+        for k, light in enumerate(LIGHTS)
+    ],
+)
+def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], name: str, light: str) -> None:
     """Cells displace light by half their width at most: 1 % of the level as rms, 3 % here with the estimate's noise."""
     model, parameters = presets[name]
     bsdf = MODELS[model].bsdf(parameters)
@@ -190,7 +179,7 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: s
     u = qmc.Sobol(2, rng=rng).random(count)
     drawn = dome.sample(anywhere, qmc.Sobol(2, rng=rng).random(count))
     error = []
-    for pixel in sphere_pixels(light):
+    for pixel in mask_edges.sphere_pixels(light):
         wo = np.broadcast_to(pixel.wo, (count, 3))
         wi = np.concatenate([sample(bsdf, wo, u), drawn @ pixel.frame.T])
         wi = wi[wi[:, 2] != 0.0]
@@ -204,10 +193,11 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: s
 
 @pytest.mark.proof
 def test_the_tables_of_the_page_are_what_is_measured(presets: dict[str, Preset]) -> None:
-    page = PAGE.read_text()
-    for name, table in tables(presets).items():
-        assert written(page, name) == table, "run: python tests/material/plot_mask_edges.py"
+    page = mask_edges.PAGE.read_text()
+    for name, table in mask_edges.tables(presets).items():
+        assert mask_edges.written(page, name) == table, "run: python tests/material/mask_edges.py"
 
 
 def test_the_page_counts_what_is_recorded(presets: dict[str, Preset]) -> None:
-    assert written(PAGE.read_text(), "kinds") == kinds_table(presets, read_edges())
+    recorded = mask_edges.kinds_table(presets, mask_edges.read_edges())
+    assert mask_edges.written(mask_edges.PAGE.read_text(), "kinds") == recorded
