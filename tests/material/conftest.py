@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from look_files import look, write_gray
+
+MATERIALS = Path(__file__).parents[2] / "materials"
 
 
 @pytest.fixture
@@ -22,3 +25,21 @@ def write(tmp_path: Path) -> Callable[..., Path]:
         return file
 
     return write
+
+
+@pytest.fixture
+def shipped(tmp_path: Path) -> Callable[[str], Path]:
+    """Return a function that copies a look that ships, beside its textures."""
+    shutil.copytree(MATERIALS / "textures", tmp_path / "textures")
+    return lambda name: Path(shutil.copy(MATERIALS / f"{name}.usda", tmp_path))
+
+
+@pytest.fixture
+def car(shipped: Callable[[str], Path]) -> Path:
+    """Return the car paint, flakes (1) and dust (2) over a base, with a comment at each layer; "clean" has no dust."""
+    file = shipped("car_paint")
+    text = file.read_text()
+    for name in ("Base", "Flakes", "Dust"):
+        text = text.replace(f'    def Shader "{name}"\n', f'    # This is {name}.\n    def Shader "{name}"\n')
+    file.write_text(text)
+    return file

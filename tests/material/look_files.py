@@ -124,3 +124,14 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
 
 def lost(found: BoundLook) -> list[tuple[str, str]]:
     return [(short(fault.where), fault.what) for fault in found.lost]
+
+
+def write_preset(
+    file: Path, inputs: str = "", model: str = "LookdevDisney", category: str = "metal", doc: str = ""
+) -> None:
+    """Write a preset whose prim is called as the file is, capitalised."""
+    prim, given = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
+    head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {given}\n'
+    data = f'    customData = {{\n        string category = "{category}"\n    }}\n)\n'
+    body = f'{{\n    uniform token info:id = "{model}"\n    {expand(inputs)}\n    token outputs:layer\n}}\n'
+    file.write_text(head + data + body)

@@ -4,46 +4,49 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from presets import write_library
+from look_files import BASE, LAYER1, STACK, disney, expression, look, stack, write_preset
 from pxr import Usd
 
-from lookdev.errors import LookdevError
+from lookdev.errors import LookdevError, LookError
+from lookdev.material.change import constant_of, with_constants
 from lookdev.material.library import Preset, find_preset
-from lookdev.material.library.constants import set_inputs
+from lookdev.material.library.constants import check_writable, set_inputs, write_changed
 from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
 from lookdev.material.look import Coordinates, Formula, Primvar, Texture, View
 from lookdev.material.usd import read_look
 
-ROOT = Path(__file__).parents[2]
+MATERIALS = Path(__file__).parents[2] / "materials"
 Take = Callable[[str], Preset]
 
 
 @pytest.fixture
 def take(tmp_path: Path) -> Take:
     """Return a function that takes presets from a small library in ``tmp_path/library``."""
-    folder = write_library(tmp_path / "library")
+    folder = tmp_path / "library"
+    folder.mkdir()
+    for name, inputs, *model in (
+        ("gold", "color3f baseColor = (1, 0.75, 0.25)\nfloat metallic = 1"),
+        ("rubber", "color3f baseColor = (0, 0.25, 0.75)"),
+        ("wood", "color3f surfaceColor = (0.5, 0.25, 0.125)", "LookdevPixar"),
+        ("lacquer", "color3f surfaceColor = (1, 0.5, 0.5)\nfloat clear = 1\nfloat roughness = 0.125", "LookdevPixar"),
+    ):
+        write_preset(folder / f"{name}.usda", inputs, *model)
     return lambda name: find_preset(name, folder)
 
 
 @pytest.fixture
 def paint(tmp_path: Path, take: Take, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a look of gold; the current folder has its textures."""
-    shutil.copy(ROOT / "materials" / "textures" / "dirt.png", tmp_path)
+    shutil.copy(MATERIALS / "textures" / "dirt.png", tmp_path)
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "paint.usda"
     new_look(file, take("gold"))
     return file
-
-
-@pytest.fixture
-def car(tmp_path: Path, take: Take) -> Path:
-    """Return a copy of the car paint: flakes (1) and dust (2), which a variant set takes away."""
-    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
-    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
 
 
 def layers(file: Path, **variants: str) -> list[str]:
@@ -125,8 +128,8 @@ def test_masks_share_their_reader_of_coordinates(paint: Path, take: Take) -> Non
     assert children(paint) == {"Layers", "Base", "Preview", "Gold"}
 
 
-def test_a_single_layer_gets_a_stack(tmp_path: Path, take: Take, car: Path) -> None:
-    file = Path(shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path))
+def test_a_single_layer_gets_a_stack(take: Take, shipped: Callable[[str], Path]) -> None:
+    file = shipped("brushed_metal")
     (metal,) = read_look(file).layers
     add_layer(file, take("rubber"), parse_mask("0.5"))
     base, rubber = read_look(file).layers
@@ -283,7 +286,7 @@ def test_what_is_no_mask(paint: Path, take: Take, mask: str, inputs: list[str], 
     assert message in refused(lambda: set_mask(paint, "1", parse_mask(mask, inputs)), paint)
 
 
-def test_a_layer_that_is_not_there(paint: Path, take: Take, tmp_path: Path, car: Path) -> None:
+def test_a_layer_that_is_not_there(paint: Path, take: Take, shipped: Callable[[str], Path]) -> None:
     add_layer(paint, take("rubber"))
     assert refused(lambda: remove_layer(paint, "Ruber"), paint) == (
         f"{paint}: /Paint/Layers: no layer 'Ruber' (did you mean 'Rubber'?)"
@@ -291,7 +294,7 @@ def test_a_layer_that_is_not_there(paint: Path, take: Take, tmp_path: Path, car:
     assert "no layer '2'" in refused(lambda: remove_layer(paint, "2"), paint)
     for base in ("0", "Base"):
         assert f"'{base}' is the base" in refused(lambda base=base: remove_layer(paint, base), paint)
-    metal = Path(shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path))
+    metal = shipped("brushed_metal")
     assert ": /BrushedMetal: has a single layer, no stack" in refused(lambda: set_mask(metal, "1", 0.5), metal)
 
 
@@ -350,21 +353,93 @@ def test_constants_of_layers_are_set_where_the_file_has_them(paint: Path, take: 
     assert after.layers[1].inputs["baseColor"] == pytest.approx((0.1, 0.2, 0.3))
 
 
-def test_a_constant_of_a_variant_is_set_in_the_variant(tmp_path: Path) -> None:
-    file = tmp_path / "brushed_metal.usda"
-    shutil.copy(ROOT / "materials" / "brushed_metal.usda", file)
-    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+def test_a_constant_of_a_variant_is_set_in_the_variant(shipped: Callable[[str], Path]) -> None:
+    file = shipped("brushed_metal")
     others = read_look(file, None, {"metal": "aluminium"})
     set_inputs(file, {(0, "baseColor"): (0.1, 0.2, 0.3)}, None, {"metal": "copper"})
     assert read_look(file, None, {"metal": "copper"}).layers[0].inputs["baseColor"] == pytest.approx((0.1, 0.2, 0.3))
     assert read_look(file, None, {"metal": "aluminium"}).layers == others.layers
 
 
-def test_an_input_with_a_source_is_no_constant(tmp_path: Path) -> None:
-    file = tmp_path / "brushed_metal.usda"
-    shutil.copy(ROOT / "materials" / "brushed_metal.usda", file)
-    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+def test_an_input_with_a_source_is_no_constant(shipped: Callable[[str], Path]) -> None:
+    file = shipped("brushed_metal")
     text = file.read_text()
     with pytest.raises(LookdevError, match="is connected"):
         set_inputs(file, {(0, "roughness"): 0.5})
     assert file.read_text() == text
+
+
+SHARED = look(
+    'float inputs:rough = 0.4 ( doc = "Of both." )\nfloat inputs:shine = 0.8 ( doc = "Of the coat alone." )\n'
+    + stack(
+        BASE + LAYER1 + "float layer1Mask <- Fade.result",
+        disney(body="float roughness <- .rough"),
+        disney("Coat", "float roughness <- .rough\nfloat clearcoatGloss <- .shine"),
+        expression("amount * view", "float amount = 0.5", "Fade"),
+    )
+    + """variantSet "wear" = {
+        "old" {
+            over "Base" { color3f inputs:baseColor = (0.2, 0.1, 0.1); }
+        }
+        "new" {
+            over "Base" { color3f inputs:baseColor = (0.9, 0.1, 0.1); }
+        }
+    }""",
+    STACK,
+    '(\n variants = { string wear = "old" }\n prepend variantSets = "wear"\n)',
+)
+NAMES = {
+    "Coat.clearcoatGloss": (0.3,),
+    "Base.roughness": (0.7,),
+    "Coat.mask.amount": (0.25,),
+    "Base.baseColor": (0.5, 0.6, 0.7),
+    "Coat.metallic": (0.9,),
+}
+
+
+def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "paint.usda"
+    file.write_text(SHARED)
+    before = read_look(file)
+    for names in ([n for n in NAMES if n != "Base.roughness"], list(NAMES)):
+        out = tmp_path / f"found{len(names)}.usda"
+        changed = [replace(constant_of(before, name), value=NAMES[name]) for name in names]
+        write_changed(file, out, changed)
+        found = read_look(out)
+        for each in changed:
+            assert constant_of(found, each.name).value == pytest.approx(each.value)
+        assert len(found.layers) == len(before.layers)
+        stage = Usd.Stage.Open(str(out))
+        # An interface keeps a constant that is its own; one that two layers share is left to the other.
+        shared = "Base.roughness" in names
+        assert stage.GetPrimAtPath("/M").GetAttribute("inputs:rough").Get() == pytest.approx(0.4)
+        if not shared:
+            assert stage.GetPrimAtPath("/M").GetAttribute("inputs:shine").Get() == pytest.approx(0.3)
+            assert stage.GetPrimAtPath("/M/Coat").GetAttribute("inputs:clearcoatGloss").HasAuthoredConnections()
+        assert constant_of(found, "Coat.roughness").value == pytest.approx((0.4,))
+        # Only the variant that is shown changes.
+        new = read_look(out, None, {"wear": "new"})
+        assert constant_of(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
+    assert read_look(file) == before
+
+
+def test_relative_paths_stay_right_in_another_folder(tmp_path: Path) -> None:
+    file = MATERIALS / "robot_paint.usda"
+    look = read_look(file)
+    wanted = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
+    write_changed(file, tmp_path / "found.usdc", [wanted])
+    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [wanted]).layers
+
+
+def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
+    file, out = tmp_path / "plain.usda", tmp_path / "out.usda"
+    file.write_text('#usda 1.0\n(\n    defaultPrim = "M"\n)\ndef Material "M"\n{\n}\n')
+    with pytest.raises(LookError, match="is not connected to layers"):
+        check_writable(file)
+    file.write_text(SHARED)
+    look = read_look(file)
+    with pytest.raises(LookError, match=r"found\.txt: is not a file to write a look in"):
+        write_changed(file, tmp_path / "found.txt", [constant_of(look, "Base.metallic")])
+    with pytest.raises(LookError, match=r"out\.usda: .*out of range"):
+        write_changed(file, out, [replace(constant_of(look, "Base.metallic"), value=(3.0,))])
+    assert not out.exists()

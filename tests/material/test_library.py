@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from presets import write_preset
+from look_files import write_preset
 
 from lookdev.errors import LookError
 from lookdev.material.library import (
