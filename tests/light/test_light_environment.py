@@ -14,6 +14,8 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
 from lookdev.light.dome.environment import Repairs
 
+pytestmark = pytest.mark.both_pythons
+
 
 def write_exr(path: Path, header: dict[str, object] | None = None, **channels: np.ndarray) -> Path:
     with OpenEXR.File(header or {}, channels) as exr:

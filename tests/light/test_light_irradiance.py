@@ -29,18 +29,31 @@ NORMALS = np.array(
 )  # fmt: skip
 FACING = np.where(np.arange(10)[:, None] == 4, NORMALS * (-1.0, -1.0, 1.0), NORMALS)
 """Normals, all to places from which the middle of the light is seen, or nearly."""
+ANGLE = 2.0 * np.pi * np.arange(2048) / 2048
+SQUARE = np.array([(-0.8, -0.35, 0.0), (0.8, -0.35, 0.0), (0.8, 0.35, 0.0), (-0.8, 0.35, 0.0)])
+# A polygon of the ellipse's area.
+ELLIPSE = np.sqrt(ANGLE[1] / np.sin(ANGLE[1])) * np.stack(
+    [0.8 * np.cos(ANGLE), 0.35 * np.sin(ANGLE), 0.0 * ANGLE], axis=-1
+)
+
+
+def light_corners(corners: Floats) -> Floats:
+    return np.array(POSITION) + to_world(AXES, corners)
+
+
+# The rule, of 16 x 8 nodes a side, is exact where a light ends with the square of numbers; where the horizon cuts the
+# light, it misses up to 3e-5 of it, 1 mm away.
+CUT = {"rel": 5e-5}
+WHOLE = {"rel": 1e-9}
 
 
 @pytest.mark.parametrize("number", range(10))
 def test_a_rectangle_lights_as_lambert_has_it(number: int) -> None:
     light = RectLight(width=1.6, height=0.7, position=POSITION, axes=AXES)
-    square = np.array([(-0.8, -0.35, 0.0), (0.8, -0.35, 0.0), (0.8, 0.35, 0.0), (-0.8, 0.35, 0.0)])
-    corners = np.array(POSITION) + to_world(AXES, square)
-    wanted = of_polygon(corners, PLACES[number], NORMALS[number])
-    got = by_sampling(light, PLACES[number], NORMALS[number])
+    wanted = of_polygon(light_corners(SQUARE), PLACES[number], NORMALS[number])
+    got = by_sampling(light, PLACES[number], NORMALS[number], 16)
     assert wanted > 0.0
-    # Nine of ten are within 1e-7; the rest is 1 mm below the light, and cut by the horizon.
-    assert got == pytest.approx(wanted, rel=5e-6)
+    assert got == pytest.approx(wanted, **(WHOLE if number in (0, 6, 7, 9) else CUT))
 
 
 # Of what ends within the rectangle that is sampled: the rule finds its rim to a node.
@@ -67,11 +80,8 @@ def test_a_disk_lights_as_howell_has_it(height: float, aside: float) -> None:
 
 @pytest.mark.parametrize("number", range(10))
 def test_an_ellipse_is_a_polygon_of_many_corners(number: int) -> None:
-    light, count = DiskLight(radii=(0.8, 0.35), position=POSITION, axes=AXES), 2048
-    angle = 2.0 * np.pi * np.arange(count) / count
-    grown = np.sqrt(angle[1] / np.sin(angle[1]))  # to the ellipse's area
-    corners = np.stack([0.8 * grown * np.cos(angle), 0.35 * grown * np.sin(angle), 0.0 * angle], axis=-1)
-    wanted = of_polygon(np.array(POSITION) + to_world(AXES, corners), PLACES[number], NORMALS[number])
+    light = DiskLight(radii=(0.8, 0.35), position=POSITION, axes=AXES)
+    wanted = of_polygon(light_corners(ELLIPSE), PLACES[number], NORMALS[number])
     assert by_sampling(light, PLACES[number], NORMALS[number], 32) == pytest.approx(wanted, **RIM)
 
 
@@ -84,7 +94,7 @@ def test_a_sphere_lights_as_the_part_of_its_cone_above_the_horizon(number: int) 
     assert away > light.radius
     wanted = of_cone(light.radius / away, towards @ normal / away)
     assert wanted > 0.0
-    assert by_sampling(light, place, normal) == pytest.approx(wanted, rel=1e-6)
+    assert by_sampling(light, place, normal, 16) == pytest.approx(wanted, **(CUT if number in (3, 8) else WHOLE))
 
 
 @pytest.mark.parametrize("angle", [0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.9])
@@ -92,7 +102,7 @@ def test_a_distant_light_is_a_cone(angle: float) -> None:
     light = DistantLight(angle=angle, axes=AXES)
     for normal in NORMALS:
         wanted = of_cone(np.sin(np.radians(angle / 2.0)), normal[2])
-        assert by_sampling(light, PLACES[0], normal, 32) == pytest.approx(wanted, rel=2e-5)
+        assert by_sampling(light, PLACES[0], normal, 16) == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-6, 0.003])
@@ -114,8 +124,9 @@ def test_a_cylinder_lights_as_its_surface(number: int) -> None:
     x, angle = (values.ravel() for values in np.meshgrid(x, angle))
     outward = np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=-1)
     surface = np.stack([x, 0.0 * x, 0.0 * x], axis=-1) + radius * outward
-    towards = np.array(POSITION) + to_world(AXES, surface) - place
+    towards = light_corners(surface) - place
     sent = np.maximum(-(towards * to_world(AXES, outward)).sum(axis=-1), 0.0) * np.maximum(towards @ normal, 0.0)
     wanted = (sent / (towards**2).sum(axis=-1) ** 2).mean() * light.size_factor
     assert wanted > 0.0
-    assert by_sampling(light, place, normal) == pytest.approx(wanted, **RIM)
+    # From afar, all of what is drawn beside the outline is in few panels.
+    assert by_sampling(light, place, normal, 64 if number in (6, 9) else 32) == pytest.approx(wanted, **RIM)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from closed_forms import by_sampling
+from light_cases import make_tables_small
 
 from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shaping, Stand, lights_code
 from lookdev.light.emission import beam_bound
@@ -67,6 +69,12 @@ def test_the_estimate_is_positive_where_light_arrives_and_near_its_irradiance(ki
     assert lit >= 5
     # A good choice is in proportion: within a factor of some, where no beam ends within the light.
     assert shaping or np.quantile(ratios, 0.9) / np.quantile(ratios, 0.1) < 20.0
+
+
+@pytest.fixture(autouse=True)
+def _small_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    make_tables_small(monkeypatch)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
 
 
 def test_rows_hold_where_lights_stand_from_the_axis() -> None:

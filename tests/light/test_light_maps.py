@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from light_cases import make_tables_small
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import load_environment, prepare_light
@@ -19,6 +20,7 @@ from lookdev.light.dome.maps import load_dome
 @pytest.fixture(autouse=True)
 def reads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
     """The maps whose pixels are read, in a cache of this test."""
+    make_tables_small(monkeypatch)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     read: list[Path | None] = []
     monkeypatch.setattr(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.light import CylinderLight, DiskLight, RectLight, SphereLight
@@ -48,17 +49,16 @@ def solid_angle(place: Floats, width: float, height: float) -> Floats:
 
 @pytest.mark.parametrize(("width", "height"), SIDES)
 def test_the_solid_angle_of_a_rectangle_is_right_from_close_to_far(width: float, height: float) -> None:
-    light = RectLight(width=width, height=height)
-    grid = strata(128)
-    for place in rectangle_places(width, height):
-        places = np.broadcast_to(place, (len(grid), 3))
-        pdf = light.pdf(places, light.sample(places, grid))
-        wanted = solid_angle(place[None], width, height)[0]
-        assert (pdf > 0.0).all()
-        weight = 1.0 / (pdf * wanted)
-        assert weight.mean() == pytest.approx(1.0, rel=1e-3)
-        assert weight.std() < 0.15
-        assert weight.max() < 1.15
+    light, places, grid = RectLight(width=width, height=height), rectangle_places(width, height), strata(48)
+    wanted = solid_angle(places, width, height)
+    places = np.repeat(places[:, None], len(grid), axis=1)
+    pdf = light.pdf(places, light.sample(places, np.broadcast_to(grid, (*places.shape[:2], 2))))
+    assert (pdf > 0.0).all()
+    weight = 1.0 / (pdf * wanted[:, None])
+    # The midpoints of 48 strata: 7 times the error of 128.
+    np.testing.assert_allclose(weight.mean(axis=-1), 1.0, rtol=1e-3)
+    assert weight.std(axis=-1).max() < 0.15
+    assert weight.max() < 1.15
 
 
 def strata(side: int) -> Floats:
@@ -67,7 +67,7 @@ def strata(side: int) -> Floats:
     return np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("above", ABOVE)
+@pytest.mark.parametrize("above", quick_among([(z,) for z in ABOVE], [(z,) for z in ABOVE[1::2]]))
 def test_the_solid_angle_of_round_lights_is_right_from_close_to_far(above: float) -> None:
     """Of a disk on its axis, and of a sphere; of a long thin cylinder by its outline."""
     grid = strata(256)
@@ -110,7 +110,7 @@ def double(*values: Any) -> list[Floats]:
 @pytest.mark.parametrize(("width", "height"), SIDES)
 def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
     """The pdf of each direction, and the irradiance by all of them."""
-    grid = strata(64)
+    grid = strata(32)
     normals = np.random.default_rng(5).normal(size=(8, 3))
     normals[:, 2] = np.abs(normals[:, 2])
 
@@ -136,7 +136,7 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
 
 @pytest.mark.parametrize("above", ABOVE)
 def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
-    grid = strata(64)
+    grid = strata(32)
     place = np.tile((0.6 * (1.0 + above), 0.0, -0.8 * (1.0 + above)), (len(grid), 1))
 
     def by_cone(place: Floats, u: Floats) -> tuple[Floats, Floats]:
@@ -160,7 +160,10 @@ def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
         assert np.abs(wi - right_wi).max() < 1e-4 * min(wide, 1.0) + 1e-7
 
 
-@pytest.mark.parametrize(("aside", "above"), [(0.0, 0.02), (0.3, 0.05), (0.49, 0.01), (0.55, 0.02), (0.6, 0.03)])
+_NEAR = [(0.0, 0.02), (0.55, 0.02), (0.3, 0.05), (0.49, 0.01), (0.6, 0.03)]
+
+
+@pytest.mark.parametrize(("aside", "above"), quick_among(_NEAR, _NEAR[:2]))
 def test_near_a_rectangle_the_variance_is_a_small_part_of_that_of_area_sampling(aside: float, above: float) -> None:
     """Of the irradiance of planes in several tilts; the area's pdf is distance^2 / (area cosine)."""
     rng = np.random.default_rng(11)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from light_cases import SUN, assert_follows, cells, dome, overcast, sunny
+from light_cases import SUN, assert_follows, cells, dome, make_tables_small, overcast, sunny
+from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.cache import Content
@@ -23,7 +24,7 @@ from lookdev.light.mapping import direction_to_uv, uv_to_direction
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SEVERAL = range(0, bins.COUNT, 11)
+SEVERAL = [(number,) for number in range(0, bins.COUNT, 11)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,10 +88,7 @@ def of_sunny() -> Tables:
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make tables of four bins with 64 slots each, of 32 x 32 points: quickly."""
-    monkeypatch.setattr(slots, "SLOTS", 64)
-    monkeypatch.setattr(points, "SIDE", 32)
-    monkeypatch.setattr(bins, "COUNT", 4)
+    make_tables_small(monkeypatch)
 
 
 @pytest.fixture
@@ -146,7 +144,7 @@ def test_colours_of_one_channel(channel: int) -> None:
     np.testing.assert_allclose(got, np.broadcast_to(radiance[0, 0], (16, 3)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("number", SEVERAL)
+@pytest.mark.parametrize("number", quick_among(SEVERAL, SEVERAL[::4]))
 def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> None:
     axis, scale = bins.AXES[number], of_sunny.inverse[number]
     probability, ratio = by_the_shader(of_sunny, number)

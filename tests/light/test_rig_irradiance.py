@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from closed_forms import by_sampling, of_cone, of_polygon
+from looks import quick_among
 from numpy.typing import NDArray
-from test_light_irradiance import AXES, FACING, NORMALS, PLACES, POSITION
+from test_light_irradiance import AXES, ELLIPSE, FACING, NORMALS, PLACES, POSITION, SQUARE, light_corners
 
 from lookdev.asset import load_asset
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, Light, RectLight, SphereLight
-from lookdev.light.placement import checked_axes, to_world, vector
+from lookdev.light.placement import checked_axes, vector
 from lookdev.material import Layer, Look
 from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.render.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles
@@ -29,10 +30,10 @@ Render = Callable[[FrameTask], Rendered]
 FAR = 1000.0  # of the plane's size: the light is the same all over it
 
 
-@pytest.fixture(scope="module")
-def render() -> Iterator[Render]:
-    with renderer() as rendering:
-        yield rendering
+@pytest.fixture
+def render(cycles_worker: Worker) -> Render:
+    cycles_worker.start()
+    return lambda task: cycles_worker.render(task, lambda progress: None)
 
 
 def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samples: int) -> float:
@@ -62,48 +63,46 @@ def reflected(render: Render, light: Light, samples: int = 1024) -> float:
     return float(np.pi * ((rendered.a + rendered.b) / 2.0)[rendered.alpha == 1.0].astype(np.float64).mean())
 
 
-def lights() -> Iterator[tuple[str, int, Light, float]]:
-    """Yield kind, number of the place, light, and its irradiance there in closed form."""
-    square = np.array([(-0.8, -0.35, 0.0), (0.8, -0.35, 0.0), (0.8, 0.35, 0.0), (-0.8, 0.35, 0.0)])
-    angle = 2.0 * np.pi * np.arange(2048) / 2048
-    ellipse = np.stack([0.8 * np.cos(angle), 0.35 * np.sin(angle), 0.0 * angle], axis=-1)
-    rim = np.sqrt(angle[1] / np.sin(angle[1])) * ellipse
-    for number, (place, normal) in enumerate(zip(PLACES, NORMALS, strict=True)):
-        stands = {"position": POSITION, "axes": AXES}
-        rect, disk = RectLight(width=1.6, height=0.7, **stands), DiskLight(radii=(0.8, 0.35), **stands)
-        for kind, light, corners in (("rect", rect, square), ("disk", disk, rim)):
-            yield kind, number, light, of_polygon(np.array(POSITION) + to_world(AXES, corners), place, normal)
-        radius = (1.9, 0.2, 0.7, 0.3, 0.01, 1.0, 30.0, 1.5, 0.1, 1e-3)[number]
-        towards = np.array(POSITION) - place
-        away = float(np.linalg.norm(towards))
-        if away > radius:
-            value = of_cone(radius / away, float(towards @ FACING[number]) / away)
-            yield "sphere", number, SphereLight(radius=radius, position=POSITION), value
-        # No closed form: by quadrature of the float64 light, which test_light_irradiance compares with its surface.
-        tube = CylinderLight(
-            length=1.5, radius=(0.2, 0.1, 0.15, 0.05, 0.02, 0.8, 10.0, 1.0, 0.3, 50.0)[number], **stands
-        )
-        yield "cylinder", number, tube, by_sampling(tube, place, FACING[number])
-        wide = (0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0)[number]
-        value = of_cone(np.sin(np.radians(wide / 2.0)), float(normal[2]))
-        if value > 0.0:
-            yield "distant", number, DistantLight(angle=wide, axes=AXES), value
+def light_and_irradiance(kind: str, number: int) -> tuple[Light, float]:
+    """Return a light, and its irradiance at a place in closed form."""
+    place, normal, stands = PLACES[number], NORMALS[number], {"position": POSITION, "axes": AXES}
+    match kind:
+        case "rect":
+            return RectLight(width=1.6, height=0.7, **stands), of_polygon(light_corners(SQUARE), place, normal)
+        case "disk":
+            return DiskLight(radii=(0.8, 0.35), **stands), of_polygon(light_corners(ELLIPSE), place, normal)
+        case "sphere":
+            radius = (1.9, 0.2, 0.7, 0.3, 0.01, 1.0, 30.0, 1.5, 0.1, 1e-3)[number]
+            towards = np.array(POSITION) - place
+            away = float(np.linalg.norm(towards))
+            wanted = of_cone(radius / away, float(towards @ FACING[number]) / away)
+            return SphereLight(radius=radius, position=POSITION), wanted
+        case "cylinder":
+            # By quadrature of the float64 light, which test_light_irradiance compares with its surface.
+            radius = (0.2, 0.1, 0.15, 0.05, 0.02, 0.8, 10.0, 1.0, 0.3, 50.0)[number]
+            tube = CylinderLight(length=1.5, radius=radius, **stands)
+            return tube, by_sampling(tube, place, FACING[number])
+    wide = (0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0)[number]
+    return DistantLight(angle=wide, axes=AXES), of_cone(np.sin(np.radians(wide / 2.0)), float(normal[2]))
 
 
-CASES = list(lights())
+CASES = [(kind, number) for kind in ("rect", "disk", "sphere", "cylinder", "distant") for number in range(10)]
+# Cut by the horizon, near and far: one place is of each.
+QUICK = [(kind, (3 * k + n) % 10) for k, (kind, n) in enumerate(CASES[::10]) for n in (1, 6)]
 
 
-@pytest.mark.parametrize(("kind", "number", "light", "wanted"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
-def test_irradiance_is_that_of_the_closed_form(
-    render: Render, kind: str, number: int, light: Light, wanted: float
-) -> None:
+@pytest.mark.parametrize(("kind", "number"), quick_among(CASES, QUICK))
+def test_irradiance_is_that_of_the_closed_form(render: Render, kind: str, number: int) -> None:
+    light, wanted = light_and_irradiance(kind, number)
+    if wanted == 0.0:
+        pytest.skip("all of it is below the horizon")
     normal = FACING[number] if kind in ("sphere", "cylinder") else NORMALS[number]
     # The horizon leaves little of that disk: few directions find it.
     samples = 1 << 16 if (kind, number) == ("disk", 8) else 4096
     assert irradiance(render, light, PLACES[number], normal, samples) == pytest.approx(wanted, rel=1e-3)
 
 
-@pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("exponent", [3.0, *(pytest.param(e, marks=pytest.mark.proof) for e in (0.0, 1.0, 2.0))])
 def test_falloff_has_its_exponent(render: Render, exponent: float) -> None:
     lights = (SphereLight(radius=1.0, position=(0.0, -away, 0.0)) for away in (FAR, 2.0 * FAR))
     near, far = (reflected(render, replace(each, emission=Emission(falloff=Falloff(0.0, exponent)))) for each in lights)

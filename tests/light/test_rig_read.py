@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from light_cases import make_tables_small
 from pxr import UsdLux, UsdUtils
 from rig_files import DIM, Y_UP_CM, Z_UP, light, rig, write_image, write_rig
 
@@ -27,6 +28,8 @@ from lookdev.light import (
 )
 from lookdev.light.rig import load_rig
 from lookdev.stage import Composition, StageError, compose
+
+pytestmark = pytest.mark.both_pythons
 
 TURNED = "float xformOp:rotateX = -90; double3 xformOp:translate = (100, 300, 50); double3 xformOp:scale = (2, 3, 4)"
 ORDER = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]'
@@ -188,7 +191,9 @@ def test_a_dome_with_a_radius_is_local(tmp_path: Path) -> None:
     assert found.position == pytest.approx((1.0, -0.5, 3.0))
 
 
-def test_a_local_dome_without_a_picture_is_sampled_too(tmp_path: Path) -> None:
+def test_a_local_dome_without_a_picture_is_sampled_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_tables_small(monkeypatch)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     file = write_rig(tmp_path / "rig.usda", light("DomeLight_1", "float lookdev:local:radius = 3"))
     code = lights_code(load_rig(file).lights, sampled=True)
     assert {"dome0_slots", "dome0_bins"} <= code.arrays.keys()
