@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+METRES = '#usda 1.0\n( upAxis = "Z"\n  metersPerUnit = 1 )\n'
+
 
 def shader(name: str, kind: str, *lines: str) -> str:
     """Return a shader of a kind, by its ``info:id``."""

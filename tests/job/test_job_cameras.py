@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from usd_text import METRES, card, material
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
@@ -20,42 +21,16 @@ from lookdev.scene import Camera, frame_camera, frame_fill
 
 JOB = """
 output = "out"
-[asset]
-usd = "asset.usda"
-[[look]]
-name = "small"
-material = "asset.usda"
-[[look]]
-name = "large"
-material = "asset.usda"
-[[ibl]]
-name = "white"
-builtin = "white"
+asset = { usd = "asset.usda" }
+look = [{ name = "small", material = "asset.usda" }, { name = "large", material = "asset.usda" }]
+ibl = [{ name = "white", builtin = "white" }]
+render = { resolution = [160, 90] }
 [[turntable]]
 kind = "element"
 frames = 8
-[render]
-resolution = [160, 90]
+[camera]
 """
-ASSET = """#usda 1.0
-( defaultPrim = "Paint"
-  upAxis = "Z"
-  metersPerUnit = 1 )
-def Mesh "Card"
-{
-    int[] faceVertexCounts = [4]
-    int[] faceVertexIndices = [0, 1, 2, 3]
-    point3f[] points = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]
-}
-def Material "Paint"
-{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        token outputs:layer
-    }
-}
+SHOT = """
 def Camera "Shot"
 {
     float focalLength = 40
@@ -65,6 +40,7 @@ def Camera "Shot"
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 """
+ASSET = METRES + card("Card") + material() + SHOT
 
 
 def moved(scale: float, x: float = 0.0) -> Asset:
@@ -85,7 +61,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def job_of(folder: Path, camera: str = "") -> Job:
-    return parse_job(f"{JOB}\n[camera]\n{camera}", folder / "job.toml")
+    return parse_job(JOB + camera, folder / "job.toml")
 
 
 def cameras(folder: Path, camera: str = "") -> dict[str, Camera]:
@@ -95,16 +71,13 @@ def cameras(folder: Path, camera: str = "") -> dict[str, Camera]:
     return found
 
 
-def test_all_looks_share_a_camera_that_frames_what_any_shows(folder: Path) -> None:
-    found = cameras(folder)
+def test_all_looks_share_a_camera_that_frames_what_any_shows_or_each_has_its_own(folder: Path) -> None:
+    shared = cameras(folder)
     both = np.concatenate([outline(asset) for asset in SHOWN.values()])
-    assert found["small"] == found["large"] == frame_fill(both, (160, 90))
-
-
-def test_each_look_may_have_its_own(folder: Path) -> None:
-    found = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
+    assert shared["small"] == shared["large"] == frame_fill(both, (160, 90))
+    own = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
     for look, asset in SHOWN.items():
-        assert found[look] == frame_fill(outline(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
+        assert own[look] == frame_fill(outline(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
 
 
 def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
@@ -140,23 +113,17 @@ def test_the_angles_are_those_of_the_turntables(folder: Path) -> None:
     assert element_arcs(job_of(folder, more)) == ((-20.0, 360.0), (-20.0, 0.0), (10.0, -90.0), (50.0, 0.0))
 
 
-def test_a_camera_of_the_assets_file_is_read(folder: Path) -> None:
+def test_a_camera_of_a_file_is_read(folder: Path) -> None:
     made = job_scenes(job_of(folder, 'usd = "/Shot"'))
     (camera,) = {scene.camera for scene in made.scenes.values()}
     np.testing.assert_allclose(camera.position, [0.0, 0.0, 9.0], atol=1e-9)
     assert (camera.elevation, camera.reach, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
     assert made.notes == ()
-
-
-def test_a_camera_of_another_file_is_read(folder: Path) -> None:
     (folder / "shot.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, 7)").replace("= 18", "= 32"))
     made = job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
     (camera,) = {scene.camera for scene in made.scenes.values()}
     assert camera.position[2] == pytest.approx(7.0)
     assert "/Shot: its frame is 1 times as wide as high" in made.notes[-1]
-
-
-def test_a_faulty_camera_is_reported(folder: Path) -> None:
     with pytest.raises(FaultsError, match=r"asset\.usda: /Shto: there is no such prim \(did you mean '/Shot'\?\)"):
         job_scenes(job_of(folder, 'usd = "/Shto"'))
 

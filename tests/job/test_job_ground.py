@@ -1,4 +1,4 @@
-"""The table of the ground: its faults, and where the ground is."""
+"""The ground of a job, and where it is; reference props that are not measured, or hide the asset."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lookdev.asset import load_asset
-from lookdev.errors import FaultsError, JobError
+from lookdev.errors import FaultsError
 from lookdev.job import parse_job
+from lookdev.job.charts import JobCharts
 from lookdev.job.ground import JobGround
 from lookdev.job.scenes import job_scenes
 from lookdev.scene import Camera
@@ -21,29 +22,9 @@ output = "out"
 asset = {{ builtin = "suzanne" }}
 look = [{{ name = "metal", material = "{MATERIALS}/classic/mirror.usda" }}]
 ibl = [{{ name = "white", builtin = "white" }}]
-rig = [{{ name = "fitted", builtin = "overcast_plus_sun" }}]
+rig = [{{ name = "fitted", builtin = "three_point" }}]
 turntable = [{{ kind = "element", frames = 1 }}]
 """
-
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ("render.backend = 'nodes'", "ground: backend 'nodes' renders no shadow catcher (backend = \"exact\", or kind"),
-        ("render.denoise = 'measured'", "the alpha of a shadow catcher is not denoised"),
-        ("render.passes = ['uv', 'direct', 'lobes']", "a shadow catcher has no lobes and no direct"),
-        ("ground.kind = 'floor'", "ground.kind: unknown value 'floor'"),
-        ("ground.prim = '/A'", "ground.prim: has no meaning without 'material'"),
-        ("ground.material = 'none.usda'", "ground.material: no readable file"),
-        ("ground.size = 0", "ground.size: "),
-    ],
-)
-def test_faults_are_found_before_anything_is_read(tmp_path: Path, more: str, said: str) -> None:
-    with pytest.raises(JobError) as error:
-        parse_job(f"{JOB}{more}\n" + ("" if "ground" in more else "[ground]\n"), tmp_path / "job.toml")
-    assert said in str(error.value)
-    if "render" in more:
-        parse_job(f'{JOB}{more}\n[ground]\nkind = "plane"\n', tmp_path / "job.toml")
 
 
 def test_a_camera_below_the_ground_is_a_fault(tmp_path: Path) -> None:
@@ -78,3 +59,19 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
     assert on_ground(sphere, wears, ground, (0.0, 0.0))[0].revolved
     assert not on_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
+
+
+def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:
+    assert JobCharts().strip((320, 240)).too_small() == ""
+    said = JobCharts().strip((128, 128)).too_small()
+    assert "2.3 pixels across the middle of a patch are too few; size = 0.156" in said
+    assert JobCharts(size=0.156).strip((128, 128)).too_small() == ""
+
+
+def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:
+    points = load_asset(builtin="sphere").meshes[0].points.astype(float)
+    near, far = (Camera(40.0, 0.0, (0.0, 0.0, 0.0), distance) for distance in (3.0, 8.0))
+    arcs = [(0.0, 360.0)]
+    (note,) = JobCharts(place="left").hidden(near, points, arcs, (320, 320))
+    assert "hides a part of the asset at the left edge" in note
+    assert list(JobCharts(place="left").hidden(far, points, arcs, (320, 320))) == []

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from usd_text import METRES, image, material, shader
 
 from lookdev.asset.silhouette import outline
 from lookdev.errors import FaultsError
@@ -15,12 +16,9 @@ from lookdev.job import parse_job
 from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.scene import Pose, Scene
 
-CUBE = """#usda 1.0
-(
-    upAxis = "Z"
-    metersPerUnit = 1
-)
-def Mesh "Cube"
+CUBE = (
+    METRES
+    + """def Mesh "Cube"
 {
     uniform token subdivisionScheme = "SCHEME"
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
@@ -29,43 +27,36 @@ def Mesh "Cube"
     texCoord2f[] primvars:map1 = [(0, 0)] ( interpolation = "constant" )
 }
 """
-MATERIAL = """#usda 1.0
-def Material "Paint"
-{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    DISPLACEMENT
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        token outputs:layer
-    }
-    def Shader "Moved"
-    {
-        uniform token info:id = "LookdevDisplacement"
-        float inputs:height = 0.5
-        token outputs:displacement
-    }
+)
+
+
+def displaced(height: str, *shaders: str) -> str:
+    """Return a material whose surface is moved by a height, an input of LookdevDisplacement."""
+    moved = shader("Moved", "LookdevDisplacement", f"float inputs:height{height}", "token outputs:displacement")
+    lines = "token outputs:lookdev:displacement.connect = </Paint/Moved.outputs:displacement>\n"
+    return "#usda 1.0\n" + material(more=lines + moved + "".join(shaders))
+
+
+WAVES = 'string inputs:expression = "0.5 + st[0]"', "float2 inputs:st.connect = </Paint/St.outputs:result>"
+MATERIALS = {
+    "paint": "#usda 1.0\n" + material(),
+    "swollen": displaced(" = 0.5"),
+    "wavy": displaced(
+        ".connect = </Paint/Waves.outputs:result>",
+        shader("Waves", "LookdevExpression", *WAVES, "float outputs:result"),
+        image("Paint"),
+    ),
 }
-"""
 JOB = """
 output = "out"
-[asset]
-usd = "cube.usda"
-{asset}
+asset = {{ usd = "cube.usda"{asset} }}
+ibl = [{{ name = "white", builtin = "white" }}]
+turntable = [{{ kind = "element", frames = 2 }}]
+render = {{ resolution = [{width}, {width}] }}
 [[look]]
 name = "one"
 {look}
-[[ibl]]
-name = "white"
-builtin = "white"
-[[turntable]]
-kind = "element"
-frames = 2
-[render]
-resolution = [{width}, {width}]
 """
-MOVED = "token outputs:lookdev:displacement.connect = </Paint/Moved.outputs:displacement>"
-
 SECOND = '    texCoord2f[] primvars:map2 = [(0, 0)] ( interpolation = "constant" )\n'
 
 Make = Callable[..., JobScenes]
@@ -75,8 +66,8 @@ Make = Callable[..., JobScenes]
 def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
     """Return a function that makes the scenes of a job, of a cube with a subdivision scheme."""
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "paint.usda").write_text(MATERIAL.replace("DISPLACEMENT", ""))
-    (tmp_path / "swollen.usda").write_text(MATERIAL.replace("DISPLACEMENT", MOVED))
+    for name, text in MATERIALS.items():
+        (tmp_path / f"{name}.usda").write_text(text)
 
     def made(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
         (tmp_path / "cube.usda").write_text(CUBE.replace("SCHEME", scheme))
@@ -95,7 +86,7 @@ def faces(scene: Scene) -> int:
 
 @pytest.mark.parametrize("level", [0, 1, 3])
 def test_the_job_can_say_how_often_a_cage_is_refined(make: Make, level: int) -> None:
-    scene = scene_of(make(asset=f"subdivision = {level}"))
+    scene = scene_of(make(asset=f", subdivision = {level}"))
     assert faces(scene) == 6 * 4**level
     assert scene.asset.meshes[0].subdivision is None
     # The limit of a cube's corners is known: 5/18 of the way to the middle of the cube, of each coordinate.
@@ -103,13 +94,13 @@ def test_the_job_can_say_how_often_a_cage_is_refined(make: Make, level: int) -> 
     assert (corner > 0.05).all() == (level > 0)
 
 
-def test_a_mesh_that_is_no_cage_stays_as_it_is(make: Make) -> None:
-    assert faces(scene_of(make(asset="subdivision = 3", scheme="none"))) == 6
-    assert faces(scene_of(make(scheme="none"))) == 6
-
-
 def test_a_cage_is_refined_by_its_size_in_the_frame(make: Make) -> None:
     assert 6 < faces(scene_of(make(width=16))) < faces(scene_of(make(width=512)))
+
+
+def test_a_mesh_that_is_not_a_cage_stays_as_it_is(make: Make) -> None:
+    assert faces(scene_of(make(asset=", subdivision = 3", scheme="none"))) == 6
+    assert faces(scene_of(make(scheme="none"))) == 6
 
 
 def test_the_camera_frames_the_limit_surface(make: Make) -> None:
@@ -148,30 +139,10 @@ def test_a_displaced_polygon_mesh_is_refined_first(make: Make) -> None:
     swollen = scene_of(make('material = "swollen.usda"', scheme="none"))
     assert faces(plain) == 6
     assert faces(swollen) > 6
-    assert faces(scene_of(make('material = "swollen.usda"', "subdivision = 2", scheme="none"))) == 6 * 4**2
+    assert faces(scene_of(make('material = "swollen.usda"', ", subdivision = 2", scheme="none"))) == 6 * 4**2
 
 
-WAVY = MATERIAL.replace("DISPLACEMENT", MOVED).replace("height = 0.5", "height.connect = </Paint/Waves.outputs:result>")
-WAVY = f"""{WAVY.rstrip().removesuffix("}")}
-    def Shader "Waves"
-    {{
-        uniform token info:id = "LookdevExpression"
-        string inputs:expression = "0.5 + st[0]"
-        float2 inputs:st.connect = </Paint/St.outputs:result>
-        float outputs:result
-    }}
-    def Shader "St"
-    {{
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }}
-}}
-"""
-
-
-def test_a_displacement_reads_a_uv_set_of_another_name(make: Make, tmp_path: Path) -> None:
-    (tmp_path / "wavy.usda").write_text(WAVY)
+def test_a_displacement_reads_a_uv_set_of_another_name(make: Make) -> None:
     made = make('material = "wavy.usda"')
     assert made.notes == ("/Cube has no UV set 'st', which looks ask for: 'map1' is read",)
     swollen = scene_of(make('material = "swollen.usda"'))
@@ -179,7 +150,6 @@ def test_a_displacement_reads_a_uv_set_of_another_name(make: Make, tmp_path: Pat
 
 
 def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp_path: Path) -> None:
-    (tmp_path / "wavy.usda").write_text(WAVY)
     (tmp_path / "many.usda").write_text(
         CUBE.replace("SCHEME", "none").replace("    texCoord2f", f"{SECOND}    texCoord2f")
     )
@@ -193,25 +163,23 @@ def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp
 
 def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.job.refinery._MOST_CORNERS", 24 * 4**3)
-    assert faces(scene_of(make(asset="subdivision = 3"))) == 6 * 4**3
+    assert faces(scene_of(make(asset=", subdivision = 3"))) == 6 * 4**3
     with pytest.raises(FaultsError, match=r"look\[0\]: subdivision = 4 makes 6144 corners of faces; at most 1536"):
-        make(asset="subdivision = 4")
+        make(asset=", subdivision = 4")
 
 
 def test_a_time_is_noted_where_nothing_is_animated(make: Make, tmp_path: Path) -> None:
-    note = make(asset="time = 12").notes[0]
+    note = make(asset=", time = 12").notes[0]
     assert re.fullmatch(r".*/cube.usda: time = 12 has no effect: nothing in it is animated", note)
-    moving = "point3f[] points.timeSamples = { 0: [(0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), "
-    moving += (
-        "(1, 1, 0), (1, 1, 1)], 10: [(0, 0, 0), (0, 0, 3), (0, 1, 0), (0, 1, 3), (1, 0, 0), (1, 0, 3), (1, 1, 0), "
-    )
-    moving += "(1, 1, 3)] }"
+    cube = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    high = [(x, y, 3 * z) for x, y, z in cube]
+    moving = f"point3f[] points.timeSamples = {{ 0: {cube}, 10: {high} }}"
     text = re.sub(r"point3f\[\] points = .*", moving, CUBE.replace("SCHEME", "none"))
     (tmp_path / "moving.usda").write_text(text)
     job = JOB.replace("cube.usda", "moving.usda")
     tops = {}
-    for time in ("", "time = 5", "time = 20"):
+    for time in ("", ", time = 5", ", time = 20"):
         made = job_scenes(parse_job(job.format(look="", asset=time, width=16), tmp_path / "job.toml"))
         assert not [note for note in made.notes if "animated" in note]
         tops[time] = float(scene_of(made).asset.meshes[0].points[:, 2].max())
-    assert tops == {"": 1.0, "time = 5": 2.0, "time = 20": 3.0}
+    assert tops == {"": 1.0, ", time = 5": 2.0, ", time = 20": 3.0}

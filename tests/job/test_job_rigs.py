@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from usd_text import METRES, material
 
 from lookdev.batch.prepare import prepare_job
 from lookdev.errors import FaultsError, JobError
@@ -16,46 +17,31 @@ from lookdev.light import Dome, RectLight, load_environment, prepare_light
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.placed import PlacedLight
 
-LOOK = """#usda 1.0
-def Material "Paint"
-{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        token outputs:layer
-    }
-}
-"""
-ASSET = (
-    """#usda 1.0
-( upAxis = "Z"
-  metersPerUnit = 1 )
+LOOK = "#usda 1.0\n" + material()
+SCALED = 'over "Body"\n{{\n    float3 xformOp:scale = ({0}, {0}, {0})\n}}\n'
+ASSET = f"""{METRES}
 def Xform "Car" ( prepend variantSets = "size"
-                  variants = { string size = "small" } )
-{
+                  variants = {{ string size = "small" }} )
+{{
     def Mesh "Body"
-    {
+    {{
         uniform token subdivisionScheme = "none"
         int[] faceVertexCounts = [4]
         int[] faceVertexIndices = [0, 1, 2, 3]
         point3f[] points = [(-3, 0, -4), (3, 0, -4), (3, 0, 4), (-3, 0, 4)]
         float3 xformOp:translate = (10, 0, 0)
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
-    }
-    variantSet "size" = {
-        "small" {
-            over "Body" { float3 xformOp:scale = (1, 1, 1) }
-        }
-        "large" {
-            over "Body" { float3 xformOp:scale = (2, 2, 2) }
-        }
-    }
-}
-""".replace("(1, 1, 1) }", "(1, 1, 1)\n}")
-    .replace("(2, 2, 2) }", "(2, 2, 2)\n}")
-    .replace('"Body" { ', '"Body" {\n')
-)
+    }}
+    variantSet "size" = {{
+        "small" {{
+            {SCALED.format(1)}
+        }}
+        "large" {{
+            {SCALED.format(2)}
+        }}
+    }}
+}}
+"""
 RIG = """#usda 1.0
 ( defaultPrim = "Rig"
   upAxis = "Z"
@@ -81,12 +67,8 @@ output = "out"
 asset = { usd = "car.usda" }
 turntable = [{ kind = "lighting", frames = 2 }]
 render = { resolution = [16, 16] }
-[[look]]
-name = "paint"
-material = "paint.usda"
-[[ibl]]
-name = "white"
-builtin = "white"
+look = [{ name = "paint", material = "paint.usda" }]
+ibl = [{ name = "white", builtin = "white" }]
 [[rig]]
 name = "studio"
 usd = "rig.usda"
@@ -127,7 +109,7 @@ def test_a_job_has_its_rigs_after_its_ibls(folder: Path) -> None:
         ('"rig.usda"', '"rig.usda"\nprim = "Rig"', "rig[0].prim: 'Rig' is not allowed here (an absolute prim path"),
         ("exposure = 1", "exposure = 99", "rig[0].exposure: should be less than or equal to 30, not 99"),
         ('"studio"', '"White"', "rig[0].name: 'White' is already the name of ibl[0] (give each its own name)"),
-        (JOB[JOB.index("[[ibl]]") :], "", "rig: the job has no light (write [[ibl]] or [[rig]])"),
+        (JOB[JOB.index("ibl = [") :], "", "rig: the job has no light (write [[ibl]] or [[rig]])"),
     ],
 )
 def test_what_is_wrong_with_a_key_is_said(folder: Path, old: str, new: str, fault: str) -> None:
@@ -158,14 +140,12 @@ def test_scenes_have_the_lights_of_their_rig(folder: Path) -> None:
 
 def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
     (folder / "rig.usda").write_text(RIG.replace("lookdev:fit = false", "lookdev:fit = true"))
-    look = '[[look]]\nname = "each"\nvariants = { size = "*" }\n'
-    material = LOOK.partition("\n")[2].replace("/Paint", "/Car/Paint")
+    text = JOB.replace('"paint", material = "paint.usda"', '"each", variants = { size = "*" }')
     body = 'def Mesh "Body"'
     bound = ASSET.replace(body, f'{body} (prepend apiSchemas = ["MaterialBindingAPI"])')
     bound = bound.replace("uniform token sub", "rel material:binding = </Car/Paint>\n        uniform token sub")
-    (folder / "car.usda").write_text(bound.replace(body, f"{material}\n    {body}"))
-    head, _, tail = JOB.partition("[[look]]")
-    shown = job_scenes(parse(head + look + tail[tail.index("[[ibl]]") :], folder))
+    (folder / "car.usda").write_text(bound.replace(body, f"{material(scope='/Car')}{body}"))
+    shown = job_scenes(parse(text, folder))
     small, large = (shown.scenes[f"each_{size}", "studio"] for size in ("small", "large"))
     assert (small.asset.radius, large.asset.radius) == pytest.approx((5.0, 10.0))
     assert small.lights == large.lights

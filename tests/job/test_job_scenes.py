@@ -8,51 +8,18 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from usd_text import METRES, image, material, shader, textured
 
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job, scenes, schema
 from lookdev.job.scenes import JobScenes, job_scenes
 
-MATERIAL = """
-def Material "{name}"
-{{
-    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>
-    def Shader "Base"
-    {{
-        uniform token info:id = "LookdevDisney"
-        float inputs:roughness = {roughness}
-        token outputs:layer
-    }}
-}}
-"""
-TEXTURED = """#usda 1.0
-def Material "{name}"
-{{
-    token outputs:lookdev:surface.connect = </{name}/Base.outputs:layer>
-    def Shader "Base"
-    {{
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor.connect = </{name}/Map.outputs:rgb>
-        token outputs:layer
-    }}
-    def Shader "Map"
-    {{
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @map.png@
-        token inputs:sourceColorSpace = "raw"
-        token inputs:wrapS = "repeat"
-        token inputs:wrapT = "repeat"
-        float2 inputs:st.connect = </{name}/St.outputs:result>
-        color3f outputs:rgb
-    }}
-    def Shader "St"
-    {{
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "{st}"
-        float2 outputs:result
-    }}
-}}
-"""
+
+def overridden(name: str, line: str) -> str:
+    """Return an override of a line of the layer of a material."""
+    return f'over "{name}" {{\nover "Base" {{\n{line}\n}}\n}}\n'
+
+
 SQUARE = """
     uniform token subdivisionScheme = "none"
     int[] faceVertexCounts = [4, 4]
@@ -60,11 +27,8 @@ SQUARE = """
     point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1)]
 """
 UVS = 'texCoord2f[] primvars:{name} = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)] ( interpolation = "vertex" )\n'
-ASSET = f"""#usda 1.0
-(
-    upAxis = "Z"
-    metersPerUnit = 1
-)
+ROUGH = "float inputs:roughness = {}"
+ASSET = f"""{METRES}
 def Xform "Car" (
     prepend apiSchemas = ["CollectionAPI:trim", "CollectionAPI:empty"]
     prepend variantSets = "finish"
@@ -94,32 +58,20 @@ def Xform "Car" (
     {{
         {SQUARE}
     }}
-    def Xform "Left" (
-        instanceable = true
-        references = </Wheel>
-    ) {{
+    def Xform "Left" ( instanceable = true
+                       references = </Wheel> ) {{
     }}
-    def Xform "Right" (
-        instanceable = true
-        references = </Wheel>
-    ) {{
+    def Xform "Right" ( instanceable = true
+                        references = </Wheel> ) {{
     }}
-    {MATERIAL.format(name="Paint", path="/Car/Paint", roughness="").replace("roughness = ", "roughness")}
-    {MATERIAL.format(name="Rubber", path="/Car/Rubber", roughness=0.75)}
+    {material("Paint", "float inputs:roughness", scope="/Car")}
+    {material("Rubber", ROUGH.format(0.75), scope="/Car")}
     variantSet "finish" = {{
         "matt" {{
-            over "Paint" {{
-                over "Base" {{
-                    float inputs:roughness = 0.5
-                }}
-            }}
+            {overridden("Paint", ROUGH.format(0.5))}
         }}
         "gloss" {{
-            over "Paint" {{
-                over "Base" {{
-                    float inputs:roughness = 0.125
-                }}
-            }}
+            {overridden("Paint", ROUGH.format(0.125))}
         }}
     }}
 }}
@@ -134,21 +86,16 @@ class Xform "Wheel"
 """
 JOB = """
 output = "out"
-[asset]
-{asset}
+asset = {{ {asset} }}
+ibl = [{{ name = "white", builtin = "white" }}]
+turntable = [{{ kind = "element", frames = 2 }}]
+render = {{ resolution = [8, 8] }}
 [[look]]
 name = "one"
 {look}
-[[ibl]]
-name = "white"
-builtin = "white"
-[[turntable]]
-kind = "element"
-frames = 2
-[render]
-resolution = [8, 8]
 """
 GOLD = 'material = "gold.usda"'
+CAR = 'usd = "car.usda"'
 OWN = {
     "/Car/Body": 0.5,
     "/Car/Body/Door": 0.75,
@@ -166,11 +113,10 @@ Make = Callable[..., JobScenes]
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     (tmp_path / "car.usda").write_text(ASSET)
-    for name, roughness in {"gold": 0.25, "dirt": 1.0}.items():
-        text = MATERIAL.format(name=name.title(), path=f"/{name.title()}", roughness=roughness)
+    looks = {name: material(name.title(), ROUGH.format(value)) for name, value in {"gold": 0.25, "dirt": 1.0}.items()}
+    looks |= {name: textured(name.title(), st=st) for name, st in {"checks": "st", "stripes": "map1"}.items()}
+    for name, text in looks.items():
         (tmp_path / f"{name}.usda").write_text(f"#usda 1.0\n{text}")
-    for name, st in {"checks": "st", "stripes": "map1", "dots": "other"}.items():
-        (tmp_path / f"{name}.usda").write_text(TEXTURED.format(name=name.title(), st=st))
     assert oiio.ImageBuf(np.full((2, 2, 3), 128, np.uint8)).write(str(tmp_path / "map.png"))
     return tmp_path
 
@@ -179,7 +125,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def make(folder: Path) -> Make:
     """Return a function that makes the scenes of a job from the lines of its look and its asset."""
 
-    def made(look: str = "", asset: str = 'usd = "car.usda"') -> JobScenes:
+    def made(look: str = "", asset: str = CAR) -> JobScenes:
         return job_scenes(parse_job(JOB.format(look=look, asset=asset), folder / "job.toml"))
 
     return made
@@ -201,29 +147,21 @@ def worn(made: JobScenes, name: str = "one") -> dict[str, float | str]:
     return result
 
 
-def faults(make: Make, look: str = "", asset: str = 'usd = "car.usda"') -> list[str]:
+def faults(make: Make, look: str = "", asset: str = CAR) -> list[str]:
     with pytest.raises(FaultsError) as caught:
         make(look, asset)
     return [f"{Path(fault.file).name}: {fault.where}: {fault.what} ({fault.hint})" for fault in caught.value.faults]
 
 
-def test_a_look_without_material_wears_what_the_asset_binds(make: Make) -> None:
-    made = make()
-    assert worn(made) == OWN
-    assert made.notes == (BARE,)
-
-
-def test_a_material_covers_all_parts(make: Make) -> None:
-    made = make(GOLD)
-    assert worn(made) == dict.fromkeys(OWN, 0.25)
-    assert made.notes == ()
-    assert made.scenes["one", "white"].looks[0].name == "one"
-
-
-def test_a_material_with_parts_leaves_the_rest_to_the_asset(make: Make) -> None:
-    made = make(f'{GOLD}\nparts = ["/Car/Body/Door", "*/Hub", "/Car.collection:trim"]')
-    assert worn(made) == OWN | dict.fromkeys(["/Car/Body/Door", "/Car/Hood", "/Car/Left/Hub", "/Car/Right/Hub"], 0.25)
-    assert made.notes == ("look 'one': nothing covers /Car/Bare; it is rendered neutral grey",)
+def test_a_material_covers_all_parts_or_some_and_the_asset_binds_those_of_the_others(make: Make) -> None:
+    bound = make('\n[[look]]\nname = "two"\n' + GOLD)
+    assert worn(bound) == OWN
+    assert bound.notes == (BARE,)  # once for all looks
+    assert worn(bound, "two") == dict.fromkeys(OWN, 0.25)
+    assert bound.scenes["two", "white"].looks[0].name == "two"
+    some = make(f'{GOLD}\nparts = ["/Car/Body/Door", "*/Hub", "/Car.collection:trim"]')
+    assert worn(some) == OWN | dict.fromkeys(["/Car/Body/Door", "/Car/Hood", "/Car/Left/Hub", "/Car/Right/Hub"], 0.25)
+    assert some.notes == ("look 'one': nothing covers /Car/Bare; it is rendered neutral grey",)
 
 
 ASSIGN = '[[look.assign]]\nprims = [{prims}]\nmaterial = "{material}.usda"\n'
@@ -245,14 +183,14 @@ def test_the_rest_wears_the_material_of_the_look(make: Make) -> None:
 
 
 def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) -> None:
-    tin = MATERIAL.format(name="Tin", path="/Tin", roughness="").replace("roughness = ", "roughness")
+    tin = material("Tin", "float inputs:roughness")
     tin = tin.replace('"Tin"', '"Tin" (\n prepend variantSets = "wear"\n variants = { string wear = "new" }\n)')
-    worn_or_new = "".join(
-        f'"{name}" {{\nover "Base" {{\nfloat inputs:roughness = {roughness}\n}}\n}}\n'
-        for name, roughness in {"worn": 0.875, "new": 0.3125}.items()
+    variants = "".join(
+        f'"{name}" {{\nover "Base" {{\n{ROUGH.format(value)}\n}}\n}}\n'
+        for name, value in {"worn": 0.875, "new": 0.3125}.items()
     )
-    gold = folder.joinpath("gold.usda")
-    gold.write_text(f'{gold.read_text()}{tin.rstrip().removesuffix("}")}variantSet "wear" = {{\n{worn_or_new}}}\n}}\n')
+    gold = folder / "gold.usda"
+    gold.write_text(f'{gold.read_text()}{tin.rstrip().removesuffix("}")}variantSet "wear" = {{\n{variants}}}\n}}\n')
     assign = ASSIGN.format(prims='"/Car"', material="gold") + 'prim = "/Tin"\n'
     assert set(worn(make(assign)).values()) == {0.3125}
     assert set(worn(make(assign + 'variants = { wear = "worn" }\n')).values()) == {0.875}
@@ -285,18 +223,17 @@ def test_a_material_of_another_model_that_cannot_be_read_is_an_error(make: Make,
     assert "studio.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
 
 
-def test_a_built_in_asset_has_uvs_for_any_look(make: Make) -> None:
-    made = make('material = "stripes.usda"', 'builtin = "shaderball"')
+def test_built_in_assets_are_dressed_by_part_have_uvs_for_any_look_and_no_collections(make: Make) -> None:
+    built_in = 'builtin = "shaderball"'
+    made = make(ASSIGN.format(prims='"*/base"', material="dirt"), built_in)
+    assert worn(made) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
+    assert made.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
+    made = make('material = "stripes.usda"', built_in)
     assert all("map1" in mesh.uvs for mesh in made.scenes["one", "white"].asset.meshes)
     (note,) = made.notes
     assert "no UV set 'map1', which looks ask for: 'st' is read" in note
-
-
-def test_built_in_assets_are_dressed_by_part(make: Make) -> None:
-    assign = ASSIGN.format(prims='"*/base"', material="dirt")
-    made = make(assign, 'builtin = "shaderball"')
-    assert worn(made) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
-    assert made.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
+    (fault,) = faults(make, f'{GOLD}\nparts = ["/x.collection:y"]', built_in)
+    assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"
 
 
 LAYER = """#usda 1.0
@@ -336,41 +273,30 @@ def test_a_layer_that_overrides_nothing_is_noted(make: Make, folder: Path) -> No
 
 def test_variants_without_material_are_those_of_the_asset(make: Make) -> None:
     assert worn(make('variants = { finish = "gloss" }')) == OWN | {"/Car/Body": 0.125}
-    chosen = make("", 'usd = "car.usda"\nvariants = { finish = "gloss" }')
+    chosen = make("", CAR + ', variants = { finish = "gloss" }')
     assert worn(chosen) == OWN | {"/Car/Body": 0.125}
-    both = make('variants = { finish = "matt" }', 'usd = "car.usda"\nvariants = { finish = "gloss" }')
+    both = make('variants = { finish = "matt" }', CAR + ', variants = { finish = "gloss" }')
     assert worn(both) == OWN
     every = make('variants = { finish = "*" }')
     assert [look.name for look in every.job.look] == ["one_gloss", "one_matt"]
     assert worn(every, "one_gloss")["/Car/Body"] == 0.125
     assert worn(every, "one_matt") == OWN
     # Those of a material leave the asset as it is.
-    assert worn(make(GOLD, 'usd = "car.usda"\nvariants = { finish = "gloss" }')) == dict.fromkeys(OWN, 0.25)
+    assert worn(make(GOLD, CAR + ', variants = { finish = "gloss" }')) == dict.fromkeys(OWN, 0.25)
 
 
-def test_the_looks_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     star = 'variants = { finish = "*" }\n'
     two = star + '[[look]]\nname = "two"\n' + star
     monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 4)
+    monkeypatch.setattr(schema, "MOST_FRAMES", 8)
     assert len(make(two).job.look) == 4
+    monkeypatch.setattr(schema, "MOST_FRAMES", 7)
+    with pytest.raises(FaultsError, match=r"turntable: 4 looks under 1 lights .* make 8 frames"):
+        make(two)
     monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 3)
     with pytest.raises(FaultsError, match=r"look: '\*' stands for variants that make 4 looks, at most 3"):
         make(two)
-
-
-def test_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    star = 'variants = { finish = "*" }\n'
-    frames = sum(each.frames for each in make(star).job.turntable)
-    monkeypatch.setattr(schema, "MOST_FRAMES", 2 * frames)
-    assert len(make(star).job.look) == 2
-    monkeypatch.setattr(schema, "MOST_FRAMES", 2 * frames - 1)
-    with pytest.raises(FaultsError, match=f"turntable: 2 looks under 1 lights .* make {2 * frames} frames"):
-        make(star)
-
-
-def test_notes_on_an_asset_are_told_once(make: Make) -> None:
-    made = make('\n[[look]]\nname = "two"\n' + GOLD)
-    assert len(set(made.notes)) == len(made.notes)
 
 
 def test_equal_dressings_are_one_asset(make: Make) -> None:
@@ -412,6 +338,10 @@ def test_another_uv_set_stands_for_the_one_asked_for(make: Make) -> None:
             "look[0].parts: '/Car.collection:trin' is no collection of the asset: /Car has no 'trin' "
             "(did you mean 'trim'?) ()",
         ),
+        (
+            f'{GOLD}\nparts = ["/Car/Paint"]',
+            "look[0].parts: '/Car/Paint' fits no part (the asset has this prim, but renders nothing of it)",
+        ),
     ],
 )
 def test_a_pattern_that_fits_nothing_is_a_fault(make: Make, look: str, fault: str) -> None:
@@ -419,17 +349,9 @@ def test_a_pattern_that_fits_nothing_is_a_fault(make: Make, look: str, fault: st
 
 
 def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
-    found = faults(make, ASSIGN.format(prims='"/Car.collection:trin", "/Car/Rihgt", "/Nothing"', material="gold"))
-    assert [each.partition("'")[2].partition("'")[0] for each in found] == [
-        "/Car.collection:trin",
-        "/Car/Rihgt",
-        "/Nothing",
-    ]
-
-
-def test_a_prim_that_is_not_rendered_is_told_from_one_that_is_not_there(make: Make) -> None:
-    (fault,) = faults(make, f'{GOLD}\nparts = ["/Car/Paint"]')
-    assert fault.endswith("'/Car/Paint' fits no part (the asset has this prim, but renders nothing of it)")
+    patterns = ["/Car.collection:trin", "/Car/Rihgt", "/Nothing"]
+    found = faults(make, ASSIGN.format(prims=str(patterns)[1:-1].replace("'", '"'), material="gold"))
+    assert [fault.split("'")[1] for fault in found] == patterns
 
 
 def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
@@ -442,23 +364,18 @@ def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
     assert set(worn(made).values()) == {0.25}
 
 
-def test_a_built_in_asset_has_no_collections(make: Make) -> None:
-    (fault,) = faults(make, f'{GOLD}\nparts = ["/x.collection:y"]', 'builtin = "shaderball"')
-    assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"
-
-
 @pytest.mark.parametrize(
     ("look", "asset", "fault"),
     [
         ('variants = { finihs = "gloss" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
         ('variants = { finihs = "*" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
         ('variants = { finish = "glos" }', "", "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
-        ("", '\nvariants = { finish = "glos" }', "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
-        ("", '\nprim = "/Cat"', "car.usda: /Cat: there is no such prim"),
+        ("", ', variants = { finish = "glos" }', "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
+        ("", ', prim = "/Cat"', "car.usda: /Cat: there is no such prim"),
     ],
 )
 def test_an_unknown_part_of_the_asset_is_a_fault(make: Make, look: str, asset: str, fault: str) -> None:
-    (found,) = faults(make, look, 'usd = "car.usda"' + asset)
+    (found,) = faults(make, look, CAR + asset)
     assert fault in found
 
 
@@ -488,33 +405,19 @@ def test_faults_of_assigned_materials_and_of_patterns_are_reported_at_once(make:
     assert found[2].startswith("job.toml: look[0].assign[0].prims: '/Wrong' fits no part")
 
 
-PREVIEW = """
-def Material "{name}"
-{{
-    token outputs:surface.connect = </{name}/Surface.outputs:surface>
-    def Shader "Surface"
-    {{
-        uniform token info:id = "UsdPreviewSurface"
-        color3f inputs:emissiveColor = (1, 1, 1)
-        color3f inputs:diffuseColor.connect = </{name}/Map.outputs:rgb>
-        token outputs:surface
-    }}
-    def Shader "Map"
-    {{
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @map.png@
-        token inputs:sourceColorSpace = "raw"
-        float2 inputs:st.connect = </{name}/St.outputs:result>
-        color3f outputs:rgb
-    }}
-    def Shader "St"
-    {{
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }}
-}}
-"""
+def preview(name: str) -> str:
+    """Return a material with a UsdPreviewSurface, which emits light and reads an image."""
+    surface = shader(
+        "Surface",
+        "UsdPreviewSurface",
+        "color3f inputs:emissiveColor = (1, 1, 1)",
+        f"color3f inputs:diffuseColor.connect = </{name}/Map.outputs:rgb>",
+        "token outputs:surface",
+    )
+    output = f"token outputs:surface.connect = </{name}/Surface.outputs:surface>"
+    return f'def Material "{name}"\n{{\n{output}\n{surface}{image(name)}}}\n'
+
+
 BOUND = """
 def Mesh "{name}" ( prepend apiSchemas = ["MaterialBindingAPI"] )
 {{
@@ -529,7 +432,7 @@ def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_
 ) -> None:
     meshes = [("A", "Red"), ("B", "Blue"), ("C", "Red")]
     bound = (BOUND.format(name=name, square=SQUARE, material=material) for name, material in meshes)
-    materials = (PREVIEW.format(name=name) for name in ("Red", "Blue"))
+    materials = map(preview, ("Red", "Blue"))
     (folder / "car.usda").write_text("".join(["#usda 1.0\n", *bound, *materials]))
     made = make('\n[[look]]\nname = "two"\n')
     assert [look.name for look in made.scenes["one", "white"].looks] == ["Red", "Blue", "Red"]
@@ -539,19 +442,18 @@ def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_
     assert worn(made, "two") == worn(made)
 
 
-@pytest.mark.parametrize(("opacity", "presence"), [("[1, 1]", False), ("[0.5, 1]", True)])
-def test_a_display_opacity_counts_where_it_is_below_one(make: Make, folder: Path, opacity: str, presence: bool) -> None:
-    primvar = f'float[] primvars:displayOpacity = {opacity} ( interpolation = "uniform" )\n color3f'
-    (folder / "car.usda").write_text(
-        ASSET.replace("color3f[] primvars:displayColor", f"{primvar}[] primvars:displayColor")
-    )
-    scene = make().scenes["one", "white"]
-    (look,) = {look.name: look for look in scene.looks if look.name == "displayColor"}.values()
-    assert ("opacity" in look.layers[0].inputs) == presence
-
-
-def test_a_display_opacity_alone_is_that_of_a_grey(make: Make, folder: Path) -> None:
-    primvar = 'float[] primvars:displayOpacity = [0.5, 1] ( interpolation = "uniform" )\n color3f[] primvars:unread'
+@pytest.mark.parametrize(
+    ("opacity", "color", "presence"),
+    [
+        ("[1, 1]", "displayColor", None),
+        ("[0.5, 1]", "displayColor", "displayOpacity"),
+        ("[0.5, 1]", "unread", "displayOpacity"),  # of a grey
+    ],
+)
+def test_a_display_opacity_counts_where_it_is_below_one(
+    make: Make, folder: Path, opacity: str, color: str, presence: str | None
+) -> None:
+    primvar = f'float[] primvars:displayOpacity = {opacity} ( interpolation = "uniform" )\n color3f[] primvars:{color}'
     (folder / "car.usda").write_text(ASSET.replace("color3f[] primvars:displayColor", primvar))
-    (look,) = [each for each in make().scenes["one", "white"].looks if each.name == "displayColor"]
-    assert look.layers[0].inputs["opacity"].name == "displayOpacity"
+    (look,) = {look.name: look for look in make().scenes["one", "white"].looks if look.name == "displayColor"}.values()
+    assert getattr(look.layers[0].inputs.get("opacity"), "name", None) == presence

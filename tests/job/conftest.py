@@ -1,0 +1,21 @@
+"""Lights of jobs, whose tables of directions are small: nothing draws from them here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lookdev.light.dome import points
+
+
+@pytest.fixture(scope="session")
+def _job_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _small_tables(_job_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw few directions of a dome, which takes seconds, and keep them from other tests by a cache of these tests."""
+    monkeypatch.setattr(points, "SIDE", 32)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(_job_cache))
