@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lookdev.bench.matrix import Cell, Options
 from lookdev.bench.measure import Candidate
@@ -15,6 +17,17 @@ from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
 
 SIDE = 64
+
+
+def store_references(folder: Path, patch: pytest.MonkeyPatch) -> None:
+    """Let references be stored in a folder; lights and looks are those of the run's cache."""
+
+    def cache_dir(*parts: str) -> Path:
+        place = folder.joinpath("cache", *parts)
+        place.mkdir(parents=True, exist_ok=True)
+        return place
+
+    patch.setattr("lookdev.bench.reference.cache_dir", cache_dir)
 
 
 def quiet(text: str) -> None:

@@ -1,13 +1,13 @@
-"""References of these tests are kept in a cache of their own."""
+"""References of each test are its own."""
 
 from __future__ import annotations
 
-import pytest
+from pathlib import Path
 
-from lookdev.bench.backends import bench_light
+import pytest
+from bench_fakes import store_references
 
 
 @pytest.fixture(autouse=True)
-def _own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    bench_light.cache_clear()  # its files are in the cache of another test
+def _own_references(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store_references(tmp_path, monkeypatch)

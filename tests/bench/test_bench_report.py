@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from bench_fakes import FakeBackends, FakeRenderer, quiet
+from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
 from rich.console import Console
 
 from lookdev.bench.curves import Reached
@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(folder: Path) -> Results:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_CACHE", str(folder / "cache"))
+        store_references(folder, patch)
         return run_matrix(OPTIONS, folder / "out", quiet, opened=FakeBackends())
 
 

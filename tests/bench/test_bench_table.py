@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bench_fakes import FakeBackends, FakeRenderer, quiet
+from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
 from test_bench_growth import FakeProcesses
 
 from lookdev.bench import growth, run
@@ -39,7 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Measured]:
     """Measure a table once; return the results and the document."""
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("table")
-        patch.setenv("LOOKDEV_CACHE", str(folder / "cache"))
+        store_references(folder, patch)
         yield measuring(folder, patch)()
 
 
