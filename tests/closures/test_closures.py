@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from closure_albedo import bsdfs_of, closures_albedo, view
+from numpy.typing import NDArray
 from random_parameters import VARIANTS, random_parameters
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, stack_bsdf
@@ -16,15 +16,19 @@ from lookdev.brdf.frames import ZENITH, Leaning
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.metal import CONDUCTOR
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.checks.samples import constant_looks
 from lookdev.closures import STAND_INS, Closure, Kind, closure_cosine, lobe_closures
 from lookdev.closures.disney import diffuse_albedo
-from lookdev.closures.setups import disney_lobe
+from lookdev.closures.setups import disney_lobe, view_at
 from lookdev.errors import CodegenError
 from lookdev.material import Look
 from lookdev.material.library import read_preset
-from lookdev.material.library.edit import new_look
+from lookdev.material.library.edit import preset_look
 from lookdev.material.usd import read_look
+from lookdev.material.values import look_bsdf
 from lookdev.reference.albedo import integrate_albedo
+
+Floats = NDArray[np.float64]
 
 ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
@@ -36,18 +40,52 @@ TOLERANCE = 0.01
 CELLS = (48, 32)
 
 
-def deviation(bsdf: Bsdf, wo: np.ndarray[Any, Any]) -> float:
+class Anywhere:
+    """Points of constant surfaces."""
+
+    def handedness(self) -> Floats:
+        return np.ones(())
+
+
+def bsdfs_of(look: Look, points: int) -> list[Bsdf]:
+    """Return the constant surfaces of a look at random points, or the one where nothing varies."""
+    looks = constant_looks(look, points, np.random.default_rng(0))
+    return [look_bsdf(constant, Anywhere()) for constant in looks]
+
+
+def view(angle: float, azimuth: float = 0.35) -> Floats:
+    """Return a unit direction, from degrees off the normal and radians around it."""
+    return view_at(angle, np.degrees(azimuth))
+
+
+def closures_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
+    """Return the albedos of the closures of a BSDF for a view (3,): reflected and transmitted, (2, 3)."""
+    total = np.zeros((2, 3))
+    for lobe in bsdf.lobes(wo):
+        for closure in lobe_closures(lobe, wo):
+            wi, weight = _directions(closure, wo)
+            energy = closure_cosine(closure, wo, wi) * weight[:, None]
+            total += [energy[wi[:, 2] > 0.0].sum(axis=0), energy[wi[:, 2] < 0.0].sum(axis=0)]
+    return total
+
+
+def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
+    width = float(min(closure.alpha_x, closure.alpha_y))
+    if closure.kind in ("diffuse", "rough_diffuse", "translucent", "sheen"):
+        wi, weight = hemisphere_grid(24)
+    elif not closure.transmits:
+        wi, weight = half_vector_grid(closure.frame.to_local(wo), width, (32, 32))
+    else:
+        # Light leaves along the microfacets' normals, twice as far from the zenith as its half vectors.
+        wi, weight = half_vector_grid(ZENITH, 0.5 * width, (32, 32))
+    side = -1.0 if closure.transmits else 1.0
+    return side * closure.frame.from_local(wi), weight
+
+
+def deviation(bsdf: Bsdf, wo: Floats) -> float:
     """Return the largest error of the closures' albedo on either side of the surface, relative to at least 0.1."""
     wanted = integrate_albedo(bsdf, wo, CELLS).value
     return float((np.abs(closures_albedo(bsdf, wo) - wanted) / np.maximum(wanted, 0.1)).max())
-
-
-@pytest.fixture(scope="module")
-def preset_looks(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Look]:
-    folder = tmp_path_factory.mktemp("looks")
-    for file in PRESETS:
-        new_look(folder / file.name, read_preset(file))
-    return {file: read_look(folder / file.name) for file in PRESETS}
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -170,34 +208,40 @@ def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
     np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), wanted, rtol=1e-12)
 
 
-@pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
-def test_the_albedo_of_every_preset(file: Path, preset_looks: dict[Path, Look]) -> None:
-    (bsdf,) = bsdfs_of(preset_looks[file], 1)
-    assert max(deviation(bsdf, view(angle)) for angle in (65.0, 85.0)) <= TOLERANCE
+def look_of(file: Path) -> Look:
+    return read_look(file) if file in LOOKS else preset_look(read_preset(file), file.stem)
+
+
+@pytest.mark.parametrize(
+    ("file", "angle"), list(zip(PRESETS, cycle((65.0, 85.0)))), ids=lambda x: getattr(x, "stem", x)
+)
+def test_the_albedo_of_every_preset(file: Path, angle: float) -> None:
+    (bsdf,) = bsdfs_of(look_of(file), 1)
+    assert deviation(bsdf, view(angle)) <= TOLERANCE
 
 
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
 def test_the_albedo_of_every_look(file: Path) -> None:
-    assert max(deviation(bsdf, view(75.0)) for bsdf in bsdfs_of(read_look(file), 2)) <= TOLERANCE
+    assert max(deviation(bsdf, view(75.0)) for bsdf in bsdfs_of(look_of(file), 2)) <= TOLERANCE
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
-def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float, preset_looks: dict[Path, Look]) -> None:
-    angles = (0.0, 20.0, 40.0, 60.0, 70.0, 75.0, 80.0, 83.0, 85.0)
-    looks = [*preset_looks.values(), *map(read_look, LOOKS)]
+def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float) -> None:
+    views = [view(angle, np.radians(azimuth)) for angle in (0.0, 20.0, 40.0, 60.0, 70.0, 75.0, 80.0, 83.0, 85.0)]
     found = {
-        look.name: max(deviation(bsdf, view(a, np.radians(azimuth))) for bsdf in bsdfs_of(look, 3) for a in angles)
-        for look in looks
+        file.stem: max(deviation(bsdf, wo) for bsdf in bsdfs_of(look_of(file), 3) for wo in views)
+        for file in (*PRESETS, *LOOKS)
     }
     assert {name: value for name, value in found.items() if value > TOLERANCE} == {}
 
 
-@pytest.mark.parametrize(
-    ("model", "tokens"), [each for each in VARIANTS if each[0] in STOOD_IN and "options" not in each[1]], ids=str
-)
-def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, str]) -> None:
-    count = 12
+ISOTROPIC = [variant for variant in VARIANTS if variant[0] in STOOD_IN and "options" not in variant[1]]
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.proof)])
+@pytest.mark.parametrize(("model", "tokens"), ISOTROPIC, ids=str)
+def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, str], count: int) -> None:
     parameters = random_parameters(np.random.default_rng(3), model, tokens, count, leaning=0.0)
     parameters |= {"anisotropic": np.zeros(count)} if model == "disney" else {}
     if "ior" in parameters:
@@ -211,7 +255,7 @@ def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, s
     # Of Pixar's exact metals, the error is 1.6 % at 85 degrees.
     most = 0.016 if model == "pixar" and tokens["fresnel"] == CONDUCTOR else TOLERANCE
     # The error of wide cones of a bent view is 2 %.
-    assert np.mean(np.array(found) <= most) >= 0.9
+    assert np.sum(np.array(found) > most) <= 1
     assert max(found) <= 0.03
 
 
@@ -223,17 +267,14 @@ def test_weights_stay_bounded_however_a_view_grazes() -> None:
             given |= {name: np.ones(50) for name in given if name.endswith("Scale") and "Cone" not in name}
         for angle in (85.0, 89.0, 89.9, 89.99, 89.9999):
             wo = np.broadcast_to(view(angle), (50, 3))
-            for lobe in MODELS[model].bsdf(given).lobes(wo):
-                for closure in lobe_closures(lobe, wo):
-                    weight = np.asarray(closure.weight)
-                    assert (weight >= 0.0).all(), (lobe.name, angle)
-                    # The weight of sheen is up to its tint, the inverse of the luminance of a pure blue.
-                    assert (weight <= (80.0 if closure.kind == "sheen" else 2.5)).all(), (lobe.name, angle)
-                    if closure.kind == "metal":
-                        assert (weight <= 1.0).all(), (lobe.name, angle)
-                        assert ((closure.f0 >= 0.0) & (closure.f0 <= 1.0)).all(), (lobe.name, angle)
-                    assert (np.asarray(closure.alpha_x) <= 1.0).all()
-                    assert (np.asarray(closure.alpha_y) <= 1.0).all()
+            lobes = MODELS[model].bsdf(given).lobes(wo)
+            for name, closure in ((lobe.name, closure) for lobe in lobes for closure in lobe_closures(lobe, wo)):
+                # The weight of sheen is up to its tint, the inverse of the luminance of a pure blue.
+                most = {"sheen": 80.0, "metal": 1.0}.get(closure.kind, 2.5)
+                bounded = [(closure.weight, most), (closure.alpha_x, 1.0), (closure.alpha_y, 1.0)]
+                bounded += [(closure.f0, 1.0)] if closure.kind == "metal" else []
+                for value, limit in bounded:
+                    assert np.all((np.asarray(value) >= 0.0) & (np.asarray(value) <= limit)), (name, angle)
 
 
 def test_the_closures_of_a_blend_are_weighted_by_the_mask() -> None:

@@ -1,7 +1,8 @@
-"""The table of fits agrees with the script that makes it, and has no pole in the domain."""
+"""The tables of fits, and of `lookdev.brdf.reflectance`, agree with the scripts that make them, and have no pole."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,12 +11,15 @@ import numpy as np
 import pytest
 
 from lookdev.brdf.rational import Rational, polynomial
+from lookdev.brdf.reflectance import DATA
 from lookdev.closures.fits import fit, table
 from lookdev.closures.fitting import Goal, make_fits, make_table
 from lookdev.closures.rational import Degree, Problem, fit_rational
+from lookdev.closures.reflectance import make_table as make_reflectance
 from lookdev.closures.setups import FULL, Grid, Setup, coat_setups, distance, highlight_setups
 
 FITS = table()["fits"]
+REFLECTANCE = json.loads(DATA.read_text())
 ANY = np.linspace(0.0, 1.0, 101)
 # Alpha, and the cosine of a refracted view; of all others, roughness or an alpha from 0.001.
 HIGHLIGHTS = np.sin(np.radians(np.linspace(0.25, 54.0, 101))) / np.sqrt(np.log(10.0))
@@ -104,3 +108,13 @@ def test_the_script_makes_the_table_again() -> None:
     for name, entry in made["fits"].items():
         # Coefficients differ by the rounding of the linear algebra library.
         np.testing.assert_allclose(entry["residual"]["rms"], FITS[name]["residual"]["rms"], rtol=0.1)
+
+
+def test_the_reflectance_is_that_of_the_script() -> None:
+    for name, made in make_reflectance().items():
+        kept = REFLECTANCE[name]
+        assert made["residual"]["largest"] == pytest.approx(kept["residual"]["largest"], rel=0.02)
+        x, y = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.001, 1.0, 33))
+        stored, again = (Rational(each["numerator"], each["denominator"])(x, y) for each in (kept, made))
+        assert np.isfinite(np.asarray(stored)).all()
+        np.testing.assert_allclose(stored, again, atol=1e-4, err_msg=name)
