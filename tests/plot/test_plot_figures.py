@@ -18,15 +18,17 @@ COMMANDS = [
     for line in block.splitlines()
 ]
 FLAGS = ("--chroma", "--cosine")
+SIZES = {"albedo": 4, "sphere": 12}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_draws_its_figure(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folders = ":".join(str(ROOT / "materials" / name) for name in ("presets", "metals", "classic"))
     monkeypatch.setenv("LOOKDEV_LIBRARY", folders)
+    monkeypatch.setattr("lookdev.plot.solid._SAMPLES", 4)
     program, verb, kind, *words = shlex.split(command)
     assert (program, verb) == ("lookdev", "plot")
-    options: dict[str, object] = {"size": 48}
+    options: dict[str, object] = {"size": SIZES.get(kind, 24)}
     subjects, output = [], ""
     rest = iter(words)
     for word in rest:
@@ -39,8 +41,6 @@ def test_a_command_draws_its_figure(command: str, tmp_path: Path, monkeypatch: p
             options[word[2:]] = text if word in ("--scale", "--axis", "--channels", "--angles") else float(text)
         else:
             subjects.append(read_subject(word))
-    if kind == "albedo":
-        options["size"] = 5
     plot = draw(kind, subjects, Options(**options))  # type: ignore[arg-type]
     plot.write(tmp_path / output, dpi=40)
     assert (tmp_path / output).stat().st_size > 1000
