@@ -1,55 +1,79 @@
-"""A look at points is, at each point, a stack of constants: the values of its sources there."""
+"""A look at points is, at each point, a stack of constants: the values of its sources there, and for a view.
+
+Normals are those that a file means, in the world, whatever way the UVs run.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from numpy.typing import NDArray
 
-from lookdev.brdf import StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
+from lookdev.brdf import (
+    MODELS,
+    Bsdf,
+    StackLayer,
+    complete_parameters,
+    evaluate,
+    evaluate_cosine,
+    pdf,
+    sample,
+    stack_bsdf,
+)
+from lookdev.checks.samples import constant_looks
 from lookdev.errors import ModelError
-from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture, View
 from lookdev.material.expression import parse
+from lookdev.material.look import Input
 from lookdev.material.points import ImagePoints
 from lookdev.material.textures import sample_slopes, sample_texture
-from lookdev.material.values import look_bsdf
+from lookdev.material.values import Values, look_bsdf
+from lookdev.reference.albedo import integrate_albedo, sample_albedo
+
+Floats = NDArray[np.float64]
 
 COUNT = 7
 
 
 @dataclass(frozen=True)
 class Points(ImagePoints):
-    """Random UVs, a float and a colour primvar, every second point with mirrored UVs."""
+    """UVs, a float and a colour primvar, whether the UVs are mirrored (-1 or 1), and the cosine to the view."""
 
-    st: np.ndarray
-    wear: np.ndarray
-    paint: np.ndarray
-    hands: np.ndarray
+    st: Floats
+    wear: Any = 0.5
+    paint: Any = None
+    hands: Any = 1.0
+    cosine: Any = 1.0
 
-    def uv(self, name):
+    def uv(self, name: str) -> Floats:
         assert name == "st"
         return self.st
 
-    def primvar(self, primvar):
-        return self.paint if isinstance(primvar.fallback, tuple) else self.wear
+    def primvar(self, primvar: Primvar) -> Floats:
+        return np.asarray(self.paint if isinstance(primvar.fallback, tuple) else self.wear)
 
-    def handedness(self):
-        return self.hands
+    def handedness(self) -> Floats:
+        return np.asarray(self.hands)
+
+    def view(self) -> Floats:
+        return np.asarray(self.cosine)
 
 
 @pytest.fixture
-def points():
+def points() -> Points:
+    """Return random points, of which every second has mirrored UVs."""
     rng = np.random.default_rng(1)
     hands = np.where(np.arange(COUNT) % 2, -1.0, 1.0)
     return Points(rng.uniform(-1, 2, (COUNT, 2)), rng.uniform(-0.5, 1.5, COUNT), rng.uniform(size=(COUNT, 3)), hands)
 
 
 @pytest.fixture
-def image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+def image(tmp_path: Path) -> Path:
     pixels = np.random.default_rng(2).integers(0, 256, (5, 4, 3)).astype(np.uint8)
     assert oiio.ImageBuf(pixels).write(str(tmp_path / "image.png"))
     return tmp_path / "image.png"
@@ -187,3 +211,146 @@ def test_transmitting_layers_and_varying_presence(points, image):
 def test_a_constant_outside_its_range_is_refused(points):
     with pytest.raises(ModelError, match=r"disney\.roughness is 2"):
         look_bsdf(Look("look", (Layer("Layer", "disney", {"roughness": 2.0}),)), points)
+
+
+def of_view(text: str, **inputs: Any) -> Formula:
+    kinds = {name: "color" if isinstance(each, Coordinates | tuple) else "float" for name, each in inputs.items()}
+    return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **kinds})
+
+
+LOOK = Look(
+    "look",
+    (
+        Layer("Paint", "disney", {"baseColor": of_view("mix([.8, .1, .05], [.05, .2, .8], view)"), "metallic": 0.5}),
+        Layer(
+            "Leaf",
+            "pixar",
+            {"roughness": of_view("0.3 + 0.3 * view"), "back": of_view("1 - view"), "clear": of_view("view")},
+            of_view("smoothstep(1 - view, 0.1, 0.9)"),
+        ),
+    ),
+)
+VIEWS = (1.0, 0.7, 0.3, 0.05)
+SAMPLES = 2**16
+
+
+def seen_at(cosine: Any) -> Points:
+    return Points(np.array([0.25, 0.75]), cosine=cosine)
+
+
+def direction(cosine: float) -> Floats:
+    return np.array([np.sqrt(1.0 - cosine * cosine), 0.0, cosine])
+
+
+def seen(cosine: Any) -> Bsdf:
+    return look_bsdf(LOOK, seen_at(cosine))
+
+
+def test_values_at_points_are_those_of_each_view() -> None:
+    rng = np.random.default_rng(1)
+    cosines = np.array(VIEWS)
+    wo = np.stack([direction(cosine) for cosine in VIEWS])
+    wi = sample(seen(cosines), wo, rng.random((len(VIEWS), 2)))
+    values, densities = evaluate(seen(cosines), wo, wi), pdf(seen(cosines), wo, wi)
+    for k, cosine in enumerate(VIEWS):
+        np.testing.assert_allclose(values[k], evaluate(seen(cosine), wo[k], wi[k]), rtol=1e-12)
+        np.testing.assert_allclose(densities[k], pdf(seen(cosine), wo[k], wi[k]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("cosine", VIEWS)
+def test_sampling_at_a_hit_agrees_with_brute_force(cosine: float) -> None:
+    """Light from each side: directions of the BSDF over its pdf, quadrature, and directions uniform over the sphere."""
+    rng = np.random.default_rng(2)
+    bsdf, wo = seen(cosine), direction(cosine)
+    z, phi = rng.uniform(-1.0, 1.0, SAMPLES), rng.uniform(0.0, 2.0 * np.pi, SAMPLES)
+    r = np.sqrt(1.0 - z * z)
+    wi = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+    view = np.broadcast_to(wo, wi.shape)
+    weight = evaluate_cosine(bsdf, view, wi) * (4.0 * np.pi)
+    sides = np.stack([weight * (z > 0.0)[:, None], weight * (z < 0.0)[:, None]])
+    brute, error = sides.mean(axis=1), sides.std(axis=1) / np.sqrt(SAMPLES)
+    drawn, exact = sample_albedo(bsdf, wo, 1024, 16, rng), integrate_albedo(bsdf, wo)
+    # 24 comparisons over the four views: noise exceeds 4.5 standard errors once in 6,000 runs.
+    assert (np.abs(brute - drawn.value) <= 4.5 * np.hypot(error, drawn.error) + exact.error).all()
+    assert (np.abs(exact.value - drawn.value) <= 4.5 * drawn.error + exact.error).all()
+    # Directions over the sphere are drawn with probability 1, but for those that no lobe sends.
+    density = pdf(bsdf, view, wi) * (4.0 * np.pi)
+    assert density.mean() < 1.0 + 4.5 * density.std() / np.sqrt(SAMPLES)
+
+
+def test_the_albedo_of_a_view_is_that_of_the_model_with_its_numbers() -> None:
+    """What a view sees is bounded by the model; the same pair of directions the other way round is another value."""
+    wo, wi = direction(0.9), direction(0.2) * [-1.0, 1.0, 1.0]
+    there, back = evaluate(seen(0.9), wo, wi), evaluate(seen(0.2), wi, wo)
+    assert not np.allclose(there, back, rtol=0.1)
+    np.testing.assert_array_equal(there, evaluate(seen(wo[2]), wo, wi))
+
+
+def test_a_look_at_a_point_keeps_its_dependence_on_the_view() -> None:
+    inner = of_view("view * wear", wear=Primvar("wear", 0.5))
+    layer = Layer(
+        "Base",
+        "disney",
+        {
+            "roughness": of_view("a * c[0]", a=inner, c=Coordinates("st")),
+            "metallic": Primvar("wear", 0.5),
+            "baseColor": of_view("c * [view, 1, 1]", c=(0.3, 0.6, 0.9)),
+        },
+        of_view("view"),
+    )
+    looks = constant_looks(Look("look", (Layer("Under", "disney"), layer)), 3, np.random.default_rng(3))
+    assert len(looks) == 3
+    for look in looks:
+        inputs = look.layers[1].inputs
+        metal, rough = inputs["metallic"], inputs["roughness"]
+        assert isinstance(metal, float)
+        assert isinstance(rough, Formula)
+        coordinate = rough.inputs["c"]
+        assert isinstance(coordinate, tuple)
+        bsdf, wo = look_bsdf(look, seen_at(0.6)), direction(0.6)
+        values = {"roughness": 0.6 * metal * coordinate[0], "metallic": metal, "baseColor": (0.18, 0.6, 0.9)}
+        plain = Look("plain", (Layer("Under", "disney"), Layer("Base", "disney", values, 0.6)))
+        wi = np.array([-0.5, 0.2, np.sqrt(0.71)])
+        np.testing.assert_allclose(evaluate(bsdf, wo, wi), evaluate(look_bsdf(plain, seen_at(1.0)), wo, wi), rtol=1e-12)
+    assert len(constant_looks(LOOK, 3, np.random.default_rng(3))) == 1
+
+
+OPENGL = {"scale": (2.0, 2.0, 2.0, 1.0), "bias": (-1.0, -1.0, -1.0, 0.0)}
+DIRECTX = {"scale": (2.0, -2.0, 2.0, 1.0), "bias": (-1.0, 1.0, -1.0, 0.0)}
+
+
+def world(source: Input, mirrored: bool) -> Floats:
+    """Return the normal in the world where u grows along x, and v along y, or against it where UVs are mirrored.
+
+    The shading frame is (x, y, z), its bitangent cross(normal, tangent).
+    """
+    place = Points(np.array([[0.5, 0.5]]), hands=np.array([-1.0 if mirrored else 1.0]))
+    normal = np.asarray(Values(place).of(source, MODELS["disney"].parameters["normal"]))[0]
+    return normal / np.linalg.norm(normal)
+
+
+def tilted(folder: Path, up: float) -> Path:
+    """Write a normal map that leans along v: green is up in OpenGL's convention for `up` > 0."""
+    normal = np.array([0.0, up, np.sqrt(1.0 - up * up)])
+    pixels = np.broadcast_to((normal * 0.5 + 0.5).astype(np.float32), (2, 2, 3))
+    file = folder / f"{up}.tif"
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels))
+    assert image.write(str(file)), image.geterror()
+    return file
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("convention", "up"), [(OPENGL, 0.6), (DIRECTX, -0.6)])
+def test_a_normal_map_leans_along_v(tmp_path: Path, mirrored: bool, convention: dict[str, tuple], up: float) -> None:
+    texture = Texture(tilted(tmp_path, up), "rgb", "raw", **convention)
+    # v grows along y, or against it where the UVs are mirrored: there the same texel leans the other way.
+    np.testing.assert_allclose(world(texture, mirrored), [0.0, -0.6 if mirrored else 0.6, 0.8], atol=1e-6)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_bump_leans_against_its_slope(tmp_path: Path, mirrored: bool) -> None:
+    heights = np.linspace(1.0, 0.0, 64, dtype=np.float32)[:, np.newaxis, np.newaxis] * np.ones((1, 64, 1), np.float32)
+    assert oiio.ImageBuf(heights).write(str(tmp_path / "h.tif"))  # row 0 is v = 1: the height grows with v
+    bump = Bump(Texture(tmp_path / "h.tif", "r", "raw"), 1.0)
+    normal = world(bump, mirrored)
+    np.testing.assert_allclose(normal, [0.0, 0.7071 if mirrored else -0.7071, 0.7071], atol=0.01)
