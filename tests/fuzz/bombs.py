@@ -7,6 +7,7 @@ They are tried through the command line, which reads files in a child process th
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from pxr import Sdf
@@ -15,58 +16,48 @@ from usd_sound import CUBE
 _HEAD = '#usda 1.0\n(\n    defaultPrim = "Root"\n    metersPerUnit = 0.5\n    upAxis = "Y"\n)\n'
 
 
-def _references(times: int, deep: int, arc: str = "references") -> Callable[[Path], Path]:
-    """Return what writes prims that each refer so many times to the next."""
-
-    def write(folder: Path) -> Path:
-        levels = [f'def Xform "Root"\n{{\n    def Mesh "Body"\n    {{\n{CUBE}\n    }}\n}}\n']
-        levels += [
-            'def Xform "Root"\n{\n'
-            + "".join(f'    def "C{i}" ({arc} = @part{level}.usda@</Root>)\n    {{\n    }}\n' for i in range(times))
-            + "}\n"
-            for level in range(deep)
-        ]
-        for number, text in enumerate(levels):
-            name = "asset.usda" if number == deep else f"part{number}.usda"
-            (folder / name).write_text(_HEAD + text)
-        return folder / "asset.usda"
-
-    return write
+def _xform(name: str, body: str) -> str:
+    return f'def Xform "{name}"\n{{\n{body}}}\n'
 
 
-def _within(times: int, deep: int) -> Callable[[Path], Path]:
-    """Return what writes one layer, whose prims refer to others of it."""
-
-    def write(folder: Path) -> Path:
-        parts = [f'def Xform "P0"\n{{\n    def Mesh "Body"\n    {{\n{CUBE}\n    }}\n}}\n']
-        for level in range(deep):
-            name = "Root" if level == deep - 1 else f"P{level + 1}"
-            inner = "".join(f'    def "C{i}" (references = </P{level}>)\n    {{\n    }}\n' for i in range(times))
-            parts.append(f'def Xform "{name}"\n{{\n{inner}}}\n')
-        (folder / "asset.usda").write_text(_HEAD + "".join(parts))
-        return folder / "asset.usda"
-
-    return write
+def _levels(times: int, deep: int, arc: str) -> list[str]:
+    """Return the bodies of prims, of which each has children that refer to the one before, by its number."""
+    children = [
+        "".join(f'    def "C{i}" ({arc.format(level)})\n    {{\n    }}\n' for i in range(times))
+        for level in range(deep)
+    ]
+    return [f'    def Mesh "Body"\n    {{\n{CUBE}\n    }}\n', *children]
 
 
-def _nested_binary(count: int) -> Callable[[Path], Path]:
-    """Return what writes a binary layer of prims inside each other."""
+def _write_layers(folder: Path, arc: str) -> Path:
+    """Write a chain of layers, whose prims each refer ten times to the next."""
+    for number, body in enumerate(_levels(10, 9, f"{arc} = @part{{}}.usda@</Root>")):
+        file = folder / (f"part{number}.usda" if number < 9 else "asset.usda")
+        file.write_text(_HEAD + _xform("Root", body))
+    return file
 
-    def write(folder: Path) -> Path:
-        layer = Sdf.Layer.CreateAnonymous(".usdc")
-        path = Sdf.Path("/" + "/".join(["P"] * count))
-        with Sdf.ChangeBlock():
-            Sdf.CreatePrimInLayer(layer, path)
-        layer.Export(str(folder / "asset.usdc"))
-        return folder / "asset.usdc"
 
-    return write
+def _write_layer(folder: Path, times: int, deep: int) -> Path:
+    """Write one layer, whose prims refer to others of it."""
+    bodies = _levels(times, deep, "references = </P{}>")
+    prims = [_xform(f"P{number}" if number < deep else "Root", body) for number, body in enumerate(bodies)]
+    (folder / "asset.usda").write_text(_HEAD + "".join(prims))
+    return folder / "asset.usda"
+
+
+def _write_nested(folder: Path) -> Path:
+    """Write a binary layer of 2,000 prims inside each other."""
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    with Sdf.ChangeBlock():
+        Sdf.CreatePrimInLayer(layer, Sdf.Path("/P" * 2_000))
+    layer.Export(str(folder / "asset.usdc"))
+    return folder / "asset.usdc"
 
 
 BOMBS: dict[str, Callable[[Path], Path]] = {
-    "references, tenfold, 9 deep": _references(10, 9),
-    "payloads, tenfold, 9 deep": _references(10, 9, "payload"),
-    "references in one layer, tenfold, 9 deep": _within(10, 9),
-    "references in one layer, twofold, 30 deep": _within(2, 30),
-    "2,000 nested prims in a binary layer": _nested_binary(2_000),
+    "references in one layer, tenfold, 9 deep": partial(_write_layer, times=10, deep=9),
+    "references, tenfold, 9 deep": partial(_write_layers, arc="references"),
+    "payloads, tenfold, 9 deep": partial(_write_layers, arc="payload"),
+    "references in one layer, twofold, 30 deep": partial(_write_layer, times=2, deep=30),
+    "2,000 nested prims in a binary layer": _write_nested,
 }

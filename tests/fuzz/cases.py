@@ -17,13 +17,20 @@ from __future__ import annotations
 
 import random
 import re
+import tempfile
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from lookdev.errors import LookdevError
 
+REFUSED, NOTED, SOUND = frozenset({"refused"}), frozenset({"noted"}), frozenset({"sound"})
+NAMED, ANY = REFUSED | NOTED, REFUSED | NOTED | SOUND
+ANY_MEANING = ANY | {"silent"}
+"""Where a changed text may be right, with another meaning."""
 LONGEST = 2000  # characters of a message
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
 
@@ -70,11 +77,51 @@ class Kind:
     """A kind of input: `make(rng, number, folder)` writes the files of a case into an empty folder.
 
     The first `count` numbers are different cases; later ones are the same faults with other numbers or other files.
+    `sorts` are those of the first numbers, and repeat.
     """
 
     name: str
     make: Callable[[random.Random, int, Path], Case]
     count: int
+    sorts: tuple[str, ...]
+
+    def sample(self, seed: int, count: int) -> list[int]:
+        """Return numbers of cases: each sort in turn, in a random order, until there are `count`, or one of each."""
+        rng, turns = random.Random(seed), dict.fromkeys(self.sorts, 0)
+        numbers = rng.sample(range(self.count), self.count)
+        ranked = []
+        for number in numbers:
+            sort = self.sorts[number % len(self.sorts)]
+            ranked.append((turns[sort], number))
+            turns[sort] += 1
+        ranked.sort(key=lambda pair: pair[0])
+        return [number for _, number in ranked[: max(count, len(turns))]]
+
+
+def planned_kind(
+    name: str,
+    plan: Sequence[tuple[Any, ...]],
+    make: Callable[[random.Random, tuple[Any, ...], Path], Case],
+    rounds: int = 1,
+) -> Kind:
+    """Return a kind of the cases of a plan, whose entries begin with the sort of their fault, in a random order."""
+    order = random.Random(name).sample(plan, len(plan))
+    sorts = tuple(str(planned[0]) for planned in order)
+    return Kind(
+        name, lambda rng, number, folder: make(rng, order[number % len(order)], folder), rounds * len(plan), sorts
+    )
+
+
+def reading_of(write: Callable[[Path], object], read: Callable[[Path], Reading]) -> Callable[[], Reading]:
+    """Return a function that reads, once, what is written into an empty folder."""
+
+    @cache
+    def reading() -> Reading:
+        with tempfile.TemporaryDirectory() as folder:
+            write(Path(folder))
+            return read(Path(folder))
+
+    return reading
 
 
 @dataclass(frozen=True)
@@ -94,18 +141,18 @@ class Outcome:
         return self.outcome in self.expected
 
 
-def made(kind: Kind, seed: int, number: int, folder: Path) -> Case:
+def make_case(kind: Kind, seed: int, number: int, folder: Path) -> Case:
     """Return a case of a kind: always the same for the same seed and number."""
     return kind.make(random.Random(f"{kind.name} {seed} {number}"), number, folder)
 
 
-def judged(case: Case) -> Outcome:
+def judge(case: Case) -> Outcome:
     """Read a case and say what became of it."""
-    outcome, text = _judged(case)
+    outcome, text = _outcome_of(case)
     return Outcome(case.title, tuple(sorted(case.expected)), outcome, text)
 
 
-def _judged(case: Case) -> tuple[str, str]:
+def _outcome_of(case: Case) -> tuple[str, str]:
     try:
         reading = case.read()
     except LookdevError as error:

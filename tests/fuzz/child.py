@@ -16,15 +16,19 @@ import warnings
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from cases import judged, made
+from cases import judge, make_case
 from kinds import KINDS
 
+from lookdev.lifetime import end_with_parent
+
 MEMORY = 2 << 30  # bytes
+SECONDS = 10.0  # of processor time
 _MOST = 3 * MEMORY  # of addresses: the machine is safe, and no library meets the limit where it would tell of one
 
 
 def main() -> None:
     """Answer each line of stdin."""
+    end_with_parent()
     warnings.simplefilter("error")
     resource.setrlimit(resource.RLIMIT_AS, (_MOST, _MOST))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -38,11 +42,13 @@ def main() -> None:
                 os.environ["LOOKDEV_CACHE"] = cache
                 written.seek(0)
                 written.truncate()
-                case = made(KINDS[kind], int(seed), int(number), Path(folder))
-                started = time.monotonic()
+                case = make_case(KINDS[kind], int(seed), int(number), Path(folder))
+                started = time.process_time()
                 Path("/proc/self/clear_refs").write_text("5")  # the peak from here on
-                outcome = judged(case)
-                outcome = replace(outcome, seconds=time.monotonic() - started, peak=_peak())
+                outcome = judge(case)
+                outcome = replace(outcome, seconds=time.process_time() - started, peak=_peak())
+                if outcome.seconds > SECONDS:
+                    outcome = replace(outcome, outcome="hang", text=f"{outcome.seconds:.0f} s; {outcome.outcome}")
                 if outcome.peak > MEMORY:
                     outcome = replace(outcome, outcome="memory", text=f"{outcome.peak >> 20} MiB; {outcome.outcome}")
                 sys.stderr.flush()

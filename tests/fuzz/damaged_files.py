@@ -241,6 +241,6 @@ def _make_frame_case(rng: random.Random, number: int, folder: Path) -> Case:
 
 
 DAMAGED = (
-    Kind("damaged cache", _make_cache_case, 20 * len(WAYS)),
-    Kind("damaged frames", _make_frame_case, 5 * len(WAYS)),
+    Kind("damaged cache", _make_cache_case, 20 * len(WAYS), tuple(WAYS)),
+    Kind("damaged frames", _make_frame_case, 5 * len(WAYS), tuple(WAYS)),
 )

@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from cases import Case, Kind, Reading
-from text_changes import CHANGES, REFUSED, odd
+from cases import REFUSED, Case, Reading, planned_kind
+from text_changes import CHANGES, odd
 
 from lookdev.brdf import MODELS
 from lookdev.checks.evaluate import evaluate_lines
@@ -44,25 +44,19 @@ def _places(value: Any, within: tuple[str | int, ...] = ()) -> list[tuple[str | 
     return [place for key, part in parts for place in ((*within, key), *_places(part, (*within, key)))]
 
 
-def _is_wrong(place: tuple[str | int, ...], value: Any) -> bool:
-    if place[-1] in ("params",):
-        return value != {}
-    return True
-
-
-_PLANNED: tuple[tuple[Any, ...], ...] = (
+_PLAN: tuple[tuple[Any, ...], ...] = (
     *(
         ("value", line, place, number)
         for line, case in enumerate(_LINES)
         for place in _places(case)
         for number, value in enumerate(_NOTHING)
-        if _is_wrong(place, value)
+        if (place[-1], value) != ("params", {})
     ),
     *(("missing", line, key) for line, case in enumerate(_LINES) for key in case),
     *(("unknown", line) for line in range(len(_LINES))),
     *(("text", name, line) for name in CHANGES if name != "empty" for line in range(len(_LINES))),
-    *(("nested", deep) for deep in (40, 900, 100_000)),
-    ("digits",),
+    *(("nested", "[" * deep + "]" * deep, "line 1") for deep in (40, 900, 100_000)),
+    ("nested", "9" * 5000, "digits"),
 )
 
 
@@ -81,11 +75,8 @@ def _text(cases: list[dict[str, Any]]) -> bytes:
     return "".join(json.dumps(case, ensure_ascii=False) + "\n" for case in cases).encode()
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Make the lines of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    planned = _PLANNED[order[number % len(order)]]
     cases = json.loads(json.dumps(_LINES))
     expected, names, data = REFUSED, ("line",), b""
     match planned:
@@ -110,16 +101,12 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
             expected = CHANGES[name].expected
             # JSON has no line to name but that of the case.
             names = (f"line {line + 1}|line", *(each for each in CHANGES[name].names if each == "UTF-8"))
-        case ("nested", deep):
+        case ("nested", value, word):
             cases[0]["params"] = "DEEP"
-            data = _text(cases).replace(b'"DEEP"', b"[" * deep + b"]" * deep)
-            names = ("line 1",)
-        case ("digits",):
-            cases[0]["params"] = "DEEP"
-            data = _text(cases).replace(b'"DEEP"', b"9" * 5000)
-            names = ("line 1", "digits")
+            data = _text(cases).replace(b'"DEEP"', value.encode())
+            names = ("line 1", word)
     data = data or _text(cases)
     return Case(" ".join(map(str, planned))[:120], expected, lambda: _read(data), _sound, names)
 
 
-EVAL = Kind("eval", make, len(_PLANNED))
+EVAL = planned_kind("eval", _PLAN, make)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import Case, Kind, Reading, Shown
+from cases import Case, Kind, Reading, Shown, planned_kind
 from image_files import ENVIRONMENTS, RGB, TEXTURES, Wrong, exr
 from numpy.typing import NDArray
 from pictures import job, table
@@ -101,10 +101,9 @@ def _every(read: str) -> Mapping[str, Wrong]:
     return ENVIRONMENTS if read == "environment" else TEXTURES
 
 
-def _make(read: str, rng: random.Random, number: int, folder: Path) -> Case:
-    every = _every(read)
-    name = list(every)[number % len(every)]
-    wrong = every[name]
+def _make(read: str, rng: random.Random, planned: tuple[str, ...], folder: Path) -> Case:
+    name = planned[1]
+    wrong = _every(read)[name]
     file = folder / wrong.name
     wrong.write(file, rng)
     return Case(
@@ -150,7 +149,10 @@ def _repaired(read: str, folder: Path, name: str) -> str:
     return _right(read, folder, "", pixels)
 
 
-IMAGES = (
-    Kind("environments", partial(_make, "environment"), 3 * len(ENVIRONMENTS)),
-    Kind("textures", partial(_make, "texture"), 2 * len(TEXTURES)),
-)
+def _kind(name: str, read: str, rounds: int) -> Kind:
+    """Return a kind of images, whose sorts are those of their files and what must become of them."""
+    plan = [(f"{wrong.name} {sorted(wrong.expected)}", name) for name, wrong in _every(read).items()]
+    return planned_kind(name, plan, partial(_make, read), rounds)
+
+
+IMAGES = (_kind("environments", "environment", 3), _kind("textures", "texture", 2))

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
+from cases import ANY, NOTED, REFUSED, SOUND
 from numpy.typing import NDArray
 
-SOUND, NOTED, REFUSED = frozenset({"sound"}), frozenset({"noted"}), frozenset({"refused"})
-ANY = SOUND | NOTED | REFUSED
 Write = Callable[[Path, random.Random], object]
 
 GRAY = (128 + np.random.default_rng(5).integers(0, 128, (8, 16))) / np.float32(256.0)
@@ -116,28 +115,24 @@ def _texels(*values: float) -> NDArray[np.float32]:
     return pixels
 
 
-def _claimed_png(width: int, height: int, depth: int = 8) -> Write:
-    def write(file: Path, rng: random.Random) -> None:
-        chunks = (
-            (b"IHDR", struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0)),
-            (b"IDAT", zlib.compress(bytes(1000))),
-            (b"IEND", b""),
-        )
-        parts = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks]
-        file.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+def png(width: int, height: int, rows: bytes, depth: int = 8, color: int = 2) -> bytes:
+    """Return a PNG of a size, with rows of it, each behind the byte of its filter."""
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows)),
+        (b"IEND", b""),
+    )
+    parts = (struct.pack(">I", len(data)) + kind + data for kind, data in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(part + struct.pack(">I", zlib.crc32(part[4:])) for part in parts)
 
-    return write
+
+def _claimed_png(width: int, height: int, depth: int = 8) -> Write:
+    return lambda file, rng: file.write_bytes(png(width, height, bytes(1000), depth))
 
 
 def _full_png(file: Path, rng: random.Random) -> None:
     """Write a whole PNG of 16384 x 16384 black pixels in some 260 kB."""
-    side = 16384
-    packer = zlib.compressobj(9)
-    data = b"".join(packer.compress(bytes(side + 1)) for _ in range(side)) + packer.flush()
-    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
-    parts = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks]
-    file.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+    file.write_bytes(png(16384, 16384, bytes(16384 * 16385), color=0))
 
 
 def _sparse(write: Write) -> Write:

@@ -7,9 +7,10 @@ import re
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-from cases import Case, Kind, Reading
-from text_changes import CHANGES, NO_FILES, REFUSED, SOUND, odd
+from cases import REFUSED, SOUND, Case, Reading, planned_kind
+from text_changes import NO_FILES, odd, spoil, text_plan
 
 from lookdev.job import load_job
 
@@ -104,24 +105,24 @@ def _is_wrong(key: str, value: str) -> bool:
     return not (key in _FREE and "ODD" in value)
 
 
-_PLANNED: tuple[tuple[str, ...], ...] = (
+_OUTPUTS = ("full", "full/below", "/dev/null", "a" * 5000, "é\\n\\t", "\\u001b[31m", ".", "x/" * 3000)
+_PLACES = [name for name in NO_FILES if name != "a sparse file"]
+_PLAN: tuple[tuple[Any, ...], ...] = (
     *(
-        ("value", str(number), key, value)
+        ("value", number, key, value)
         for number, key, old in _keys()
         for value in _WRONG[_kind(old)]
         if _is_wrong(key, value)
     ),
-    *(("unknown", str(number), key) for number, key, _ in _keys()),
-    *(("twice", str(number), key) for number, key, _ in _keys()),
+    *(("unknown", number, key) for number, key, _ in _keys()),
+    *(("twice", number) for number, _, _ in _keys()),
     *(("missing", key) for key in ("output", "kind", "frames")),
     # Lines in another order have many faults, each of them clear.
-    *(("text", name) for name in CHANGES if name != "lines in another order" for _ in range(6)),
-    *(("file", name) for name in NO_FILES if name != "a sparse file"),
-    *(("named", name, file) for name in NO_FILES if name != "a sparse file" for file in _FILES),
-    *(("output", str(number)) for number in range(8)),
-    *(("nested", str(number)) for number in range(4)),
+    *(planned for planned in text_plan(6) if planned != ("text", "lines in another order")),
+    *(("named", name, file) for name in _PLACES for file in _FILES),
+    *(("output", text) for text in _OUTPUTS),
+    *(("nested", form) for form in ("a = {0}{1}", "{2}b = 1", "a = {3}", "a = {0}")),
     ("large",),
-    ("sparse",),
 )
 
 
@@ -144,69 +145,48 @@ def _sound(*without: str) -> Reading:
         return _read(_write(Path(folder), _TEXT.encode()), *without)
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Write the files of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    planned = _PLANNED[order[number % len(order)]]
     lines = _TEXT.splitlines(keepends=True)
     expected, names, without = REFUSED, ("job.toml",), ()
-    file = folder / "job.toml"
     match planned:
         case ("value", line, key, value):
             text = value.replace("ODDKEY", "a" * 3000).replace("ODD", odd(rng).replace("\x1b", "\\u001b"))
-            lines[int(line)] = f"{key} = {text}\n"
+            lines[line] = f"{key} = {text}\n"
             # A control character, or too many digits, end the reading of the text.
             names += (f"{key}|line|not TOML",)
         case ("unknown", line, key):
-            lines[int(line)] += f'"{rng.choice((key + "s", key[:-1] + "y", "é" * 500, "x" * 5000))}" = 1\n'
+            lines[line] += f'"{rng.choice((key + "s", key[:-1] + "y", "é" * 500, "x" * 5000))}" = 1\n'
             names += ("unknown key|should|not TOML",)
-        case ("twice", line, key):
-            lines[int(line)] *= 2
+        case ("twice", line):
+            lines[line] *= 2
             names += ("line",)
         case ("missing", key):
-            lines = [each for each in lines if not each.startswith(f"{key} =")]
+            lines = [line for line in lines if not line.startswith(f"{key} =")]
             names += (key,)
-        case ("text", name):
-            _write(folder, CHANGES[name].make(rng, _TEXT.encode()))
-            expected, names = CHANGES[name].expected, (*names, *CHANGES[name].names)
-        case ("named", name, of):
-            _write(folder, _TEXT.encode())
-            (folder / of).unlink()
-            NO_FILES[name][0](folder / of)
-            names += (of,)
-        case ("file", name):
-            NO_FILES[name][0](file)
-            names += (NO_FILES[name][1],)
-        case ("sparse",):
-            NO_FILES["a sparse file"][0](file)
-            names += ("at most",)
         case ("large",):
             lines[0] += "# " + "x" * 2_000_000 + "\n"
             names += ("at most",)
-        case ("nested", way):
+        case ("nested", form):
             deep = rng.choice((40, 900, 20_000))
-            lines[0] += (
-                "a = " + "[" * deep + "]" * deep,
-                "a." * deep + "b = 1",
-                "a = " + "{b=" * deep,
-                "a = " + "[" * deep,
-            )[int(way)] + "\n"
+            lines[0] += form.format("[" * deep, "]" * deep, "a." * deep, "{b=" * deep) + "\n"
             names += ("deep|not TOML|unknown key",)
-        case ("output", way):
+        case ("output", text):
             (folder / "full").write_text("")
-            output = ("full", "full/below", "/dev/null", "a" * 5000, "é\\n\\t", "\\u001b[31m", ".", "x/" * 3000)[
-                int(way)
-            ]
-            lines[0] = f'output = "{output}"\n'
-            without = ("output",)
-            if int(way) in (4, 5, 6):
-                expected = SOUND | REFUSED
-            names += ("output",)
-    if planned[0] in ("value", "unknown", "twice", "missing", "large", "nested", "output"):
-        _write(folder, "".join(lines).encode())
-    title = " ".join(each[:60] for each in planned)
+            lines[0] = f'output = "{text}"\n'
+            names, without = (*names, "output"), ("output",)
+            expected = SOUND | REFUSED if text in _OUTPUTS[4:7] else REFUSED
+    file = _write(folder, "".join(lines).encode())
+    match planned:
+        case ("named", name, of):
+            (folder / of).unlink()
+            NO_FILES[name][0](folder / of)
+            names += (of,)
+        case ("text" | "place", _):
+            expected, words = spoil(planned, rng, file, _TEXT)
+            names += words
+    title = " ".join(str(part)[:60] for part in planned)
     return Case(title, expected, lambda: _read(file, *without), lambda: _sound(*without), names)
 
 
-JOBS = Kind("jobs", make, len(_PLANNED))
+JOBS = planned_kind("jobs", _PLAN, make)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import random
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
-from cases import Case, Kind, Reading, Shown
+from cases import ANY_MEANING, REFUSED, SOUND, Case, Reading, Shown, planned_kind, reading_of
 from pictures import job
-from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
+from text_changes import text_plan
 from usd_sound import PIXELS
+from usda_lines import TYPES, animated, declaration, odd_text, retyped, spoil_layer
 
 from lookdev.material import Formula
 from lookdev.material.look import leaves
@@ -35,7 +35,6 @@ def Material "M"
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor.connect = </M/Image.outputs:rgb>
         float inputs:roughness = 0.25
-        color3f inputs:subsurfaceTint = (0.5, 0.25, 1)
     }
     def Shader "Coat"
     {
@@ -71,51 +70,28 @@ def Material "M"
     }
 }
 """
-_TEXT = _TEXT.replace("        color3f inputs:subsurfaceTint = (0.5, 0.25, 1)\n", "")
 _LINES = _TEXT.splitlines()
 _SPOTS = [number for number, line in enumerate(_LINES) if "inputs:" in line or "info:id" in line]
 _JOB = job('builtin = "sphere"', 'material = "look.usda"')
-_VALUES = {
-    "int": "1",
-    "double": "0.5",
-    "string": '"0.5"',
-    "float": "nan",
-    "float2": "(nan, 1)",
-    "float3": "(inf, 1, 1)",
-    "float4": "(1, 1, 1, -inf)",
-    "matrix4d": "((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,1))",
-    "float[]": "[0.5]",
-    "token[]": '["a"]',
-    "asset": "@nothing.png@",
-    "bool": "1",
-    "token": '"ODD"',
-    "dictionary": "{}",
-}
 _TARGETS = (
     "</M/Nothing.outputs:result>",
     "</M/Base.outputs:nothing>",
     "</M>",
     "</Other.a>",
     "</M/Base.inputs:roughness>",
+    "[</M/Base.outputs:layer>, </M/Coat.outputs:layer>]",
+    "<SELF>",
 )
-_TARGETS += ("[</M/Base.outputs:layer>, </M/Coat.outputs:layer>]", "<SELF>")
 _EXPRESSIONS = ("", "1 +", "wear + nothing", "nothing(wear)", "[wear, 1]", "wear[0]", "ODD", "$wear", "clamp(wear)")
-_EXPRESSIONS += (
-    "(" * 900 + "wear" + ")" * 900,
-    "-" * 900 + "wear",
-    "9" * 5000,
-    "1e999",
-    "wear" * 20_000,
-    "+".join(["wear"] * 900),
-)
-_PLANNED: tuple[tuple[str, ...], ...] = (
-    *(("type", str(line), kind) for line in _SPOTS for kind in _VALUES),
-    *(("connection", str(line), target) for line in _SPOTS for target in _TARGETS if "inputs:" in _LINES[line]),
-    *(("animated", str(line)) for line in _SPOTS if " = " in _LINES[line] and "info:id" not in _LINES[line]),
+_EXPRESSIONS += ("(" * 900 + "wear" + ")" * 900, "-" * 900 + "wear", "9" * 5000, "1e999", "wear" * 20_000)
+_EXPRESSIONS += ("+".join(["wear"] * 900),)
+_PLAN: tuple[tuple[Any, ...], ...] = (
+    *(("type", line, kind) for line in _SPOTS for kind in TYPES),
+    *(("connection", line, target) for line in _SPOTS for target in _TARGETS if "inputs:" in _LINES[line]),
+    *(("animated", line) for line in _SPOTS if " = " in _LINES[line] and "info:id" not in _LINES[line]),
     *(("expression", text) for text in _EXPRESSIONS),
-    *(("ladder", way) for way in ("17", "29", "31", "200", "cycle")),
-    *(("text", name) for name in CHANGES for _ in range(5)),
-    *(("place", name) for name in NO_FILES),
+    *(("ladder", count) for count in (17, 29, 31, 200, "cycle")),
+    *text_plan(5),
 )
 
 
@@ -128,15 +104,8 @@ def _read(file: Path) -> Reading:
         (layer.name, layer.mode, sorted(layer.inputs), list(leaves([*layer.inputs.values(), layer.mask])))
         for layer in found.look.layers
     ]
-    masks = [each.mask.expression.text for each in found.look.layers if isinstance(each.mask, Formula)]
+    masks = [layer.mask.expression.text for layer in found.look.layers if isinstance(layer.mask, Formula)]
     return Reading({"layers": repr(read).replace(folder, "FOLDER"), "masks": masks}, notes)
-
-
-@cache
-def _sound() -> Reading:
-    with TemporaryDirectory() as name:
-        _write(Path(name))
-        return _read(Path(name) / "look.usda")
 
 
 def _write(folder: Path, notes: str = "") -> str:
@@ -146,72 +115,62 @@ def _write(folder: Path, notes: str = "") -> str:
     return _JOB
 
 
-def _ladder(way: str) -> str:
+_sound = reading_of(_write, lambda folder: _read(folder / "look.usda"))
+
+
+def _ladder(count: int | str) -> str:
     """Return a look whose mask is a chain of expressions, each of which reads the next twice."""
-    count = 20 if way == "cycle" else int(way)
-    node = """    def Shader "E{0}"
+    names = [f"E{number}" for number in range(20 if count == "cycle" else int(count))]
+    nodes = "".join(
+        f"""    def Shader "{name}"
     {{
         uniform token info:id = "LookdevExpression"
         string inputs:expression = "a + b"
-        float inputs:a.connect = </M/{1}.outputs:result>
-        float inputs:b.connect = </M/{1}.outputs:result>
+        float inputs:a.connect = </M/{read}.outputs:result>
+        float inputs:b.connect = </M/{read}.outputs:result>
     }}
 """
-    last = "E0" if way == "cycle" else "Wear"
-    nodes = "".join(node.format(n, f"E{n + 1}" if n < count - 1 else last) for n in range(count))
+        for name, read in zip(names, [*names[1:], "E0" if count == "cycle" else "Wear"], strict=True)
+    )
     return _TEXT.replace("</M/Mask.outputs:result>", "</M/E0.outputs:result>").rstrip()[:-1] + nodes + "}\n"
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Write the files of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    what, *rest = _PLANNED[order[number % len(order)]]
-    file = folder / "look.usda"
-    (folder / "color.png").write_bytes(PIXELS)
-    lines = list(_LINES)
+    _write(folder)
+    file, lines = folder / "look.usda", list(_LINES)
     expected, names = REFUSED, ("look.usda",)
-    strange = odd(rng).replace("\x1b", "\\x1b").replace("\x07", "\\x07")
-    sound = _sound
-    match what, *rest:
+    match planned:
         case "type", line, kind:
-            own, name = lines[int(line)].split()[:2]
-            name = "info:id" if own == "uniform" else name.removesuffix(".connect")
-            lines[int(line)] = f"{kind} {name} = {_VALUES[kind].replace('ODD', strange)}"
+            own, name = declaration(lines[line])
+            lines[line] = retyped(lines[line], kind, rng)
             names = (*names, "/M")
-            if own == kind or (own, kind) in (("string", "token"), ("bool", "bool")):
-                expected = ANY
+            if name != "info:id" and (own == kind or (own, kind) == ("string", "token")):
+                expected = ANY_MEANING
         case "connection", line, target:
-            own, name = lines[int(line)].split()[:2]
-            name = name.removesuffix(".connect")
-            prim = next(each.split('"')[1] for each in reversed(lines[: int(line)]) if "Shader" in each)
-            lines[int(line)] = f"{own} {name}.connect = {target.replace('SELF', f'/M/{prim}.{name}')}"
-            names, expected = (*names, "/M"), ANY if target == "</M/Base.inputs:roughness>" else REFUSED
+            own, name = declaration(lines[line])
+            prim = next(line.split('"')[1] for line in reversed(lines[:line]) if "Shader" in line)
+            lines[line] = f"{own} {name}.connect = {target.replace('SELF', f'/M/{prim}.{name}')}"
+            names, expected = (*names, "/M"), ANY_MEANING if target == "</M/Base.inputs:roughness>" else REFUSED
         case "animated", line:
-            own, name, _, value = lines[int(line)].split(maxsplit=3)
-            if ".connect" in name:
-                expected = frozenset({"sound"})
+            if ".connect" in lines[line]:
+                expected = SOUND
             else:
-                lines[int(line)] = f"{own} {name}.timeSamples = {{ 0: {value}, 5: {value} }}"
-                names = (*names, "/M", "animated")
+                lines[line], names = animated(lines[line]), (*names, "/M", "animated")
         case "expression", text:
-            number_of = next(n for n, each in enumerate(lines) if "inputs:expression" in each)
-            lines[number_of] = f'string inputs:expression = "{text.replace("ODD", strange)}"'
+            line = next(number for number, line in enumerate(lines) if "inputs:expression" in line)
+            lines[line] = f'string inputs:expression = "{text.replace("ODD", odd_text(rng))}"'
             names = (*names, "/M/Mask")
-        case "ladder", way:
-            lines = _ladder(way).splitlines()
+        case "ladder", count:
+            lines = _ladder(count).splitlines()
             names = (*names, "/M/E")
-            if way in ("17", "29", "31"):
+            if count in (17, 29, 31):
                 expected = frozenset({"silent"})  # it is a sound look, of another mask
-        case "text", name:
-            file.write_bytes(CHANGES[name].make(rng, _TEXT.encode()))
-            expected = CHANGES[name].expected | ({"refused"} if name == "a mark at its start" else frozenset())
-        case "place", name:
-            NO_FILES[name][0](file)
-    if what not in ("text", "place"):
-        file.write_text("\n".join(lines) + "\n")
-    title = " ".join((what, *(each[:40] for each in rest)))
-    return Case(title, expected, lambda: _read(file), sound, names, shown=Shown(_JOB, {"sound": _write}))
+    file.write_text("\n".join(lines) + "\n")
+    if planned[0] in ("text", "place"):
+        expected = spoil_layer(planned, rng, file, _TEXT)
+    shown = Shown(_JOB, {"sound": _write})
+    return Case(" ".join(str(part)[:40] for part in planned), expected, lambda: _read(file), _sound, names, shown=shown)
 
 
-LOOKS = Kind("looks", make, len(_PLANNED))
+LOOKS = planned_kind("looks", _PLAN, make)

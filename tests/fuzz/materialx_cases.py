@@ -5,13 +5,13 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
-from cases import Case, Kind, Reading, Shown
+from cases import ANY, ANY_MEANING, Case, Reading, Shown, planned_kind, reading_of
 from pictures import job
-from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
+from text_changes import odd, spoil, text_plan
 from usd_sound import PIXELS
 
 from lookdev.material.materialx import import_materialx, write_usda
@@ -47,23 +47,8 @@ _WAYS = {
 _JOBS = {
     way: job('builtin = "sphere"', f'material = "{name}"') for way, name in (("import", "m.usda"), ("look", "m.mtlx"))
 }
-_VALUES = (
-    "",
-    "abc",
-    "nan",
-    "inf",
-    "-inf",
-    "1e400",
-    "9" * 5000,
-    "1, 2",
-    "0.5 0.5",
-    "true",
-    "0x10",
-    "1;2",
-    "0.5 0.5 0.5 0.5",
-    "ODD",
-    "[1]",
-)
+_VALUES = ("", "abc", "nan", "inf", "-inf", "1e400", "9" * 5000, "1, 2", "0.5 0.5", "true", "0x10", "1;2")
+_VALUES += ("0.5 0.5 0.5 0.5", "ODD", "[1]")
 _NAMES = ("", "nothing", "S", "ODD", "a/b", "../S", "M")
 _TYPES = ("", "integer", "string", "boolean", "color4", "matrix44", "floatarray", "nothing", "ODD")
 _CATEGORIES = ("nothing", "noise2d", "image", "ODDNAME", "nodegraph", "surface", "mix")
@@ -98,22 +83,20 @@ def _spots(attribute: str) -> list[int]:
 
 
 _NUMBERS = [number for number in _spots("value") if "filename" not in _TEXT.splitlines()[number]]
-_PLANNED: tuple[tuple[str, ...], ...] = (
-    *(
-        ("value", way, str(line), value)
-        for way in _WAYS
-        for line in _NUMBERS
-        for value in _VALUES
-        if (line, value) != (_NUMBERS[0], "1, 2")
-    ),
-    *(("nodename", way, str(line), name) for way in _WAYS for line in _spots("nodename") for name in _NAMES),
-    *(("type", way, str(line), kind) for way in _WAYS for line in _spots("type") for kind in _TYPES),
-    *(("name", way, str(line)) for way in _WAYS for line in _spots("name")),
-    *(("category", way, kind) for way in _WAYS for kind in _CATEGORIES),
-    *(("file", way, name) for way in _WAYS for name in ("", "nothing.png", "ODD", ".", "m.mtlx", "a<UDIM>.png", "@@@")),
-    *(("whole", way, name) for way in _WAYS for name in _WHOLE),
-    *(("text", way, name) for way in _WAYS for name in CHANGES for _ in range(3)),
-    *(("place", way, name) for way in _WAYS for name in NO_FILES),
+_FILES = ("", "nothing.png", "ODD", ".", "m.mtlx", "a<UDIM>.png", "@@@")
+_PLAN: tuple[tuple[Any, ...], ...] = tuple(
+    (sort, way, *rest)
+    for way in _WAYS
+    for sort, *rest in (
+        *(("value", line, value) for line in _NUMBERS for value in _VALUES if (line, value) != (_NUMBERS[0], "1, 2")),
+        *(("nodename", line, name) for line in _spots("nodename") for name in _NAMES),
+        *(("type", line, kind) for line in _spots("type") for kind in _TYPES),
+        *(("name", line) for line in _spots("name")),
+        *(("category", kind) for kind in _CATEGORIES),
+        *(("file", name) for name in _FILES),
+        *(("whole", name) for name in _WHOLE),
+        *text_plan(3),
+    )
 )
 
 
@@ -140,55 +123,6 @@ def _read(way: str, file: Path) -> Reading:
     )
 
 
-@cache
-def _sound(way: str) -> Reading:
-    with TemporaryDirectory() as name:
-        _write(way, _text(way), Path(name))
-        return _read(way, Path(name) / "m.mtlx")
-
-
-def make(rng: random.Random, number: int, folder: Path) -> Case:
-    """Write the files of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    what, way, *rest = _PLANNED[order[number % len(order)]]
-    (folder / "color.png").write_bytes(PIXELS)
-    file, text = folder / "m.mtlx", _text(way)
-    lines = text.splitlines(keepends=True)
-    strange = re.sub(r'[<>&"\x00-\x1f]', "-", odd(rng))
-    # What is not carried is noted, what is broken is refused; which of them depends on the node.
-    expected, names = frozenset({"refused", "noted", "sound"}), ("m.mtlx|m.usda",)
-    match what, *rest:
-        case "value" | "nodename" | "type", line, value:
-            value = value.replace("ODD", strange)
-            lines[int(line)] = re.sub(rf' {what}="[^"]*"', f' {what}="{value}"', lines[int(line)])
-        case "name", line:
-            lines[int(line)] = re.sub(r' name="[^"]*"', f' name="{strange.replace(" ", "")[:4000]}"', lines[int(line)])
-        case "category", kind:
-            lines = text.replace("tiledimage", kind.replace("ODDNAME", "x" * 3000)).splitlines(keepends=True)
-        case "file", name:
-            lines = text.replace("color.png", name.replace("ODD", strange)).splitlines(keepends=True)
-        case "whole", name:
-            lines = [text.replace(*_WHOLE[name])]
-        case "text", name:
-            change = CHANGES[name]
-            file.write_bytes(change.make(rng, text.encode()))
-            expected = change.expected
-            names = (*names, *change.names)
-        case "place", name:
-            NO_FILES[name][0](file)
-            expected, names = REFUSED, (*names, NO_FILES[name][1])
-    if what not in ("text", "place"):
-        file.write_text("".join(lines))
-    title = " ".join((what, way, *(each[:40] for each in rest)))
-    if what == "whole" and rest[0] in ("an entity", "a control character"):
-        expected = ANY
-    right = {"sound": partial(_write, way, text)} | _as_noted(way, text, what, rest)
-    # Of another node there is another picture.
-    shown = None if (what, way) == ("category", "look") else Shown(_JOBS[way], right)
-    return Case(title, expected, lambda: _read(way, file), lambda: _sound(way), names, (), shown)
-
-
 def _write(way: str, text: str, folder: Path, notes: str = "") -> str:
     """Write a document, and the look that is imported from it; return the job that shows it."""
     (folder / "color.png").write_bytes(PIXELS)
@@ -198,18 +132,57 @@ def _write(way: str, text: str, folder: Path, notes: str = "") -> str:
     return _JOBS[way]
 
 
-def _as_noted(way: str, text: str, what: str, rest: list[str]) -> dict[str, Callable[[Path, str], str]]:
+_SOUND = {
+    way: reading_of(partial(_write, way, _text(way)), lambda folder, way=way: _read(way, folder / "m.mtlx"))
+    for way in _WAYS
+}
+
+
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
+    """Write the files of a case."""
+    sort, way, *rest = planned
+    (folder / "color.png").write_bytes(PIXELS)
+    file, text = folder / "m.mtlx", _text(way)
+    lines = text.splitlines(keepends=True)
+    strange = re.sub(r'[<>&"\x00-\x1f]', "-", odd(rng))
+    # What is not carried is noted, what is broken is refused; which of them depends on the node.
+    expected, names = ANY, ("m.mtlx|m.usda",)
+    match sort, *rest:
+        case "value" | "nodename" | "type", line, value:
+            lines[line] = re.sub(rf' {sort}="[^"]*"', f' {sort}="{value.replace("ODD", strange)}"', lines[line])
+        case "name", line:
+            lines[line] = re.sub(r' name="[^"]*"', f' name="{strange.replace(" ", "")[:4000]}"', lines[line])
+        case "category", kind:
+            lines = [text.replace("tiledimage", kind.replace("ODDNAME", "x" * 3000))]
+        case "file", name:
+            lines = [text.replace("color.png", name.replace("ODD", strange))]
+        case "whole", name:
+            lines = [text.replace(*_WHOLE[name])]
+            expected = ANY_MEANING if name in ("an entity", "a control character") else expected
+    if sort in ("text", "place"):
+        expected, words = spoil((sort, *rest), rng, file, text)
+        names = (*names, *words)
+    else:
+        file.write_text("".join(lines))
+    right = {"sound": partial(_write, way, text)} | _as_noted(way, text, sort, rest)
+    # Of another node there is another picture.
+    shown = None if (sort, way) == ("category", "look") else Shown(_JOBS[way], right)
+    title = " ".join(str(part)[:40] for part in planned)
+    return Case(title, expected, lambda: _read(way, file), _SOUND[way], names, (), shown)
+
+
+def _as_noted(way: str, text: str, sort: str, rest: list[Any]) -> dict[str, Callable[[Path, str], str]]:
     """Return how documents are written without what a note may say is lost: the line, its node, or the texture."""
     lines = text.splitlines(keepends=True)
     colored = next(number for number, line in enumerate(lines) if 'nodename="image"' in line)
     placed = next(number for number, line in enumerate(lines) if 'nodename="place"' in line)
     without = {"without the texture": colored, "without its place": placed}
-    if what in ("value", "nodename", "type", "name"):
-        without["without the line"] = int(rest[0])
+    if sort in ("value", "nodename", "type", "name"):
+        without["without the line"] = rest[0]
     black = text.replace('nodename="image"', 'value="0, 0, 0"')
     return {"black": partial(_write, way, black)} | {
         name: partial(_write, way, "".join(lines[:number] + lines[number + 1 :])) for name, number in without.items()
     }
 
 
-MATERIALX = Kind("MaterialX", make, len(_PLANNED))
+MATERIALX = planned_kind("MaterialX", _PLAN, make)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import random
 import unicodedata
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from cases import Case, Kind, Reading, Shown
+from cases import SOUND, Case, Reading, Shown, planned_kind, reading_of
 from pictures import job, table
 from usd_pictures import material
 from usd_sound import CUBE
@@ -67,14 +65,6 @@ def _spaced(rng: random.Random, number: int) -> str:
     return ("a:" if number >= len(_PLAIN) - len(_PRIMVARS) else "a_") * rng.randrange(1, 30) + f"b{number}"
 
 
-def _short(rng: random.Random, number: int) -> str:
-    return "_" * (number + 1)
-
-
-def _number(rng: random.Random, number: int) -> str:
-    return f"_{number}"
-
-
 _FAMILIES: dict[str, Callable[[random.Random, int], str]] = {
     "long": _long,
     "foreign": _foreign,
@@ -82,11 +72,11 @@ _FAMILIES: dict[str, Callable[[random.Random, int], str]] = {
     "long and foreign": _long_foreign,
     "cased": _cased,
     "in namespaces": _spaced,
-    "underscores": _short,
-    "numbers": _number,
+    "underscores": lambda rng, number: "_" * (number + 1),
+    "numbers": lambda rng, number: f"_{number}",
 }
-_PLANNED = (
-    *(("family", name) for name in _FAMILIES for _ in range(8)),
+_PLAN = (
+    *((f"family {name}", name) for name in _FAMILIES for _ in range(8)),
     *(("word", word) for word in _WORDS),
     *(("short names of others", str(number)) for number in range(4)),
 )
@@ -144,8 +134,8 @@ def _read(file: Path, names: tuple[str, ...]) -> Reading:
         }
         result[f"{number} others"] = len(values)
     bound = read_bound(composed, [slot.material for slot in asset.slots if slot.material])
-    result["looks"] = [len(each.look.layers) for each in bound.values()]
-    result["lost"] = [str(fault) for each in bound.values() for fault in each.lost]
+    result["looks"] = [len(material.look.layers) for material in bound.values()]
+    result["lost"] = [str(fault) for material in bound.values() for fault in material.lost]
     return Reading(result, asset.notes)
 
 
@@ -154,34 +144,27 @@ def _write(folder: Path, notes: str = "", names: tuple[str, ...] = _PLAIN) -> st
     return _JOB
 
 
-@cache
-def _sound() -> Reading:
-    with TemporaryDirectory() as folder:
-        _write(Path(folder))
-        return _read(Path(folder) / "asset.usda", _PLAIN)
+_sound = reading_of(_write, lambda folder: _read(folder / "asset.usda", _PLAIN))
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def make(rng: random.Random, planned: tuple[str, str], folder: Path) -> Case:
     """Write an asset with other names: some of them, or all."""
-    what, which = _PLANNED[number % len(_PLANNED)]
+    sort, which = planned
     names = list(_PLAIN)
     changed = range(len(_PLAIN)) if rng.random() < 0.5 else rng.sample(range(len(_PLAIN)), 5)
-    match what:
-        case "family":
-            for place in changed:
-                names[place] = _FAMILIES[which](rng, place)
-        case "word":
-            # The word is the name of a UV set, or of a primvar; other words are those of the rest.
-            first = _WORDS.index(which) - rng.randrange(6, len(_PLAIN))
-            for place in range(len(_PLAIN)):
-                names[place] = _WORDS[(first + place) % len(_WORDS)]
-        case _:
-            # A name that is what a long one becomes in Blender.
-            names[7:] = ["m" * 80, short_name("m" * 80), "w" * 80, short_name("w" * 80)]
+    if sort.startswith("family"):
+        for place in changed:
+            names[place] = _FAMILIES[which](rng, place)
+    elif sort == "word":
+        # The word is the name of a UV set, or of a primvar; other words are those of the rest.
+        first = _WORDS.index(which) - rng.randrange(6, len(_PLAIN))
+        names = [_WORDS[(first + place) % len(_WORDS)] for place in range(len(_PLAIN))]
+    else:
+        # A name that is what a long one becomes in Blender.
+        names[7:] = ["m" * 80, short_name("m" * 80), "w" * 80, short_name("w" * 80)]
     _write(folder, names=tuple(names))
     file, given = folder / "asset.usda", tuple(names)
-    shown = Shown(_JOB, {"sound": _write})
-    return Case(f"{what} {which}", frozenset({"sound"}), lambda: _read(file, given), _sound, shown=shown)
+    return Case(f"{sort} {which}", SOUND, lambda: _read(file, given), _sound, shown=Shown(_JOB, {"sound": _write}))
 
 
-NAMES = Kind("names", make, 2 * len(_PLANNED))
+NAMES = planned_kind("names", _PLAN, make, rounds=2)

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from lookdev.errors import LookdevError
 from lookdev.job import load_job
 from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import renderer
 
 CLOSE = 2e-5
 """The largest relative squared difference of equal pictures of two digests: 2 % of brightness are 4e-4."""
@@ -116,13 +114,6 @@ def difference(one: Picture, other: Picture) -> float:
     squares = (np.square(one, dtype=np.float64) + np.square(other, dtype=np.float64)).sum(axis=(0, 1)) / 2.0
     parts = [(apart[part].sum(), squares[part].sum()) for part in (slice(3), slice(3, 4))]
     return max((float(far / whole) if whole else 0.0 for far, whole in parts), default=0.0)
-
-
-@contextmanager
-def painter() -> Iterator[Painter]:
-    """Yield a painter with a warm worker."""
-    with renderer() as render:
-        yield Painter(render)
 
 
 def job(asset: str, look: str = "", light: str = STUDIO, more: str = "") -> str:

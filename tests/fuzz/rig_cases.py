@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import random
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
-from cases import Case, Kind, Reading
-from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
+from cases import ANY_MEANING, NOTED, REFUSED, Case, Reading, planned_kind, reading_of
+from text_changes import NO_FILES, text_plan
+from usda_lines import TYPES, animated, declaration, retyped, spoil_layer
 
 from lookdev.light.dome.files import write_exr
 from lookdev.light.rig import load_rig
@@ -71,22 +71,7 @@ def Xform "Rig"
 _LINES = _TEXT.splitlines()
 _SPOTS = [number for number, line in enumerate(_LINES) if number > 5 and " = " in line and "def " not in line]
 _INPUTS = [number for number in _SPOTS if "inputs:" in _LINES[number] or "lookdev:" in _LINES[number]]
-_VALUES = {
-    "int": "3",
-    "double": "nan",
-    "float": "-inf",
-    "half": "-1",
-    "string": '"ODD"',
-    "token": '"ODD"',
-    "bool": "1",
-    "color3f": "(nan, 1, 1)",
-    "float3": "(1, -1, 1)",
-    "float[]": "[1, 2]",
-    "token[]": '["ODD"]',
-    "asset": "@nothing.exr@",
-    "matrix4d": "((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,1))",
-    "dictionary": "{}",
-}
+_SCALARS = {"int", "float", "double", "half", "bool", "token", "string"}
 _NUMBERS = ("nan", "inf", "-1", "0", "1e38", "1e-38", "1e999")
 _TRANSFORMS = (
     "((1,1,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,1))",
@@ -96,17 +81,16 @@ _TRANSFORMS = (
     "((1,0,0,1),(0,1,0,0),(0,0,1,0),(0,0,0,1))",
 )
 _FILES = ("box.exr", "sky.exr", "lamp.ies")
-_PLANNED: tuple[tuple[str, ...], ...] = (
-    *(("type", str(line), kind) for line in _SPOTS for kind in _VALUES),
-    *(("number", str(line), value) for line in _INPUTS if "float" in _LINES[line] for value in _NUMBERS),
-    *(("misspelt", str(line)) for line in _INPUTS),
-    *(("connection", str(line)) for line in _INPUTS if "inputs:" in _LINES[line]),
-    *(("animated", str(line)) for line in _INPUTS if "uniform" not in _LINES[line]),
+_PLAN: tuple[tuple[Any, ...], ...] = (
+    *(("type", line, kind) for line in _SPOTS for kind in TYPES),
+    *(("number", line, value) for line in _INPUTS if "float" in _LINES[line] for value in _NUMBERS),
+    *(("misspelt", line) for line in _INPUTS),
+    *(("connection", line) for line in _INPUTS if "inputs:" in _LINES[line]),
+    *(("animated", line) for line in _INPUTS if "uniform" not in _LINES[line]),
     *(("transform", matrix) for matrix in _TRANSFORMS),
-    *(("image", name, place) for name in _FILES for place in NO_FILES),
+    *(("image", name, instead) for name in _FILES for instead in NO_FILES),
     *(("noise", name) for name in _FILES for _ in range(4)),
-    *(("text", name) for name in CHANGES for _ in range(5)),
-    *(("place", name) for name in NO_FILES),
+    *text_plan(5),
 )
 
 
@@ -118,81 +102,65 @@ def _write(folder: Path) -> None:
 
 
 def _read(file: Path) -> Reading:
-    found, folder = load_rig(file, sampled=False), str(file.parent)
-    notes = tuple(note.replace(folder, "") for note in found.notes)
-    return Reading({each.path: repr(each).replace(folder, "") for each in found.given} | {"fit": found.fit}, notes)
+    rig, folder = load_rig(file, sampled=False), str(file.parent)
+    notes = tuple(note.replace(folder, "") for note in rig.notes)
+    return Reading({light.path: repr(light).replace(folder, "") for light in rig.given} | {"fit": rig.fit}, notes)
 
 
-@cache
-def _sound() -> Reading:
-    with TemporaryDirectory() as name:
-        _write(Path(name))
-        return _read(Path(name) / "rig.usda")
+_sound = reading_of(_write, lambda folder: _read(folder / "rig.usda"))
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def _types_expected(line: str, kind: str) -> frozenset[str]:
+    """Return what must become of an attribute of another type."""
+    own, name = declaration(line)
+    if {own, kind} <= _SCALARS and "uniform" not in line:
+        return ANY_MEANING
+    if own in ("color3f", "double3") and kind in ("color3f", "float3"):
+        return ANY_MEANING  # both are vectors of three floats
+    # Of attributes that no light reads, and of an operation that a type does not change.
+    return ANY_MEANING if name.startswith("xformOp") or name == "visibility" else REFUSED
+
+
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Write the files of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    what, *rest = _PLANNED[order[number % len(order)]]
-    file = folder / "rig.usda"
     _write(folder)
-    lines = list(_LINES)
+    file, lines = folder / "rig.usda", list(_LINES)
     expected, names = REFUSED, ("rig.usda", "/Rig")
-    strange = odd(rng).replace("\x1b", "\\x1b").replace("\x07", "\\x07")
-    match what, *rest:
+    match planned:
         case "type", line, kind:
-            name = lines[int(line)].partition(" = ")[0].split()[-1]
-            own = lines[int(line)].removeprefix("    custom").split()[0]
-            lines[int(line)] = f"{kind} {name} = {_VALUES[kind].replace('ODD', strange)}"
-            names = ("rig.usda",)
-            expected = ANY if {own, kind} <= {"int", "float", "double", "half", "bool", "token", "string"} else REFUSED
-            # Both are vectors of three floats.
-            expected = ANY if own in ("color3f", "double3") and kind in ("color3f", "float3") else expected
-            # Of attributes that no light reads, and of an operation that a type does not change.
-            expected = ANY if name.startswith("xformOp") or name == "visibility" else expected
+            expected, names = _types_expected(lines[line], kind), ("rig.usda",)
+            lines[line] = retyped(lines[line], kind, rng)
         case "number", line, value:
-            lines[int(line)] = f"{lines[int(line)].partition(' = ')[0]} = {value}"
-            names, expected = ("rig.usda",), ANY if value not in ("nan", "inf", "1e999") else REFUSED
+            lines[line] = f"{lines[line].partition(' = ')[0]} = {value}"
+            names, expected = ("rig.usda",), ANY_MEANING if value not in ("nan", "inf", "1e999") else REFUSED
         case "misspelt", line:
-            name = lines[int(line)].partition(" = ")[0].split()[-1]
+            name = declaration(lines[line])[1]
             place = rng.randrange(name.index(":") + 1, len(name))
-            changed = name[:place] + name[place + 1 :] if name[place] != ":" else f"{name[:place]}_{name[place + 1 :]}"
-            lines[int(line)] = lines[int(line)].replace(name, changed)
-            expected = ANY if "lookdev:fit" in name else REFUSED
+            other = name[:place] + ("_" if name[place] == ":" else "") + name[place + 1 :]
+            lines[line] = lines[line].replace(name, other)
+            expected = ANY_MEANING if "lookdev:fit" in name else REFUSED
         case "connection", line:
-            kind, name = lines[int(line)].partition(" = ")[0].split()[-2:]
-            lines[int(line)] = f"{kind} {name}.connect = </Rig/Noise.outputs:out>"
+            lines[line] = "{} {}.connect = </Rig/Noise.outputs:out>".format(*declaration(lines[line]))
         case "animated", line:
-            before, _, value = lines[int(line)].partition(" = ")
-            lines[int(line)] = f"{before}.timeSamples = {{ 0: {value}, 5: {value} }}"
-            expected = frozenset({"noted"})
+            lines[line], expected = animated(lines[line]), NOTED
         case "transform", matrix:
             text = f'matrix4d xformOp:transform = {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"]\n'
-            lines.insert(next(n for n, line in enumerate(lines) if "Tube" in line) + 2, text)
+            lines.insert(next(number for number, line in enumerate(lines) if "Tube" in line) + 2, text)
             names = (*names, "Tube")
-        case "image", name, place:
+        case "image", name, instead:
             (folder / name).unlink()
-            NO_FILES[place][0](folder / name)
+            NO_FILES[instead][0](folder / name)
             names = (*names, name)
         case "noise", name:
             data = bytearray((folder / name).read_bytes())
             for _ in range(rng.choice((1, 3, 30))):
                 data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
             (folder / name).write_bytes(data)
-            expected, names = ANY, ("rig.usda|" + name,)
-        case "text", name:
-            file.write_bytes(CHANGES[name].make(rng, _TEXT.encode()))
-            expected = CHANGES[name].expected | ({"refused"} if name == "a mark at its start" else frozenset())
-            names = ("rig.usda",)
-        case "place", name:
-            file.unlink()
-            NO_FILES[name][0](file)
-            names = ("rig.usda",)
-    if what not in ("text", "place"):
-        file.write_text("\n".join(lines) + "\n")
-    title = " ".join((what, *(each[:40] for each in rest)))
-    return Case(title, expected, lambda: _read(file), _sound, names)
+            expected, names = ANY_MEANING, ("rig.usda|" + name,)
+    file.write_text("\n".join(lines) + "\n")
+    if planned[0] in ("text", "place"):
+        expected, names = spoil_layer(planned, rng, file, _TEXT), ("rig.usda",)
+    return Case(" ".join(str(part)[:40] for part in planned), expected, lambda: _read(file), _sound, names)
 
 
-RIGS = Kind("rigs", make, len(_PLANNED))
+RIGS = planned_kind("rigs", _PLAN, make)

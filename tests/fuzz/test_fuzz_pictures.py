@@ -5,44 +5,41 @@ from __future__ import annotations
 import random
 import shutil
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import judged, made
+from cases import judge, make_case
 from damaged_files import PRODUCTS, WAYS
 from image_files import RGB, exr
 from kinds import KINDS
-from pictures import CLOSE, Painter, Picture, difference, job, painter, table
+from pictures import CLOSE, Painter, Picture, difference, job, table
 from usd_sound import SOUND
 
 from lookdev.asset.usd import read_usd
 from lookdev.batch.prepare import plan_job
 from lookdev.job import load_job
-from lookdev.render.worker import renderer
+from lookdev.render.results import Rendered
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Worker, renderer
 from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.cycles
 
-_SAMPLE = {"USD assets": 4, "names": 2, "looks": 1, "MaterialX": 2, "environments": 1, "textures": 1}
+_SAMPLE = {"USD assets": 2, "names": 1, "looks": 1, "MaterialX": 1, "environments": 1, "textures": 1}
 """Pictures of each kind in the ordinary tests."""
 
 _MANY = [("USD assets", 1, 90), ("USD assets", 2, 90), ("MaterialX", 1, 60), ("names", 1, 80)]
 _MANY += [("looks", 1, 12), ("environments", 1, 40), ("textures", 1, 24)]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
+@pytest.fixture
+def paint(cycles_worker: Worker) -> Painter:
+    def render(task: FrameTask) -> Rendered:
+        cycles_worker.start()
+        return cycles_worker.render(task, lambda progress: None)
 
-
-@pytest.fixture(scope="module")
-def paint(_cache: None) -> Iterator[Painter]:
-    with painter() as paint:
-        yield paint
+    return Painter(render)
 
 
 def _wrong(paint: Painter, kind: str, seed: int, count: int, backend: str = "exact") -> list[str]:
@@ -52,11 +49,11 @@ def _wrong(paint: Painter, kind: str, seed: int, count: int, backend: str = "exa
     shown, wrong = 0, []
     for number in numbers:
         with tempfile.TemporaryDirectory() as folder:
-            case = made(KINDS[kind], seed, number, Path(folder))
+            case = make_case(KINDS[kind], seed, number, Path(folder))
             # Where another meaning is right, so is another picture.
             if case.shown is None or "silent" in case.expected or not case.expected & {"sound", "noted"}:
                 continue
-            outcome = judged(case)
+            outcome = judge(case)
             assert outcome.right, f"{case.title}: {outcome.outcome}: {outcome.text}"
             if outcome.outcome == "refused":
                 continue

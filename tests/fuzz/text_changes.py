@@ -8,10 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-REFUSED = frozenset({"refused"})
-SOUND = frozenset({"sound"})
-ANY = frozenset({"sound", "refused", "noted", "silent"})
-"""Where a changed text may be right, with another meaning."""
+from cases import ANY_MEANING, REFUSED, SOUND
 
 _ODD = ("\x1b[31m", "\u202e", "\x07", "ä" * 300, "x" * 300_000)
 
@@ -65,9 +62,9 @@ CHANGES: dict[str, Change] = {
     "noise": Change(REFUSED, lambda rng, data: b"\xff" + rng.randbytes(rng.choice((1, 1000, 100_000)))),
     "zeros": Change(REFUSED, lambda rng, data: bytes(4096)),
     "brackets": Change(REFUSED, lambda rng, data: rng.choice((b"[", b"{", b"(", b"<a>")) * 100_000),
-    "flipped bits": Change(ANY, _flipped),
-    "lines in another order": Change(ANY, _shuffled),
-    "a repeated line": Change(ANY, _repeated),
+    "flipped bits": Change(ANY_MEANING, _flipped),
+    "lines in another order": Change(ANY_MEANING, _shuffled),
+    "a repeated line": Change(ANY_MEANING, _repeated),
 }
 
 Placed = Callable[[Path], object]
@@ -88,6 +85,26 @@ NO_FILES: dict[str, tuple[Placed, str]] = {
     "a sparse file": (_sparse, "at most|does not know the format|Cannot determine"),
 }
 """What is in the place of the file, and what a message says."""
+
+
+def text_plan(rounds: int) -> list[tuple[str, ...]]:
+    """Return the cases of any text file."""
+    return [("text", name) for name in CHANGES for _ in range(rounds)] + [("place", name) for name in NO_FILES]
+
+
+def spoil(
+    planned: tuple[str, ...], rng: random.Random, file: Path, text: str
+) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Write the file of a case of `text_plan`; return what must become of it, and what a message must name besides."""
+    sort, name = planned
+    if sort == "place":
+        make, words = NO_FILES[name]
+        file.unlink(missing_ok=True)
+        make(file)
+        return REFUSED, (words,)
+    change = CHANGES[name]
+    file.write_bytes(change.make(rng, text.encode()))
+    return change.expected, change.names
 
 
 def odd(rng: random.Random) -> str:

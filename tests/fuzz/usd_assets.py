@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from asset_arrays import check_asset
-from cases import Case, Kind, Reading
+from cases import Case, Reading, planned_kind
 from pxr import Sdf, UsdUtils
 from usd_files import FILES
-from usd_mutations import ROLES, Mutation, declared
+from usd_mutations import ROLES, declared
 from usd_pictures import file_shown, spot_shown
-from usd_sound import SOUND, Sound, Spot
+from usd_sound import SOUND, Sound
 
 from lookdev.asset.subdivision import refine
 from lookdev.asset.usd import read_usd
@@ -27,22 +27,24 @@ from lookdev.material.usd.bound import read_bound
 from lookdev.stage import Composition, compose
 
 # Each change of each spot, and each file, once; then again, written in other ways.
-_PLANNED: tuple[tuple[str, Spot, Mutation] | tuple[str], ...] = (
-    *((base, spot, mutation) for base, sound in SOUND.items() for spot in sound.spots for mutation in ROLES[spot.role]),
-    *((name,) for name in FILES),
+_PLAN: tuple[tuple[Any, ...], ...] = (
+    *(
+        (spot.role, base, spot, mutation)
+        for base, sound in SOUND.items()
+        for spot in sound.spots
+        for mutation in ROLES[spot.role]
+    ),
+    *(("a file", name) for name in FILES),
 )
 _ARC = "#usda 1.0\n(\n{stage}    {sub}\n)\n\n{body}\n"
 _WAYS = ("usda", "usdc", "reference", "payload", "sublayer", "variant", "usdz")
 
 
-def make(rng: random.Random, number: int, folder: Path) -> Case:
+def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Write the files of a case."""
-    order = list(range(len(_PLANNED)))
-    random.Random("order").shuffle(order)
-    planned = _PLANNED[order[number % len(order)]]
-    if len(planned) == 1:
-        return _file_case(planned[0], rng, folder)
-    base, spot, mutation = planned
+    if planned[0] == "a file":
+        return _file_case(planned[1], rng, folder)
+    _, base, spot, mutation = planned
     sound = SOUND[base]
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.ImportFromString(sound.text)
@@ -53,15 +55,14 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
     if declared(layer):
         way = "declared"
     file = written(layer, sound, way, folder)
-    place = spot.named or spot.prim
-    names = (place, spot.name.removeprefix("primvars:").removesuffix(":indices")) if mutation.own else (place,)
+    names = (spot.name.removeprefix("primvars:").removesuffix(":indices"),) if mutation.own else ()
     return Case(
         f"{base} {spot.prim}.{spot.name}: {mutation.name} ({way})",
         mutation.expected,
         lambda: read(file, sound),
         lambda: sound_reading(base, way),
-        ("asset.", *names),
-        ("asset.", place),
+        ("asset.", spot.prim, *names),
+        ("asset.", spot.prim),
         spot_shown(base, spot, file, lambda layer, to: written(layer, sound, way, to)),
     )
 
@@ -192,4 +193,4 @@ def _plain(name: str, value: Any) -> list[tuple[str, object]]:
     return [(name, value.tobytes() if isinstance(value, np.ndarray) else value)]
 
 
-USD_ASSETS = Kind("USD assets", make, len(_PLANNED))
+USD_ASSETS = planned_kind("USD assets", _PLAN, make)
