@@ -29,9 +29,10 @@ _WRAPPER = """
 const given = arguments, done = arguments[arguments.length - 1];
 const at = (id) => document.getElementById(id), pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const until = async (met) => {
-  for (const end = performance.now() + 60000; !met(); await pause(10))
-    if (performance.now() > end) throw new Error(`not within a minute: ${met}`);
+  for (const end = performance.now() + LIMIT; !met(); await pause(10))
+    if (performance.now() > end) throw new Error(`not within LIMIT ms: ${met}`);
 };
+HELPERS
 (async () => { CODE })().then((value) => done([value ?? null]), (error) => done({error: String(error)}));
 """
 
@@ -94,10 +95,12 @@ def tab(browser: Any) -> Iterator[Any]:
 
 
 class Page:
-    """A page in the browser's current tab, by scripts in it."""
+    """A page in the browser's current tab, by scripts in it, which may use `helpers`."""
+
+    helpers = ""
 
     def __init__(self, browser: Any, url: str, size: tuple[int, int], ready: str, timeout: int = TIMEOUT) -> None:
-        self.browser = browser
+        self.browser, self.timeout = browser, timeout
         browser.set_script_timeout(timeout)
         self.resize(*size)
         browser.get("about:blank")  # else only what follows # may differ, and the page stays as it is
@@ -111,7 +114,8 @@ class Page:
 
     def js(self, code: str, *arguments: Any) -> Any:
         """Return what a body of an async function returns: `given` are its arguments, `until` waits, `at` is by id."""
-        found = self.browser.execute_async_script(_WRAPPER.replace("CODE", code), *arguments)
+        wrapper = _WRAPPER.replace("LIMIT", str(1000 * (self.timeout - 10))).replace("HELPERS", self.helpers)
+        found = self.browser.execute_async_script(wrapper.replace("CODE", code), *arguments)
         assert isinstance(found, list), f"{found['error']}\n{code}"
         return found[0]
 

@@ -1,32 +1,34 @@
-"""`lookdev design` in headless Chromium, and its server's answers."""
+"""`lookdev design` in headless Chromium: picture, layers, and what it says of files; and its server's answers."""
 
 from __future__ import annotations
 
 import json
 import shutil
-import sys
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from chromium import new_tab
+from design_page import DesignPage
 from served import Served, served
 
-sys.path.append(str(Path(__file__).parents[1] / "codegen"))  # for webgl.py, the tests' browser
-from webgl import NEEDS_CHROMIUM, start_browser
-
 from lookdev.material.usd import read_look
-
-pytestmark = NEEDS_CHROMIUM
 
 ROOT = Path(__file__).parents[2]
 
 
+def car_paint(folder: Path) -> Path:
+    """Return a copy of car paint: flakes and a muted dust over a base."""
+    shutil.copytree(ROOT / "materials" / "textures", folder / "textures")
+    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", folder))
+
+
 @pytest.fixture(scope="module")
 def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("looks")
-    return Path(shutil.copy(ROOT / "materials" / "frosted_plastic.usda", folder))
+    return car_paint(tmp_path_factory.mktemp("looks"))
 
 
 @pytest.fixture(scope="module")
@@ -35,83 +37,37 @@ def server(look: Path) -> Iterator[Served]:
         yield started
 
 
-class Page:
-    """The page, whose canvas is small."""
-
-    def __init__(self, browser: Any, url: str) -> None:
-        self.browser = browser
-        metrics = {"width": 560, "height": 260, "deviceScaleFactor": 1, "mobile": False}
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        browser.set_script_timeout(120)
-        browser.get(url)
-        self.js(
-            "const wait = () => viewport?.last && !document.getElementById('undo').title.startsWith('?')"
-            " && document.getElementById('layers').childElementCount ? done() : setTimeout(wait, 50);"
-            "const soon = () => window.viewport ? wait() : setTimeout(soon, 50); soon();"
-        )
-
-    def js(self, code: str, *arguments: Any) -> Any:
-        wrapped = (
-            "const done = arguments[arguments.length - 1], given = arguments, pause = (ms) => new Promise((r) => "
-            "setTimeout(r, ms)), at = (id) => document.getElementById(id);"
-            f"(async () => {{ {code} }})().catch((error) => done({{error: String(error)}}));"
-        )
-        found = self.browser.execute_async_script(wrapped, *arguments)
-        assert not (isinstance(found, dict) and "error" in found), found["error"]
-        return found
-
-    def mean(self) -> Any:
-        """Return the mean colour of some samples."""
-        return np.array(
-            self.js(
-                "const film = await viewport.accumulated(4), sum = [0, 0, 0];"
-                "for (let k = 0; k < film.length; k += 1) if (k % 4 < 3) sum[k % 4] += film[k];"
-                "done(sum.map((x) => x / (film.length / 4)));"
-            )
-        )
-
-    def slide(self, parameter: str, value: float) -> tuple[int, int]:
-        """Move a slider of the base; return how many programs were compiled before, and once that is shown."""
-        before, after = self.js(
-            "const compiled = viewport.programs.compiled;"
-            "const slider = document.querySelector(`details[data-layer='0'] [data-parameter='${given[0]}'] input`);"
-            "slider.value = given[1];"
-            "for (const name of ['input', 'change']) slider.dispatchEvent(new Event(name));"
-            "const name = `layer0_${given[0]}`;"
-            "while (viewport.scene.looks[0].numbers[name]?.[0] !== given[1]) await pause(20);"
-            "await viewport.changed(); done([compiled, viewport.programs.compiled]);",
-            parameter,
-            value,
-        )
-        return before, after
-
-    def wait(self, condition: str) -> None:
-        self.js(f"while (!({condition})) await pause(20); done();")
-
-
 @pytest.fixture(scope="module")
-def page(server: Served) -> Iterator[Page]:
-    for browser in start_browser():
-        yield Page(browser, server.url)
+def opened(tab: Any, server: Served) -> DesignPage:
+    return DesignPage(tab, server.url)
 
 
-def test_a_slider_shows_at_once_and_compiles_nothing(page: Page) -> None:
+@pytest.fixture
+def page(opened: DesignPage, look: Path) -> Iterator[DesignPage]:
+    """Return the page; what a test edits is undone afterwards, and the file is as it was."""
+    text = look.read_text()
+    yield opened
+    assert opened.js(
+        "while (!at('undo').disabled) { at('undo').click(); await answered(); }"
+        "if (!at('save').disabled) await saved(); return layers();"
+    ) == ["Base", "Flakes", "Dust"]
+    assert look.read_text() == text
+
+
+def test_a_slider_shows_at_once_and_compiles_nothing(page: DesignPage) -> None:
     before = page.mean()
-    compiled, now = page.slide("roughness", 0.9)
-    assert now == compiled
+    assert page.slide("roughness", 0.9) == 0
     assert np.abs(page.mean() - before).max() > 1e-3
-    page.js("at('undo').click(); done();")
-    page.wait("viewport.scene.looks[0].numbers.layer0_roughness[0] !== 0.9")
+    page.js("at('undo').click(); await answered()")
     np.testing.assert_allclose(page.mean(), before, atol=1e-6)
 
 
-def test_a_parameter_that_was_not_stated_compiles_while_the_picture_stays(page: Page) -> None:
-    compiled, now = page.slide("metallic", 0.75)
-    assert now > compiled
-    assert page.slide("metallic", 0.25) == (now, now)
+def test_a_parameter_that_was_not_stated_compiles_while_the_picture_stays(page: DesignPage) -> None:
+    assert page.slide("sheen", 0.75) > 0
+    assert page.slide("sheen", 0.25) == 0
 
 
-def test_the_hand_orbits_turns_the_light_and_picks(page: Page) -> None:
+def test_the_hand_orbits_turns_the_light_and_picks(page: DesignPage) -> None:
     drag = (
         "const canvas = at('picture'), box = canvas.getBoundingClientRect();"
         "const send = (type, x, y, more) => canvas.dispatchEvent(new PointerEvent(type, {pointerId: 1, bubbles: true,"
@@ -120,38 +76,228 @@ def test_the_hand_orbits_turns_the_light_and_picks(page: Page) -> None:
     )
     azimuth = page.js(
         drag + "send('pointerdown', 50, 50); send('pointermove', 80, 50); send('pointerup', 80, 50);"
-        "done(viewport.camera.azimuth - viewport.scene.data.camera.azimuth);"
+        "const turned = viewport.camera.azimuth - viewport.scene.data.camera.azimuth;"
+        "viewport.setCamera(viewport.scene.data.camera); return turned;"
     )
     assert azimuth == pytest.approx(-12.0)
     lighting = page.js(
         drag + "send('pointerdown', 50, 50, {shiftKey: true}); send('pointermove', 80, 50, {shiftKey: true});"
-        "send('pointerup', 80, 50); done([viewport.settings.lighting, at('lighting').value]);"
+        "send('pointerup', 80, 50); const turned = [viewport.settings.lighting, at('lighting').value];"
+        "typed(at('lighting'), 0, 'input'); return turned;"
     )
     assert lighting == [12, "12"]
     picked = page.js(
-        "await viewport.changed(); done(viewport.pick(viewport.canvas.width / 2, viewport.canvas.height / 2));"
+        "await viewport.changed(); return viewport.pick(viewport.canvas.width / 2, viewport.canvas.height / 2);"
     )
     assert picked["path"] == "/plane"
 
 
-def test_what_is_saved_is_what_was_shown(page: Page, look: Path) -> None:
+def test_what_is_saved_is_what_was_shown(page: DesignPage, look: Path) -> None:
     page.slide("roughness", 0.5)
-    page.wait("!at('save').disabled")
-    page.js("at('save').click(); done();")
-    page.wait("at('status').textContent.startsWith('saved')")
+    assert page.js("await saved(); return at('save').disabled")
     assert read_look(look).layers[0].inputs["roughness"] == pytest.approx(0.5)
-    assert page.js("done(at('save').disabled)")
 
 
-def test_the_page_names_what_the_picture_leaves_out(page: Page) -> None:
-    assert "interreflection" in page.js("done(at('left-out').textContent)")
+def test_the_page_names_what_the_picture_leaves_out(page: DesignPage) -> None:
+    assert "interreflection" in page.js("return at('left-out').textContent")
     # A plane casts no shadow on itself.
-    assert page.js("done([at('shadows').disabled, at('shadows').parentElement.title.includes('convex')])") == [True] * 2
-    unnamed = page.js(
-        "done([...document.querySelectorAll('input, select, button')].filter((each) => !each.labels?.length"
-        " && !each.getAttribute('aria-label') && !each.textContent).map((each) => each.outerHTML));"
+    assert (
+        page.js("return [at('shadows').disabled, at('shadows').parentElement.title.includes('convex')]") == [True] * 2
     )
-    assert unnamed == []
+    assert page.js("return unnamed()") == []
+
+
+def test_a_preset_is_added_while_the_picture_stays(page: DesignPage) -> None:
+    assert page.js(
+        "at('layer-add').click(); await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
+        "typed(at('adding-search'), 'rust', 'input');"
+        "const choice = at('adding-presets').querySelector('button'), image = choice.querySelector('img');"
+        "await until(() => image.naturalWidth > 1);"
+        "const before = viewport.scene; choice.click(); await until(() => layers().length === 4);"
+        "return [image.naturalWidth, layers(), before !== viewport.scene,"
+        " document.querySelector('[aria-current=true]').id, at('undo').title];",
+    ) == [56, ["Base", "Flakes", "Dust", "Rust"], True, "layer-3", "Undo: add rust (Ctrl+Z)"]
+
+
+def test_enter_adds_the_first_that_is_found_and_escape_none(page: DesignPage) -> None:
+    assert page.js(
+        "at('layer-1').focus(); key('layer-1', 'a'); await until(() => at('adding').open);"
+        "const closed = new Promise((done) => at('adding').addEventListener('close', done, {once: true}));"
+        "at('adding').close('cancel'); await closed; await answered(); const none = layers().length;"
+        "key('layer-1', 'a'); await until(() => at('adding').open && at('adding-presets').childElementCount > 1);"
+        "typed(at('adding-search'), 'gold', 'input'); key('adding-search', 'Enter');"
+        "await until(() => layers().length === 4); return [none, layers()[3]];",
+    ) == [3, "Gold"]
+
+
+def test_a_parameter_takes_an_expression_and_is_taken_back_by_a_key(page: DesignPage) -> None:
+    assert page.js(
+        "at('layer-0').click(); const row = () => document.querySelector('[data-parameter=sheen]');"
+        "const stated = () => row().classList.contains('stated');"
+        "at('p-0-sheen-more').click(); typed(at('p-0-sheen-source-kind'), 'expression');"
+        "typed(at('p-0-sheen-source-expression'), 'dirt * amount', 'input');"
+        "typed(document.querySelector('input[data-name=dirt]'), 'textures/dirt.png', 'input');"
+        "typed(document.querySelector('input[data-name=amount]'), '.5', 'input');"
+        "at('p-0-sheen-source-apply').click(); await until(() => at('undo').title.includes('sheen'));"
+        "const states = [row().querySelector('.varies').textContent, at('p-0-sheen.amount').value];"
+        "for (const event of ['input', 'change']) typed(at('p-0-sheen.amount'), 0.75, event);"
+        "await until(() => at('undo').title.includes('sheen.amount'));"
+        "key('p-0-sheen', 'Delete'); await until(() => !stated()); states.push(at('undo').title);"
+        "at('undo').click(); await until(stated); states.push(at('p-0-sheen.amount').value);"
+        "at('p-0-sheen-unstate').click(); await until(() => !stated());"
+        "at('p-0-sheen-more').click(); return states;",
+    ) == ["expression dirt * amount", "0.5", "Undo: Base sheen back to its default (Ctrl+Z)", "0.75"]
+
+
+def test_the_stack_is_worked_by_keys(page: DesignPage) -> None:
+    moved, focus, doubled, renamed, numbers, up, removed, last = page.js(
+        "const states = []; const note = async (met) => { await until(met); states.push(layers().join(' ')); };"
+        "const pressed = (id) => at(id).getAttribute('aria-pressed');"
+        "at('layer-2').focus(); key('layer-2', 'ArrowDown', {altKey: true}); await note(() => layers()[1] === 'Dust');"
+        "await answered(); states.push(document.activeElement.id);"
+        "key('layer-1', 'd', {ctrlKey: true}); await note(() => layers().length === 4); await answered();"
+        "at('layer-2').focus(); key('layer-2', 'F2'); const input = document.querySelector('.renaming');"
+        "input.value = 'Grime'; input.dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter', bubbles: true}));"
+        "await note(() => layers()[2] === 'Grime');"
+        "key('layer-2', 'm'); await until(() => pressed('layer-mute-2') === 'false');"
+        "key('layer-2', 's'); await until(() => pressed('layer-solo-2') === 'true');"
+        "states.push(Object.keys(viewport.scene.looks[0].numbers).join(' '));"
+        "key('layer-2', 's'); await until(() => pressed('layer-solo-2') === 'false');"
+        "key('layer-2', 'ArrowUp'); states.push(document.activeElement.id);"
+        "key('layer-3', 'ArrowDown'); key('layer-2', 'Delete'); await note(() => layers().length === 3);"
+        "await answered(); states.push(document.activeElement.id); return states;",
+    )
+    assert (moved, focus) == ("Base Dust Flakes", "layer-1")
+    assert (doubled, renamed) == ("Base Dust Dust2 Flakes", "Base Dust Grime Flakes")
+    assert numbers
+    assert all(name.startswith("layer0_") for name in numbers.split())
+    assert (up, removed, last) == ("layer-3", "Base Dust Flakes", "layer-1")
+
+
+def test_layers_are_dragged(page: DesignPage) -> None:
+    assert page.js(
+        "const row = (k) => document.querySelector(`.layer-row[data-number='${k}']`), data = new DataTransfer();"
+        "const send = (k, type) => row(k).dispatchEvent(new DragEvent(type, {bubbles: true, cancelable: true,"
+        " dataTransfer: data}));"
+        "send(1, 'dragstart'); send(2, 'dragover'); send(2, 'drop'); await until(() => layers()[2] === 'Flakes');"
+        "await answered();"
+        "send(2, 'dragstart'); const onBase = !send(0, 'dragover'); send(0, 'drop'); await answered();"
+        "return [layers(), onBase, document.querySelector('[aria-current=true]').id];",
+    ) == [["Base", "Dust", "Flakes"], False, "layer-2"]
+
+
+def test_a_mask_is_an_expression_and_says_what_is_wrong_with_it(page: DesignPage) -> None:
+    wrong, title = page.js(
+        "at('layer-1').click(); typed(at('mask-kind'), 'expression'); typed(at('mask-expression'),"
+        " 'smothstep(dirt, edge, .7)', 'input');"
+        "const source = (name) => document.querySelector(`.mask input[data-name=${name}]`);"
+        "typed(source('dirt'), 'textures/dirt.png', 'input'); typed(source('edge'), '0.25', 'input');"
+        "at('mask-apply').click(); await until(() => document.querySelector('.problem:not([hidden])'));"
+        "const wrong = document.querySelector('.problem').textContent;"
+        "typed(at('mask-expression'), 'smoothstep(dirt, edge, .7)', 'input'); at('mask-apply').click();"
+        "await until(() => document.querySelector('.tag')?.textContent === 'expression');"
+        "typed(document.querySelector('[data-parameter=\"mask.edge\"] input'), '0.5');"
+        "await until(() => at('undo').title.includes('mask.edge'));"
+        "return [wrong, document.querySelector('.tag').title];",
+    )
+    assert "did you mean 'smoothstep'" in wrong
+    assert title == "mask: smoothstep(dirt, edge, .7)"
+
+
+def test_a_layer_is_copied_and_pasted_as_usd_text(page: DesignPage) -> None:
+    assert page.js(
+        "let text = ''; Object.defineProperty(navigator, 'clipboard', {configurable: true, value: {"
+        "writeText: async (given) => { text = given; }, readText: async () => text}});"
+        "at('layer-1').click(); at('layer-1').focus(); document.dispatchEvent(new ClipboardEvent('copy',"
+        " {bubbles: true, cancelable: true})); await until(() => text);"
+        "const clipboardData = new DataTransfer(); clipboardData.setData('text/plain', text);"
+        "document.dispatchEvent(new ClipboardEvent('paste', {bubbles: true, cancelable: true, clipboardData}));"
+        "await until(() => layers().length === 4); at('layer-paste').click(); await until(() => layers().length === 5);"
+        "return [text.slice(0, 9), layers()];",
+    ) == ["#usda 1.0", ["Base", "Flakes", "Dust", "Flakes2", "Flakes3"]]
+
+
+def test_a_variant_is_chosen(page: DesignPage) -> None:
+    page.js("typed(at('variant-wear'), 'dusty');")
+    page.wait("at('layer-mute-2').getAttribute('aria-pressed') === 'false'")
+    assert page.js("return viewport.scene.looks.length") == 1
+
+
+def test_a_parameter_that_is_still_moved_is_kept_within_two_seconds(page: DesignPage) -> None:
+    sent, undoes, compiled = page.js(
+        "at('layer-0').click(); const slider = document.querySelector('[data-parameter=roughness] input');"
+        "const compiled = viewport.programs.compiled, began = performance.now(), fetched = window.fetch; let sent = 0;"
+        "window.fetch = (...asked) => { if (asked[0] === 'edit') sent = performance.now(); return fetched(...asked); };"
+        "for (let k = 0; !sent; k += 1) { typed(slider, 0.5 + 0.001 * k, 'input'); await pause(50); }"
+        "window.fetch = fetched; await exact.settled(); const { undoes } = await (await fetch('status?whole')).json();"
+        "typed(slider, 0.9); await until(() => !at('undo').disabled); await answered();"
+        "return [sent - began, undoes, viewport.programs.compiled - compiled];",
+    )
+    assert sent < 2000
+    assert (undoes, compiled) == ("Base roughness", 0)
+
+
+def test_snapshots_are_compared_and_gone_back_to(page: DesignPage) -> None:
+    assert page.js(
+        "at('snapshot').click(); await until(() => at('compare').textContent.includes('('));"
+        "at('layer-2').focus(); key('layer-2', 'Delete'); await until(() => layers().length === 2);"
+        "at('compare').click(); await until(() => at('comparing').open);"
+        "const image = at('left').querySelector('img'); await until(() => image.complete && image.naturalWidth);"
+        "const wide = image.naturalWidth === at('picture').width; at('left').querySelector('.show').click();"
+        "await until(() => layers().length === 3); return [wide, at('undo').title.replace(/\\d+/, 'N')];",
+    ) == [True, "Undo: go back to snapshot N (Ctrl+Z)"]
+
+
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (390, 844)])
+def test_the_page_fits(width: int, height: int, page: DesignPage) -> None:
+    page.resize(width, height)
+    wide, high, unnamed = page.js(
+        "for (let k = 0; k < 2; k += 1) await new Promise(requestAnimationFrame);"
+        "at('layer-1').click(); const root = document.documentElement;"
+        "const outside = [...document.querySelectorAll('header *, #layers *')].filter((each) =>"
+        " each.getBoundingClientRect().right > root.clientWidth + 1).length;"
+        "return [root.scrollWidth - root.clientWidth + outside, root.scrollHeight - root.clientHeight, unnamed()];",
+    )
+    page.resize(560, 260)
+    assert (wide, unnamed) == (0, [])
+    assert high == 0 or width < 760
+
+
+def test_a_file_that_changed_on_disk_is_a_notice_and_a_question(page: DesignPage, look: Path) -> None:
+    text = look.read_text()
+    page.js("key('layer-2', 'Delete'); await until(() => layers().length === 2)")
+    look.write_text(text.replace("inputs:specular = 0.5", "inputs:specular = 0.25"))
+    notice, named = page.js(
+        "await until(() => at('changed')); const notice = at('changed').textContent; at('save').click();"
+        "await until(() => at('conflict').open); const named = at('conflict-files').textContent;"
+        "at('conflict').querySelector('[value=load]').click();"
+        "await until(() => !at('changed') && layers().length === 3); return [notice, named];",
+    )
+    assert "You have unsaved edits of it" in notice
+    assert named == str(look)
+    page.js("at('undo').click(); await until(() => layers().length === 2); await saved()")
+    assert len(read_look(look, variants={"wear": "dusty"}).layers) == 2
+    assert "specular = 0.25" not in look.read_text()
+
+
+def test_unsaved_work_is_offered_after_a_crash(browser: Any, tmp_path: Path) -> None:
+    look = car_paint(tmp_path)
+    with new_tab(browser):
+        with served("plane", "--material", str(look), verb="design") as server:
+            page = DesignPage(browser, server.url)
+            page.js("key('layer-1', 'Delete'); await until(() => layers().length === 2)")
+            server.end(signal.SIGKILL)
+            page.wait("at('status').textContent.includes('does not answer')")
+            assert "What was edited is kept" in page.js("return at('status').textContent")
+        with served("plane", "--material", str(look), verb="design") as again:
+            page = DesignPage(browser, again.url)
+            assert "car_paint.usda" in page.js("return at('recovery').textContent")
+            assert page.js(
+                "const before = layers(); at('recovery-restore').click(); await until(() => layers().length === 2);"
+                "await answered(); return [before, layers(), at('undo').title, at('recovery')];",
+            ) == [["Base", "Flakes", "Dust"], ["Base", "Dust"], "Undo: restore unsaved work (Ctrl+Z)", None]
+            again.end()
+            assert again.says("unsaved edits are kept: the same command offers them")
 
 
 def test_a_request_of_another_site_or_of_no_sense_is_refused(server: Served) -> None:
@@ -171,14 +317,14 @@ def test_a_request_of_another_site_or_of_no_sense_is_refused(server: Served) -> 
     assert "'studio'" in json.loads(server.ask("/choose", "POST", choice)[1])["error"]
     for path in ("/buffers/none", "/viewport/../../document.py", "/viewport/%2e%2e/view.py", "/../document.py"):
         assert server.ask(path)[0] == 404
-    for path in ("/presets/..%2f..%2fpyproject.toml", "/presets/none", "/snapshots/9", "/snapshots/x"):
+    for path in ("/presets/..%2f..%2fpyproject.toml", "/presets/none", "/snapshots/99", "/snapshots/x"):
         assert server.ask(path)[0] == 404
 
 
 def test_a_picture_has_a_limit_of_its_own_and_nothing_else_has(server: Served) -> None:
-    png = b"\x89PNG\r\n\x1a\n"
+    png, before = b"\x89PNG\r\n\x1a\n", len(json.loads(server.ask("/status?whole")[1])["snapshots"])
     status, body, _ = server.ask("/picture", "POST", png + bytes(1 << 20))
-    assert (status, len(json.loads(body)["snapshots"])) == (200, 1)
+    assert (status, len(json.loads(body)["snapshots"])) == (200, before + 1)
     status, body, _ = server.ask("/picture", "POST", png + bytes(5 << 20))
     assert (status, "at most 4 MiB" in json.loads(body)["error"]) == (422, True)
     assert server.ask("/stack", "POST", b"[" * 60000)[0] == 422

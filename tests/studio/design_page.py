@@ -1,0 +1,85 @@
+"""The page of `lookdev design` in a tab of Chromium."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from chromium import Page
+
+# The page looks at files ten times a second instead of each three seconds. It shows the picture of a mode from the
+# beginning: for that of the viewport alone the server starts no renderer. The page's modules run after this.
+_FIRST = """
+const every = window.setInterval;
+window.setInterval = (run, ms) => every(run, Math.min(ms, 100));
+document.addEventListener("readystatechange", () => {
+  document.querySelector("input[name=mode][value=MODE]").checked = true;
+}, {once: true});
+"""
+_HELPERS = """
+const layers = () => [...document.querySelectorAll(".layer-row .name span")].map((name) => name.textContent).reverse();
+const key = (id, name, more) => at(id).dispatchEvent(
+  new KeyboardEvent("keydown", {key: name, bubbles: true, cancelable: true, ...more}));
+const typed = (element, value, ...events) => {
+  element.value = value;
+  for (const event of events.length ? events : ["change"]) element.dispatchEvent(new Event(event, {bubbles: true}));
+};
+const answered = async () => { await pause(0); await exact.settled(); await viewport.changed(); };
+const saved = async () => {
+  at("status").textContent = "";
+  at("save").click();
+  await until(() => at("status").textContent.startsWith("saved"));
+  return at("status").textContent;
+};
+const unnamed = () => [...document.querySelectorAll("input, select, button, textarea")].filter((each) =>
+  !each.labels?.length && !each.getAttribute("aria-label") && !each.textContent).map((each) => each.outerHTML);
+"""
+
+DRESS = (
+    "const dress = async (part, prims, look) => { typed(at('part'), part); await until(() => at('wear'));"
+    " at('wear').click(); await until(() => at('dressing').open);"
+    " const options = [...at('dressing-prims').options];"
+    " typed(at('dressing-prims'), options.find((each) => each.text.startsWith(prims)).value, 'input');"
+    " typed(at('dressing-search'), look, 'input'); at('dressing-looks').querySelector('button').click();"
+    " await until(() => !at('dressing').open); };"
+    "const hubs = () => [...at('part').options].filter((each) => each.text.endsWith('Hub')).length;"
+    "const wears = () => at('worn').querySelector('.wears').textContent;"
+)
+"""Functions of a script that assigns looks to parts by the page's dialog."""
+
+
+class DesignPage(Page):
+    """The page, whose canvas is small; in its scripts `answered` waits for the server's answer to all that was done."""
+
+    helpers = _HELPERS
+
+    def __init__(self, browser: Any, url: str, mode: str = "viewport", timeout: int = 120) -> None:
+        script = browser.execute_cdp_cmd(
+            "Page.addScriptToEvaluateOnNewDocument", {"source": _FIRST.replace("MODE", mode)}
+        )
+        ready = "window.viewport?.last && !at('undo').title.startsWith('?') && at('layers').childElementCount"
+        super().__init__(browser, url, (560, 260), ready, timeout)
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+        if mode == "viewport":  # else it adds up samples, on all cores, as long as it is open
+            self.js("exact.limit = () => {}; viewport.settings.most = 4")
+
+    def mean(self) -> Any:
+        """Return the mean colour of some samples."""
+        code = (
+            "const film = await viewport.accumulated(4), sum = [0, 0, 0];"
+            "for (let k = 0; k < film.length; k += 1) if (k % 4 < 3) sum[k % 4] += film[k];"
+            "return sum.map((x) => x / (film.length / 4));"
+        )
+        return np.array(self.js(code))
+
+    def slide(self, parameter: str, value: float) -> int:
+        """Move a slider of the base, and return how many programs are compiled until it is shown."""
+        compiled: int = self.js(
+            "const compiled = viewport.programs.compiled;"
+            "at('layer-0').click(); typed(at(`p-0-${given[0]}`), given[1], 'input', 'change');"
+            "await until(() => viewport.scene.looks[0].numbers[`layer0_${given[0]}`]?.[0] === given[1]);"
+            "await answered(); return viewport.programs.compiled - compiled;",
+            parameter,
+            value,
+        )
+        return compiled
