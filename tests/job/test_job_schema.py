@@ -26,13 +26,10 @@ def test_every_table_and_key_is_described_and_closed(table: str) -> None:
     assert [key for key, value in schema["properties"].items() if not value.get("description")] == []
 
 
-def test_required_keys_are_those_without_a_default() -> None:
+def test_required_keys_and_constraints_are_exported() -> None:
     assert set(SCHEMA["required"]) == {"output", "asset", "look", "turntable"}
     assert SCHEMA["anyOf"] == [{"required": ["ibl"]}, {"required": ["rig"]}]
     assert set(TABLES["JobTurntable"]["required"]) == {"kind", "frames"}
-
-
-def test_constraints_are_exported() -> None:
     samples = TABLES["JobRender"]["properties"]["samples"]
     assert (samples["minimum"], samples["multipleOf"]) == (2, 2)
     assert SCHEMA["properties"]["look"]["minItems"] == 1

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from minimal_job import MINIMAL
 
 from lookdev.errors import JobError
 from lookdev.job import parse_job
@@ -29,34 +30,18 @@ def write(file: Path, *rules: tuple[str, str, str]) -> Path:
     ],
 )
 def test_paths_are_where_the_longest_rule_says(tmp_path: Path, given: str, found: str) -> None:
-    rules = read_rules(
-        write(
-            tmp_path / "rules.json",
-            ("POSIX", "/show", "/mnt"),
-            ("POSIX", "/show/plates", "/plates"),
-            ("WINDOWS", r"P:\show", "/mnt/p"),
-        )
-    )
-    assert mapped(given, rules) == found
+    rules = [("POSIX", "/show", "/mnt"), ("POSIX", "/show/plates", "/plates"), ("WINDOWS", r"P:\show", "/mnt/p")]
+    assert mapped(given, read_rules(write(tmp_path / "rules.json", *rules))) == found
 
 
 def test_a_job_finds_its_files_by_rules(tmp_path: Path) -> None:
-    (tmp_path / "gold.usda").touch()
+    (tmp_path / "paint.usda").touch()
     rules = read_rules(write(tmp_path / "rules.json", ("POSIX", "/elsewhere", str(tmp_path))))
-    text = (
-        'output = "/elsewhere/out"\nasset = { builtin = "sphere" }\nibl = [{ name = "city", builtin = "city" }]\n'
-        'look = [{ name = "gold", material = "/elsewhere/gold.usda" }]\n'
-        'turntable = [{ kind = "element", frames = 2 }]\n'
-    )
+    text = MINIMAL.replace('"out"', '"/elsewhere/out"').replace('"paint.usda"', '"/elsewhere/paint.usda"')
     job = parse_job(text, tmp_path / "job.toml", rules)
-    assert (job.output, job.look[0].material) == (tmp_path / "out", tmp_path / "gold.usda")
-    with pytest.raises(JobError, match=r"no readable file /elsewhere/gold\.usda"):
+    assert (job.output, job.look[0].material) == (tmp_path / "out", tmp_path / "paint.usda")
+    with pytest.raises(JobError, match=r"no readable file /elsewhere/paint\.usda"):
         parse_job(text, tmp_path / "job.toml")
-
-
-def test_a_session_without_rules_has_an_empty_document(tmp_path: Path) -> None:
-    (tmp_path / "rules.json").write_text("{}")
-    assert read_rules(tmp_path / "rules.json") == ()
 
 
 @pytest.mark.parametrize(
@@ -68,6 +53,8 @@ def test_a_session_without_rules_has_an_empty_document(tmp_path: Path) -> None:
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "rules.json").write_text("{}")
+    assert read_rules(tmp_path / "rules.json") == ()  # of a session without rules
     (tmp_path / "rules.json").write_text(text)
     with pytest.raises(JobError, match=message):
         read_rules(tmp_path / "rules.json")

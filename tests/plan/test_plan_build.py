@@ -98,12 +98,6 @@ def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, plan_
     assert planned(plan, shared.files[0]) == PlannedFile(shared.files[0], "new", "no file")
 
 
-def test_files_are_numbered_from_one(make_job: MakeJob) -> None:
-    job = make_job()
-    files = Turns(job.turntable, job.output).files("gold", "city", job.turntable[1])
-    assert files == tuple(job.output / "gold" / "city" / f"lighting.000{n}.exr" for n in (1, 2, 3))
-
-
 def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, plan_of: PlanOf) -> None:
     job = make_job('[[turntable]]\nname = "twice"\nkind = "element"\nframes = 2\ndegrees = 720\n')
     plan = plan_of(job)
@@ -185,15 +179,13 @@ def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(disk: Disk, pl
     assert planned(plan, others[0]).reason == "pose changed"
 
 
-def test_a_finished_job_has_nothing_to_do(disk: Disk, plan_of: PlanOf) -> None:
+def test_a_finished_job_has_nothing_to_do_but_a_changed_look_is_stale(
+    scenes: Scenes, disk: Disk, plan_of: PlanOf
+) -> None:
     disk.finish(plan_of())
     again = plan_of()
     assert again.counts == {"done": 28, "stale": 0, "new": 0}
     assert (again.pending(), again.copies(), again.pictures) == ((), (), ())
-
-
-def test_only_a_changed_look_is_stale_with_the_reason(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
-    disk.finish(plan_of())
     for key in (("paint", "city"), ("paint", "studio")):
         scenes[key] = replace(scenes[key], shaders=(replace(scenes[key].shaders[0], digest="new"),))
     plan = plan_of()
@@ -213,20 +205,25 @@ def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: Plan
 
 @pytest.mark.parametrize(
     ("header", "reason"),
-    [({}, "not written by lookdev"), (None, "not written by lookdev"), ("broken", "damaged")],
+    [
+        (lambda written: {}, "not written by lookdev"),
+        (lambda written: None, "not written by lookdev"),
+        (None, "damaged"),
+        (lambda written: written | {"resolution": "1 x 1"}, "pixels of another size"),
+    ],
 )
-def test_files_that_are_no_frames_are_stale(
-    disk: Disk, plan_of: PlanOf, header: dict[str, str] | str | None, reason: str
+def test_files_that_are_not_frames_of_the_plan_are_stale(
+    disk: Disk, plan_of: PlanOf, header: Callable[[dict[str, str]], dict[str, str] | None] | None, reason: str
 ) -> None:
     task = plan_of().pending()[0]
     disk.write(task)
     for path in task.files:
-        if isinstance(header, str):
-            del disk.headers[path]
-        else:
-            disk.headers[path] = header
+        written = disk.headers.pop(path)
+        if header is not None:
+            disk.headers[path] = header(written)
     plan = plan_of()
     assert planned(plan, task.files[0]) == PlannedFile(task.files[0], "stale", reason)
+    assert plan.counts["stale"] == len(task.files)
     assert plan.pending()[0] == task
 
 
@@ -240,48 +237,21 @@ def test_a_frame_done_under_another_name_is_copied(disk: Disk, plan_of: PlanOf) 
     assert plan.pictures == (second.with_suffix(".png"),)
 
 
-def test_missing_and_older_pictures_are_due(disk: Disk, plan_of: PlanOf) -> None:
-    first, second, third = plan_of().pending()[1:4]
-    disk.write(first)
-    disk.write(second, png=False)
-    disk.write(third)
-    (older,) = third.files
+def test_pictures_that_are_missing_older_or_none_are_due(disk: Disk, plan_of: PlanOf) -> None:
+    tasks = plan_of().pending()[1:6]
+    for task in tasks:
+        disk.write(task, png=task is not tasks[1])
+    _, (missing,), (older,), (empty,), (folder,) = (task.files for task in tasks)
     os.utime(older.with_suffix(".png"), (0, 0))
+    empty.with_suffix(".png").write_bytes(b"")
+    folder.with_suffix(".png").unlink()
+    folder.with_suffix(".png").mkdir()
     plan = plan_of()
-    assert plan.counts["done"] == 3
-    assert plan.pictures == tuple(path.with_suffix(".png") for path in (*second.files, older))
+    assert plan.counts["done"] == 5
+    assert plan.pictures == tuple(path.with_suffix(".png") for path in (missing, older, empty, folder))
     assert plan_of("[outputs]\npng = false\n").pictures == ()
 
 
-def test_the_background_renders_nothing_again(make_job: MakeJob, plan_of: PlanOf) -> None:
-    def first(job: Job) -> FrameTask:
-        return plan_of(job).pending()[0]
-
-    black, grey = first(make_job()), first(make_job("[render]\nbackground = [0.1, 0.2, 1]\n"))
+def test_the_background_renders_nothing_again(plan_of: PlanOf) -> None:
+    black, grey = (plan_of(more).pending()[0] for more in ("", "[render]\nbackground = [0.1, 0.2, 1]\n"))
     assert black == grey
-
-
-def test_a_frame_of_another_size_is_stale(disk: Disk, plan_of: PlanOf) -> None:
-    first = plan_of()
-    disk.finish(first)
-    path = first.frames[0].task.files[0]
-    header = disk.headers[path]
-    assert header is not None
-    header["resolution"] = "1 x 1"
-    plan = plan_of()
-    assert (planned(plan, path).state, planned(plan, path).reason) == ("stale", "pixels of another size")
-    assert plan.counts["stale"] == 1
-
-
-@pytest.mark.parametrize("spoilt", ["empty", "folder"])
-def test_a_picture_that_is_none_is_due(disk: Disk, plan_of: PlanOf, spoilt: str) -> None:
-    first = plan_of()
-    disk.finish(first)
-    assert plan_of().pictures == ()
-    picture = first.frames[0].task.files[0].with_suffix(".png")
-    if spoilt == "empty":
-        picture.write_bytes(b"")
-    else:
-        picture.unlink()
-        picture.mkdir()
-    assert plan_of().pictures == (picture,)

@@ -61,14 +61,10 @@ def test_a_scene_change_changes_its_part_only(scene: SceneTask, change: Change, 
     assert changed_parts(before, part_digests(change(scene), POSE, 0.0)) == {part}
 
 
-def test_pose_and_exposure_count(scene: SceneTask) -> None:
+def test_pose_exposure_and_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:
     before = part_digests(scene, POSE, 0.0)
     assert changed_parts(before, part_digests(scene, Pose(60.0, 30.0), 0.0)) == {"pose"}
     assert changed_parts(before, part_digests(scene, POSE, 0.5)) == {"ibl"}
-
-
-def test_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = part_digests(scene, POSE, 0.0)
     monkeypatch.setattr(backends, "blender_version", lambda: "3.6.0")
     other_blender = part_digests(scene, POSE, 0.0)
     assert changed_parts(before, other_blender) == {"render"}

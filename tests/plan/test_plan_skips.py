@@ -11,20 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
-from lookdev.light import Dome
+from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.plan import Setup, Turns
+from lookdev.plan import Setup, Turns, make_setup
 from lookdev.plan.plan import find_skips
 from lookdev.plan.skips import same_all_around
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
-from lookdev.scene import Sampling
+from lookdev.scene import Camera, Sampling, Scene
 
 MakeJob = Callable[..., Job]
 SkipsOf = Callable[..., list[str]]
@@ -32,6 +33,7 @@ MAP = Texture(Path("map.png"), "r", "raw")
 OTHER = replace(MAP, file=Path("other.png"))
 PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
 NOISE = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
+MASK = Formula(parse("a"), {"a": MAP, "b": OTHER}, {"a": "float", "b": "float"})
 SAMPLING = Sampling(samples=4, bounces=0)
 LIGHT = Dome(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
 
@@ -55,6 +57,14 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
         return BACKENDS["exact"].generate(worn, setting)
 
     return generate
+
+
+def nodes(*labels: str, **values: Any) -> NodeSource:
+    images = tuple(
+        ShaderNode(f"Image {number}", "TexImage", label=label, image=Content("linear", ".exr"))
+        for number, label in enumerate(labels)
+    )
+    return NodeSource("gold", (NodeTree("gold", images),), (), "500d", exact=False, **values)
 
 
 @pytest.mark.parametrize(
@@ -85,38 +95,46 @@ def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable
     assert same_all_around([shader(worn)]) is same
 
 
-def test_every_part_must_be_the_same_all_around() -> None:
+def test_every_part_must_be_the_same_all_around_and_read_nothing() -> None:
     even = ShaderSource("even", "", (), (), "")
     mapped = replace(even, textures=(TextureBinding("texture0_file", Content("m", ".exr")),))
-    read = replace(even, attributes=(AttributeBinding("primvar_wear", "wear", "float", (0.0,)),))
+    wear = (AttributeBinding("primvar_wear", "wear", "float", (0.0,)),)
     assert same_all_around([even] * 2)
-    assert not same_all_around([even, mapped])
-    assert not same_all_around([read, even])
+    assert same_all_around([nodes()])
+    for parts in ([even, mapped], [replace(even, attributes=wear), even], [nodes("map")]):
+        assert not same_all_around(parts)
+    assert not same_all_around([replace(nodes(), attributes=wear)])
 
 
-@pytest.mark.parametrize(
-    ("model", "name"),
-    [(model, name) for model, each in CONTINUOUS.items() for name in each.parameters if name != "variant"],
-)
-def test_no_input_of_any_model_has_a_direction_unknown_here(
-    model: str, name: str, shader: Callable[..., ShaderSource]
-) -> None:
+@pytest.mark.parametrize(("axis", "around"), [(None, True), ((0.0, 1e-7), True), ((0.0, 0.5), False)])
+def test_a_ball_looks_the_same_all_around_its_axis(axis: tuple[float, float] | None, around: bool) -> None:
+    ball = load_asset(builtin="sphere")
+    camera = replace(Camera(40.0, 10.0, ball.center, 5.0), axis=axis)
+    scene = Scene.of_look(ball, look(PLAIN), prepare_light(load_environment(builtin="white")), (8, 8), camera)
+    assert make_setup("plain", "white", scene, Sampling()).around is around
+
+
+@pytest.mark.parametrize("model", CONTINUOUS)
+def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, shader: Callable[..., ShaderSource]) -> None:
     """A BSDF that changes when both directions turn about the normal is not the same all around."""
-    known = MODELS[model].parameters[name]
-    value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": known.choices[-1:]}.get(
-        known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
-    )
-    value = value[0] if known.kind == "token" else value
-    given: dict[str, Any] = {**MODELS[model].probe, name: value}
-    # Every lobe is there.
     usual = {"pixar": {"clear": 0.4, "back": 0.4, "roughness": 0.4}, "disney": {"metallic": 0.5, "clearcoat": 0.5}}
-    given = usual.get(model, {}) | given
-    bsdf = MODELS[model].bsdf(complete_parameters(model, given))
-    wo, wi = np.random.default_rng(0).normal(size=(2, 200, 3))
+    rng = np.random.default_rng(0)
+    wo, wi = rng.normal(size=(2, 200, 3))
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))
-    f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))
-    assert f.any()
-    assert same_all_around([shader(look(base(model, **given)))]) == np.allclose(f, turned, rtol=1e-6, atol=1e-12)
+    for name in CONTINUOUS[model].parameters:
+        known = MODELS[model].parameters[name]
+        if name == "variant":
+            continue
+        value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": known.choices[-1:]}.get(
+            known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
+        )
+        # Every lobe is there.
+        given = usual.get(model, {}) | MODELS[model].probe | {name: value[0] if known.kind == "token" else value}
+        bsdf = MODELS[model].bsdf(complete_parameters(model, given))
+        f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))
+        assert f.any(), name
+        same = np.allclose(f, turned, rtol=1e-6, atol=1e-12)
+        assert same_all_around([shader(look(base(model, **given)))]) == same, name
 
 
 @pytest.fixture
@@ -216,6 +234,7 @@ def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, sh
             (base(roughness=0.5), Layer("Dirt", "disney", {"normal": Bump(MAP, 0.3), "roughness": OTHER}, 0.0)),
             "2 textures (reach no pixel)",
         ),
+        ((PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, MASK)), "1 texture (reaches no pixel)"),
     ],
 )
 def test_textures_that_reach_no_pixel_are_counted(
@@ -225,22 +244,6 @@ def test_textures_that_reach_no_pixel_are_counted(
     source = replace(shader(worn), transmits=True, directions=(4, 4), folded=0)
     # Two slots that wear one look read its textures once.
     assert skips_of("", replace(bare, shaders=(source,), worn=(0, 0)), worn) == ([skip] if skip else [])
-
-
-def test_a_formulas_textures_count(skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any]) -> None:
-    kinds: dict[str, Any] = {"a": "float", "b": "float"}
-    mask = Formula(parse("a"), {"a": MAP, "b": OTHER}, kinds)
-    worn = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
-    source = replace(shader(worn), transmits=True, directions=(4, 4), folded=0)
-    assert skips_of("", replace(bare, shaders=(source,)), worn) == ["1 texture (reaches no pixel)"]
-
-
-def nodes(*labels: str, **values: Any) -> NodeSource:
-    images = tuple(
-        ShaderNode(f"Image {number}", "TexImage", label=label, image=Content("linear", ".exr"))
-        for number, label in enumerate(labels)
-    )
-    return NodeSource("gold", (NodeTree("gold", images),), (), "500d", exact=False, **values)
 
 
 def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
@@ -259,13 +262,6 @@ def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: Scene
     # A set is one texture; its tiles are nodes with one label.
     tiled = base(roughness=replace(MAP, file=Path("t.<UDIM>.png")))
     assert skipped(nodes("t.<UDIM>", "t.<UDIM>", transmits=True), tiled) == []
-
-
-def test_native_nodes_that_read_something_differ_all_around() -> None:
-    wear = AttributeBinding("primvar_wear", "wear", "float", (0.0,))
-    assert same_all_around([nodes()])
-    assert not same_all_around([nodes("map")])
-    assert not same_all_around([replace(nodes(), attributes=(wear,))])
 
 
 @pytest.mark.parametrize("backend", [name for name, each in BACKENDS.items() if each.source is NodeSource])
