@@ -12,6 +12,8 @@ from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.skinning import Skinning
 from lookdev.errors import AssetError
 
+pytestmark = pytest.mark.both_pythons
+
 HALF = np.sqrt(0.5)
 POINTS = [(0, 0, 0), (0, 0, 1), (0, 0, 2), (1, 0, 2)]
 JOINTS = ["hip", "hip/knee"]
@@ -49,7 +51,7 @@ class Rig:
         api = self.api(mesh)
         api.CreateSkeletonRel().SetTargets(["/Leg/Bones"])
         api.CreateJointIndicesPrimvar(constant, size).Set(list(indices))
-        api.CreateJointWeightsPrimvar(constant, size).Set([float(each) for each in weights])
+        api.CreateJointWeightsPrimvar(constant, size).Set(list(map(float, weights)))
         return mesh
 
     def shape(self, name, offsets, indices=None, normals=None):
@@ -328,17 +330,19 @@ def outside(rig):
     rig.mesh = UsdGeom.Mesh.Get(rig.stage, "/Loose")
 
 
+def without(attribute, *names):
+    """Return a function that removes properties of the prim of an attribute of a rig."""
+    return lambda rig: [getattr(rig, attribute).GetPrim().RemoveProperty(name) for name in names]
+
+
 NOTED = {
-    "outside": (outside, "/Loose: is below no SkelRoot"),
-    "no skeleton": (lambda r: r.mesh.GetPrim().RemoveProperty("skel:skeleton"), "/Leg/Skin: is bound to no skeleton"),
-    "no pose": (
-        lambda r: [r.skeleton.GetPrim().RemoveProperty(name) for name in ("skel:animationSource", "restTransforms")],
-        "/Leg/Bones: has neither an animation nor restTransforms",
-    ),
+    "/Loose: is below no SkelRoot": outside,
+    "/Leg/Skin: is bound to no skeleton": without("mesh", "skel:skeleton"),
+    "/Leg/Bones: has neither an animation nor rest": without("skeleton", "skel:animationSource", "restTransforms"),
 }
 
 
-@pytest.mark.parametrize(("spoil", "note"), NOTED.values(), ids=NOTED)
+@pytest.mark.parametrize(("note", "spoil"), NOTED.items())
 def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
@@ -349,19 +353,15 @@ def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
 
 
 RESTING = {
-    "missing source": (
-        lambda r: r.api(r.skeleton).GetAnimationSourceRel().SetTargets(["/Leg/Gone"]),
-        "/Leg/Bones: skel:animationSource /Leg/Gone is no SkelAnimation",
+    "/Leg/Bones: skel:animationSource /Leg/Gone is no SkelAnimation": lambda r: (
+        r.api(r.skeleton).GetAnimationSourceRel().SetTargets(["/Leg/Gone"])
     ),
-    "no scales": (lambda r: r.animation.GetPrim().RemoveProperty("scales"), "/Leg/Bend: has no scales"),
-    "other joints": (
-        lambda r: r.animation.GetJointsAttr().Set(["x", "x/y"]),
-        "/Leg/Bend: animates no joint of /Leg/Bones",
-    ),
+    "/Leg/Bend: has no scales": without("animation", "scales"),
+    "/Leg/Bend: animates no joint of /Leg/Bones": lambda r: r.animation.GetJointsAttr().Set(["x", "x/y"]),
 }
 
 
-@pytest.mark.parametrize(("spoil", "note"), RESTING.values(), ids=RESTING)
+@pytest.mark.parametrize(("note", "spoil"), RESTING.items())
 def test_an_animation_that_usd_ignores_leaves_the_rest_pose(rig, spoil, note):
     rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
     spoil(rig)
@@ -386,21 +386,55 @@ def test_what_is_bound_to_nothing_is_not_deformed(rig):
     assert skinning.notes == ()
 
 
-def indices(*values):
-    return lambda rig: rig.api(rig.mesh).GetJointIndicesAttr().Set(list(values))
+def joints(indices=None, weights=None):
+    """Return a function that sets the joint indices, or weights, of a rig's mesh."""
+
+    def apply(rig):
+        if indices is not None:
+            rig.api(rig.mesh).GetJointIndicesAttr().Set(indices)
+        if weights is not None:
+            rig.api(rig.mesh).GetJointWeightsAttr().Set(weights)
+
+    return apply
 
 
-def weights(*values):
-    return lambda rig: rig.api(rig.mesh).GetJointWeightsAttr().Set(list(values))
+def more_points(rig):
+    rig.mesh.GetPointsAttr().Set(POINTS * 2)
+
+
+def constant(rig):
+    rigid(rig)
+    joints([1, 0, 1, 0], [1.0, 0.0, 1.0, 0.0])(rig)
+
+
+def uniform(rig):
+    for name in ("Indices", "Weights"):
+        UsdGeom.Primvar(rig.mesh.GetPrim().GetAttribute(f"primvars:skel:joint{name}")).SetInterpolation("uniform")
+
+
+def sparse_without_rest(rig):
+    rig.skeleton.GetPrim().RemoveProperty("restTransforms")
+    sparse_animation(rig)
+
+
+def on_api(spoil):
+    """Return a function that changes the binding of a rig's mesh."""
+    return lambda rig: spoil(rig.api(rig.mesh))
+
+
+def on_skeleton(spoil):
+    return lambda rig: spoil(rig.skeleton)
 
 
 def shaped(spoil):
-    def both(rig):
+    """Return a function that adds a blend shape and changes the rig and the shape."""
+
+    def apply(rig):
         shape = rig.shape("Up", [(0, 0, 1)], [3])
         rig.weigh(["Up"], [1.0])
         spoil(rig, shape)
 
-    return both
+    return apply
 
 
 def two_inbetweens(rig, shape):
@@ -409,146 +443,65 @@ def two_inbetweens(rig, shape):
     rig.weigh(["Up"], [0.6])
 
 
+NAN, FLAT, NO_MATRIX = float("nan"), Gf.Matrix4d(0.0), Gf.Matrix4d(float("nan"))
+PAIR = "primvars:skel:jointIndices and primvars:skel:jointWeights"
+TURN = [Gf.Quatf(1, 0, 0, 0), Gf.Quatf(NAN, 0, 0, 0)]
+# What is broken, by the message that follows the prim of this name.
 BROKEN = {
-    "joint index": (indices(0, 2, *[0] * 6), "/Leg/Skin: primvars:skel:jointIndices[1] is 2, but there are 2 joints"),
-    "negative joint": (indices(0, -1, *[0] * 6), "/Leg/Skin: primvars:skel:jointIndices[1] is -1"),
-    "nan weight": (
-        weights(float("nan"), *[0.0] * 7),
-        "/Leg/Skin: primvars:skel:jointWeights[0] is nan",
-    ),
-    "few indices": (
-        indices(0, 1),
-        "/Leg/Skin: has 2 primvars:skel:jointIndices and 8 primvars:skel:jointWeights; 2 of both for each point",
-    ),
-    "odd influences": (
-        lambda r: (indices(0, 1, 0)(r), weights(1.0, 0.0, 1.0)(r)),
-        "/Leg/Skin: has 3 primvars:skel:jointIndices and 3 primvars:skel:jointWeights; 2 of both",
-    ),
-    "few points": (
-        lambda r: (
-            indices(0, 1)(r),
-            weights(1.0, 0.0)(r),
-            r.mesh.GetPointsAttr().Set(POINTS * 2),
-            indices(*[0] * 8)(r),
-            weights(*[0.5] * 8)(r),
+    "/Leg/Skin": {
+        "primvars:skel:jointIndices[1] is 2, but there are 2 joints": joints([0, 2, *[0] * 6]),
+        "primvars:skel:jointIndices[1] is -1": joints([0, -1, *[0] * 6]),
+        "primvars:skel:jointWeights[0] is nan": joints(weights=[NAN, *[0.0] * 7]),
+        "has 2 primvars:skel:jointIndices and 8 primvars:skel:jointWeights; 2 of both for each point": joints([0, 1]),
+        "has 3 primvars:skel:jointIndices and 3 primvars:skel:jointWeights; 2 of both": joints([0, 1, 0], [1, 0, 1]),
+        "has joints for 4 points, but 8 points": more_points,
+        "has only one of jointIndices and jointWeights": without("mesh", "primvars:skel:jointWeights"),
+        f"{PAIR} must have the same elementSize": on_api(lambda a: a.GetJointIndicesPrimvar().SetElementSize(4)),
+        f"{PAIR} must have the same elementSize of at least 1, and both the": uniform,
+        "has 4 primvars:skel:jointIndices and 4 primvars:skel:jointWeights; 2 of both for all points": constant,
+        "skel:joints names toe": on_api(lambda a: a.CreateJointsAttr().Set(["hip", "toe"])),
+        "primvars:skel:skinningMethod is 'magic'": on_api(lambda a: a.CreateSkinningMethodAttr().Set("magic")),
+        "primvars:skel:geomBindTransform[0] is nan": on_api(lambda a: a.CreateGeomBindTransformAttr().Set(NO_MATRIX)),
+        "skel:skeleton /Leg/Gone is no Skeleton": on_api(lambda a: a.GetSkeletonRel().SetTargets(["/Leg/Gone"])),
+        "skel:blendShapeTargets /Leg/Skin/Gone is no BlendShape": shaped(
+            lambda r, s: r.api(r.mesh).GetBlendShapeTargetsRel().SetTargets(["/Leg/Skin/Gone"])
         ),
-        "/Leg/Skin: has joints for 4 points, but 8 points",
-    ),
-    "no weights": (
-        lambda r: r.mesh.GetPrim().RemoveProperty("primvars:skel:jointWeights"),
-        "/Leg/Skin: has only one of jointIndices and jointWeights",
-    ),
-    "element size": (
-        lambda r: r.api(r.mesh).GetJointIndicesPrimvar().SetElementSize(4),
-        "/Leg/Skin: primvars:skel:jointIndices and primvars:skel:jointWeights must have the same elementSize",
-    ),
-    "interpolation": (
-        lambda r: [
-            UsdGeom.Primvar(r.mesh.GetPrim().GetAttribute(f"primvars:skel:joint{name}")).SetInterpolation("uniform")
-            for name in ("Indices", "Weights")
-        ],
-        "/Leg/Skin: primvars:skel:jointIndices and primvars:skel:jointWeights must have the same elementSize of at "
-        "least 1, and both the",
-    ),
-    "constant size": (
-        lambda r: (rigid(r), indices(1, 0, 1, 0)(r), weights(1.0, 0.0, 1.0, 0.0)(r)),
-        "/Leg/Skin: has 4 primvars:skel:jointIndices and 4 primvars:skel:jointWeights; 2 of both for all points",
-    ),
-    "unknown joint": (
-        lambda r: r.api(r.mesh).CreateJointsAttr().Set(["hip", "toe"]),
-        "/Leg/Skin: skel:joints names toe",
-    ),
-    "method": (
-        lambda r: r.api(r.mesh).CreateSkinningMethodAttr().Set("magic"),
-        "/Leg/Skin: primvars:skel:skinningMethod is 'magic'",
-    ),
-    "nan bind": (
-        lambda r: r.api(r.mesh).CreateGeomBindTransformAttr().Set(Gf.Matrix4d(float("nan"))),
-        "/Leg/Skin: primvars:skel:geomBindTransform[0] is nan",
-    ),
-    "no such skeleton": (
-        lambda r: r.api(r.mesh).GetSkeletonRel().SetTargets(["/Leg/Gone"]),
-        "/Leg/Skin: skel:skeleton /Leg/Gone is no Skeleton",
-    ),
-    "no joints": (lambda r: r.skeleton.GetJointsAttr().Set(Vt.TokenArray()), "/Leg/Bones: joints must be paths"),
-    "joint twice": (lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip"]), "/Leg/Bones: joints must be paths"),
-    "bad joint path": (
-        lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip//knee"]),
-        "/Leg/Bones: joints must be paths",
-    ),
-    "child first": (
-        lambda r: r.skeleton.GetJointsAttr().Set(JOINTS[::-1]),
-        "/Leg/Bones: joints are not in order: Joint 0",
-    ),
-    "no bind": (
-        lambda r: r.skeleton.GetPrim().RemoveProperty("bindTransforms"),
-        "/Leg/Bones: bindTransforms must be matrices with an inverse",
-    ),
-    "few binds": (
-        lambda r: r.skeleton.GetBindTransformsAttr().Set([UP]),
-        "/Leg/Bones: has 1 bindTransforms, but 2 joints",
-    ),
-    "flat bind": (
-        lambda r: r.skeleton.GetBindTransformsAttr().Set([UP, Gf.Matrix4d(0.0)]),
-        "/Leg/Bones: bindTransforms must be matrices with an inverse",
-    ),
-    "nan rest": (
-        lambda r: r.skeleton.GetRestTransformsAttr().Set([UP, Gf.Matrix4d(float("nan"))]),
-        "/Leg/Bones: restTransforms[1] is nan",
-    ),
-    "few rests": (
-        lambda r: r.skeleton.GetRestTransformsAttr().Set([UP]),
-        "/Leg/Bones: has 1 restTransforms, but 2 joints",
-    ),
-    "rest needed": (
-        lambda r: (r.skeleton.GetPrim().RemoveProperty("restTransforms"), sparse_animation(r)),
-        "/Leg/Bones: joint hip is not animated, and there are no restTransforms",
-    ),
-    "few translations": (
-        lambda r: r.animation.GetTranslationsAttr().Set([(0, 0, 0)]),
-        "/Leg/Bend: has 1 translations, but 2 joints",
-    ),
-    "nan rotation": (
-        lambda r: r.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0), Gf.Quatf(float("nan"), 0, 0, 0)], 10.0),
-        "/Leg/Bend: rotations[1] is nan",
-    ),
-    "blend target": (
-        shaped(lambda r, s: r.api(r.mesh).GetBlendShapeTargetsRel().SetTargets(["/Leg/Skin/Gone"])),
-        "/Leg/Skin: skel:blendShapeTargets /Leg/Skin/Gone is no BlendShape",
-    ),
-    "blend names": (
-        shaped(lambda r, s: r.api(r.mesh).GetBlendShapesAttr().Set(["Up", "Down"])),
-        "/Leg/Skin: has 2 skel:blendShapes, but 1 skel:blendShapeTargets",
-    ),
-    "blend weights": (
-        shaped(lambda r, s: r.weigh(["Up", "Down"], [1.0])),
-        "/Leg/Bend: has 1 blendShapeWeights, but 2 blendShapes",
-    ),
-    "nan blend weight": (
-        shaped(lambda r, s: r.weigh(["Up"], [float("nan")])),
-        "/Leg/Bend: blendShapeWeights[0] is nan",
-    ),
-    "point index": (
-        shaped(lambda r, s: s.GetPointIndicesAttr().Set([4])),
-        "/Leg/Skin/Up: pointIndices must lie in 0..3",
-    ),
-    "negative point": (
-        shaped(lambda r, s: s.GetPointIndicesAttr().Set([-1])),
-        "/Leg/Skin/Up: pointIndices must lie in 0..3",
-    ),
-    "offsets": (
-        shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, 0, 1)] * 2)),
-        "/Leg/Skin/Up: has 2 offsets, but 1 points",
-    ),
-    "nan offset": (
-        shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, np.nan, 0)])),
-        "/Leg/Skin/Up: offsets[0] is nan",
-    ),
-    "inbetween": (shaped(two_inbetweens), "/Leg/Skin/Up: its shapes have 3 and 1 offsets"),
+        "has 2 skel:blendShapes, but 1 skel:blendShapeTargets": shaped(
+            lambda r, s: r.api(r.mesh).GetBlendShapesAttr().Set(["Up", "Down"])
+        ),
+    },
+    "/Leg/Bones": {
+        "joints must be paths": on_skeleton(lambda s: s.GetJointsAttr().Set(Vt.TokenArray())),
+        "joints must be paths such as": on_skeleton(lambda s: s.GetJointsAttr().Set(["hip", "hip"])),
+        "joints must be paths such as 'hip/knee'": on_skeleton(lambda s: s.GetJointsAttr().Set(["hip", "hip//knee"])),
+        "joints are not in order: Joint 0": on_skeleton(lambda s: s.GetJointsAttr().Set(JOINTS[::-1])),
+        "bindTransforms must be matrices with an inverse": without("skeleton", "bindTransforms"),
+        "bindTransforms must be matrices with": on_skeleton(lambda s: s.GetBindTransformsAttr().Set([UP, FLAT])),
+        "has 1 bindTransforms, but 2 joints": on_skeleton(lambda s: s.GetBindTransformsAttr().Set([UP])),
+        "restTransforms[1] is nan": on_skeleton(lambda s: s.GetRestTransformsAttr().Set([UP, NO_MATRIX])),
+        "has 1 restTransforms, but 2 joints": on_skeleton(lambda s: s.GetRestTransformsAttr().Set([UP])),
+        "joint hip is not animated, and there are no restTransforms": sparse_without_rest,
+    },
+    "/Leg/Bend": {
+        "has 1 translations, but 2 joints": lambda r: r.animation.GetTranslationsAttr().Set([(0, 0, 0)]),
+        "rotations[1] is nan": lambda r: r.animation.GetRotationsAttr().Set(TURN, 10.0),
+        "has 1 blendShapeWeights, but 2 blendShapes": shaped(lambda r, s: r.weigh(["Up", "Down"], [1.0])),
+        "blendShapeWeights[0] is nan": shaped(lambda r, s: r.weigh(["Up"], [NAN])),
+    },
+    "/Leg/Skin/Up": {
+        "pointIndices must lie in 0..3": shaped(lambda r, s: s.GetPointIndicesAttr().Set([4])),
+        "pointIndices must lie in 0": shaped(lambda r, s: s.GetPointIndicesAttr().Set([-1])),
+        "has 2 offsets, but 1 points": shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, 0, 1)] * 2)),
+        "offsets[0] is nan": shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, NAN, 0)])),
+        "its shapes have 3 and 1 offsets": shaped(two_inbetweens),
+    },
 }
 
 
-@pytest.mark.parametrize(("spoil", "message"), BROKEN.values(), ids=BROKEN)
+@pytest.mark.parametrize(
+    ("message", "spoil"),
+    [(f"{prim}: {message}", spoil) for prim, faults in BROKEN.items() for message, spoil in faults.items()],
+)
 def test_a_broken_rig_is_an_error_at_its_place(rig, spoil, message, capfd):
     spoil(rig)
     with pytest.raises(AssetError, match="^" + re.escape(message)):

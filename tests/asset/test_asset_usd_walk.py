@@ -1,4 +1,4 @@
-"""What of a stage is shown, where and when: instances in instances, time, visibility, purpose, units."""
+"""What of a stage is shown, where and when: units, transforms, instances in instances, time, visibility, purpose."""
 
 from __future__ import annotations
 
@@ -8,38 +8,51 @@ from asset_arrays import world_points
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from usd_file import CUBE_POINTS, TYPES, primvar
 
-from lookdev.errors import AssetError
+from lookdev.asset import load_asset
+from lookdev.errors import AssetError, StageError
+
+pytestmark = pytest.mark.both_pythons
 
 
 def means(asset):
     return np.array([points.mean(axis=0) for points in world_points(asset)])
 
 
-def instance(file, path, of, at=(0.0, 0.0, 0.0)):
-    prim = UsdGeom.Xform.Define(file.stage, path)
-    prim.GetPrim().GetReferences().AddInternalReference(of)
-    prim.GetPrim().SetInstanceable(True)
-    prim.AddTranslateOp().Set(at)
-    return prim.GetPrim()
+def paths(asset):
+    return [instance.path for instance in asset.instances]
 
 
-def instancer(file, path, prototypes, positions, numbers=None):
-    made = UsdGeom.PointInstancer.Define(file.stage, path)
-    made.GetPrototypesRel().SetTargets(prototypes)
-    made.GetPositionsAttr().Set(Vt.Vec3fArray(positions))
-    made.GetProtoIndicesAttr().Set(numbers or [0] * len(positions))
-    return made
+def numbers(asset):
+    return [instance.mesh for instance in asset.instances]
+
+
+def test_up_axis_and_units_become_z_and_metres(file):
+    UsdGeom.SetStageUpAxis(file.stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(file.stage, 0.01)
+    mesh = file.mesh("/World/Cube")
+    UsdGeom.Xformable(mesh).AddTranslateOp().Set((100.0, 200.0, 300.0))
+    asset = file.load()
+    assert asset.unit == 0.01
+    # Object space has its z axis up, too.
+    x, y, z = np.transpose(CUBE_POINTS) * 0.01
+    np.testing.assert_allclose(asset.meshes[0].points, np.stack([x, -z, y], axis=-1), rtol=1e-6)
+    np.testing.assert_allclose(world_points(asset)[0], np.stack([x + 1, -z - 3, y + 2], axis=-1), atol=1e-6)
+
+
+def test_transforms_of_parents_count(file):
+    parent = UsdGeom.Xform.Define(file.stage, "/World")
+    parent.AddRotateZOp().Set(90.0)
+    UsdGeom.Xformable(file.mesh("/World/Cube")).AddTranslateOp().Set((5.0, 0.0, 0.0))
+    np.testing.assert_allclose(file.load().center, (0.0, 5.0, 0.0), atol=1e-5)
 
 
 def nested(file):
     """/World/A and B, instances of /Big, in which X and Y are instances of /Small, which holds a cube."""
     file.mesh("/Small/Cube")
-    file.stage.GetPrimAtPath("/Small").SetSpecifier(Sdf.SpecifierClass)
-    file.stage.CreateClassPrim("/Big")
-    instance(file, "/Big/X", "/Small", (1.0, 0.0, 0.0))
-    instance(file, "/Big/Y", "/Small", (2.0, 0.0, 0.0))
-    instance(file, "/World/A", "/Big", (0.0, 10.0, 0.0))
-    instance(file, "/World/B", "/Big", (0.0, 20.0, 0.0))
+    for number, prim in enumerate(file.instances("/Small", "/Big/X", "/Big/Y"), 1):
+        prim.AddTranslateOp().Set((number, 0.0, 0.0))
+    for number, prim in enumerate(file.instances("/Big", "/World/A", "/World/B"), 1):
+        prim.AddTranslateOp().Set((0.0, 10.0 * number, 0.0))
 
 
 def test_nested_instances_are_one_mesh(file):
@@ -47,44 +60,93 @@ def test_nested_instances_are_one_mesh(file):
     asset = file.read()
     assert len(asset.meshes) == 1
     expected = {f"/World/{a}/{b}/Cube": (x, y, 0) for a, y in (("A", 10), ("B", 20)) for b, x in (("X", 1), ("Y", 2))}
-    assert [each.path for each in asset.instances] == list(expected)
+    assert paths(asset) == list(expected)
     np.testing.assert_allclose(means(asset), list(expected.values()), atol=1e-6)
     assert [slot.path for slot in asset.slots] == ["/World/A/X/Cube"]
-    (only,) = file.read(prim="/World/B/Y").instances
-    assert only.path == "/World/B/Y/Cube"
+    assert paths(file.read(prim="/World/B/Y")) == ["/World/B/Y/Cube"]
 
 
 def test_instancers_of_instances_of_instancers(file):
     file.mesh("/Leaf/Cube")
-    instancer(file, "/Tree/Leaves", ["/Leaf"], [(0, 0, 1), (0, 0, 2)])
-    instance(file, "/Wood/First", "/Tree", (1.0, 0.0, 0.0))
-    instance(file, "/Wood/Second", "/Tree", (2.0, 0.0, 0.0))
-    for name in ("Leaf", "Tree", "Wood"):
+    file.instancer("/Tree/Leaves", ["/Leaf"], [(0, 0, 1), (0, 0, 2)])
+    for number, prim in enumerate(file.instances("/Tree", "/Wood/First", "/Wood/Second"), 1):
+        prim.AddTranslateOp().Set((number, 0.0, 0.0))
+    for name in ("Leaf", "Wood"):
         file.stage.GetPrimAtPath(f"/{name}").SetSpecifier(Sdf.SpecifierClass)
-    outer = instancer(file, "/World/Woods", ["/Wood"], [(0, 10, 0), (0, 20, 0), (0, 30, 0)])
+    outer = file.instancer("/World/Woods", ["/Wood"], [(0, 10, 0), (0, 20, 0), (0, 30, 0)])
     UsdGeom.Xformable(outer).AddScaleOp().Set((2.0, 2.0, 2.0))
     asset = file.read()
     assert (len(asset.meshes), len(asset.instances)) == (1, 12)
     expected = sorted((2 * x, 2 * y, 2 * z) for x in (1, 2) for y in (10, 20, 30) for z in (1, 2))
     np.testing.assert_allclose(sorted(map(tuple, means(asset).round(3))), expected, atol=1e-3)
-    assert {each.path for each in asset.instances} == {"/Leaf/Cube"}
+    assert set(paths(asset)) == {"/Leaf/Cube"}
+
+
+def scattered(file, specifier=Sdf.SpecifierOver):
+    """Cubes, the first of them turned and doubled, and a square, by an instancer at a height of 100."""
+    cube = file.mesh("/World/Scatter/Protos/Cube")
+    UsdGeom.Xformable(cube).AddTranslateOp().Set((0.0, 1.0, 0.0))
+    UsdGeom.Xform.Define(file.stage, "/Library/Group").AddTranslateOp().Set((7.0, 0.0, 0.0))
+    file.square("/Library/Group/Square")
+    file.stage.GetPrimAtPath("/Library").SetSpecifier(specifier)
+    prototypes = ["/World/Scatter/Protos/Cube", "/Library/Group"]
+    places = [(10, 0, 0), (20, 0, 0), (30, 0, 0), (40, 0, 0)]
+    instancer = file.instancer("/World/Scatter", prototypes, places, [0, 1, 0, 0])
+    UsdGeom.Xformable(instancer).AddTranslateOp().Set((0.0, 0.0, 100.0))
+    turned, straight = Gf.Quath(np.sqrt(0.5), 0, 0, np.sqrt(0.5)), Gf.Quath(1, 0, 0, 0)
+    instancer.GetOrientationsAttr().Set(Vt.QuathArray([turned, straight, straight, straight]))
+    instancer.GetScalesAttr().Set([(2, 2, 2), (1, 1, 1), (1, 1, 1), (1, 1, 1)])
+    return instancer
+
+
+@pytest.mark.parametrize("specifier", [Sdf.SpecifierOver, Sdf.SpecifierClass])
+def test_point_instances(file, specifier):
+    instancer = scattered(file, specifier)
+    instancer.GetInvisibleIdsAttr().Set([2])
+    asset = file.load()
+    assert [mesh.name for mesh in asset.meshes] == ["/World/Scatter/Protos/Cube", "/Library/Group/Square"]
+    assert numbers(asset) == [0, 0, 1]
+    turned, last, square = means(asset)
+    # The prototype's translation along y, doubled and rotated by a quarter towards -x; the rotation is in half floats.
+    np.testing.assert_allclose(turned, (8.0, 0.0, 100.0), atol=2e-2)
+    np.testing.assert_allclose(last, (40.0, 1.0, 100.0), atol=1e-5)
+    np.testing.assert_allclose(square, (28.0, 0.5, 100.0), atol=1e-5)
+    assert np.ptp(world_points(asset)[0], axis=0) == pytest.approx([4, 4, 4], abs=1e-2)
+    instancer.GetScalesAttr().Set([(0, 0, 0), (1, 1, 1), (1, 1, 1), (1, 1, 1)])
+    assert numbers(file.load()) == [0, 1]  # what has no size is left out
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda i: i.GetPositionsAttr().Set([(0, 0, 0)]), "has 1 positions, but 4 protoIndices"),
+        (lambda i: i.GetScalesAttr().Set([(1, 1, 1)] * 3), "has 3 scales, but 4 protoIndices"),
+        (
+            lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]),
+            r"protoIndices\[2\] is 2, but there are 2 prototypes; it must lie in 0\.\.1",
+        ),
+        (lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]), "names /None, which is not there"),
+        (lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]), "which holds the instancer"),
+    ],
+)
+def test_faults_of_an_instancer_are_located(file, spoil, message):
+    spoil(scattered(file))
+    with pytest.raises(AssetError, match=r"thing\.usda: /World/Scatter: .*" + message):
+        file.load()
 
 
 def test_ten_thousand_instances_are_one_mesh(file):
-    grid = UsdGeom.PointInstancer.Define(file.stage, "/World/Grid")
-    file.mesh("/World/Grid/Proto")
-    grid.GetPrototypesRel().SetTargets(["/World/Grid/Proto"])
     places = np.stack(np.unravel_index(np.arange(10_000), (100, 100, 1)), axis=-1).astype(np.float32) * 3
-    grid.GetPositionsAttr().Set(Vt.Vec3fArray.FromNumpy(places))
-    grid.GetProtoIndicesAttr().Set(Vt.IntArray(10_000, 0))
+    file.mesh("/World/Grid/Proto")
+    file.instancer("/World/Grid", ["/World/Grid/Proto"], list(map(tuple, places.tolist())))
     asset = file.read()
     assert len(asset.meshes) == 1
-    np.testing.assert_allclose([each.matrix[:3, 3] for each in asset.instances], places)
+    np.testing.assert_allclose([instance.matrix[:3, 3] for instance in asset.instances], places)
 
 
 def test_inactive_and_invisible_ids_are_left_out(file):
     file.mesh("/World/Grid/Proto")
-    grid = instancer(file, "/World/Grid", ["/World/Grid/Proto"], [(i, 0, 0) for i in range(6)])
+    grid = file.instancer("/World/Grid", ["/World/Grid/Proto"], [(i, 0, 0) for i in range(6)])
     grid.GetIdsAttr().Set([10, 11, 12, 13, 14, 15])
     grid.DeactivateId(11)
     grid.GetInvisibleIdsAttr().Set([14], 1.0)
@@ -96,17 +158,17 @@ def test_inactive_and_invisible_ids_are_left_out(file):
 def test_a_prototype_without_size_is_no_crash(file):
     file.mesh("/World/Grid/Proto/Cube")
     UsdGeom.Xform.Define(file.stage, "/World/Grid/Proto").AddScaleOp().Set((0.0, 0.0, 0.0))
-    instancer(file, "/World/Grid", ["/World/Grid/Proto"], [(0, 0, 0)])
+    file.instancer("/World/Grid", ["/World/Grid/Proto"], [(0, 0, 0)])
     file.mesh("/World/Seen")
     asset = file.read()
-    assert [each.path for each in asset.instances] == ["/World/Seen"]
+    assert paths(asset) == ["/World/Seen"]
     assert asset.notes == (f"{file.path}: without volume, left out (1): /World/Grid/Proto/Cube",)
 
 
 def test_instancers_that_hold_each_other_are_a_fault(file):
     file.mesh("/P/Cube")
-    instancer(file, "/P/ToQ", ["/Q"], [(0, 0, 0)])
-    instancer(file, "/Q/ToP", ["/P"], [(0, 0, 0)])
+    file.instancer("/P/ToQ", ["/Q"], [(0, 0, 0)])
+    file.instancer("/Q/ToP", ["/P"], [(0, 0, 0)])
     with pytest.raises(AssetError, match=r"thing\.usda: /Q/ToP: prototypes names /P, which holds the instancer"):
         file.read()
 
@@ -114,7 +176,7 @@ def test_instancers_that_hold_each_other_are_a_fault(file):
 def test_instancers_nest_so_deep_and_no_deeper(file):
     file.mesh("/P0/Cube")
     for i in range(1, 40):
-        instancer(file, f"/P{i}/I", [f"/P{i - 1}"], [(1, 0, 0)])
+        file.instancer(f"/P{i}/I", [f"/P{i - 1}"], [(1, 0, 0)])
     (deep,) = file.read(prim="/P32").instances
     np.testing.assert_allclose(deep.matrix[:3, 3], (32, 0, 0))
     with pytest.raises(AssetError, match="/P1/I: is an instancer inside 32 others; at most 31 would be right"):
@@ -127,7 +189,7 @@ def test_constant_primvars_from_outside_an_instance_are_its_own(file):
         primvar(file.stage.GetPrimAtPath(path), "wear", TYPES.FloatArray, "constant", [value])
     primvar(file.stage.GetPrimAtPath("/World/B"), "displayColor", TYPES.Color3fArray, "constant", [(1, 0, 0)])
     asset = file.read()
-    assert [each.mesh for each in asset.instances] == [0, 0, 1, 1]
+    assert numbers(asset) == [0, 0, 1, 1]
     first, second = asset.meshes
     assert list(first.primvars) == ["wear"]
     np.testing.assert_array_equal(first.primvars["wear"], np.ones(24))
@@ -136,19 +198,14 @@ def test_constant_primvars_from_outside_an_instance_are_its_own(file):
     assert second.points is first.points
 
 
-def moving(file):
-    points = file.mesh("/Cube").GetPointsAttr()
-    for time in (7.0, 9.0):
-        points.Set([Gf.Vec3f(*point) * time for point in CUBE_POINTS], time)
-    return file
-
-
 @pytest.mark.parametrize(
     ("start", "time", "size"),
     [(None, None, 7.0), (9.0, None, 9.0), (9.0, 7.0, 7.0), (None, 8.0, 8.0), (None, 99.0, 9.0)],
 )
 def test_the_time_is_the_given_one_else_the_start_of_the_stage_else_the_earliest(file, start, time, size):
-    moving(file)
+    points = file.mesh("/Cube").GetPointsAttr()
+    for sample in (7.0, 9.0):
+        points.Set([Gf.Vec3f(*point) * sample for point in CUBE_POINTS], sample)
     if start is not None:
         file.stage.SetStartTimeCode(start)
     assert file.read(time=time).radius == pytest.approx(size * np.sqrt(3))
@@ -179,8 +236,8 @@ def test_visibility_is_that_of_the_time(file):
     visibility = UsdGeom.Imageable(file.mesh("/B").GetPrim()).GetVisibilityAttr()
     visibility.Set("inherited", 1.0)
     visibility.Set("invisible", 2.0)
-    assert [each.path for each in file.read(time=1.5).instances] == ["/A", "/B"]
-    assert [each.path for each in file.read(time=2.0).instances] == ["/A"]
+    assert paths(file.read(time=1.5)) == ["/A", "/B"]
+    assert paths(file.read(time=2.0)) == ["/A"]
 
 
 @pytest.mark.parametrize(
@@ -192,7 +249,20 @@ def test_purposes_are_the_given_ones_and_inherited(file, purposes, seen):
         mesh = file.mesh(path)
         if purpose:
             mesh.GetPurposeAttr().Set(purpose)
-    assert [each.path for each in file.read(purposes=purposes).instances] == seen
+    assert paths(file.read(purposes=purposes)) == seen
+
+
+def test_only_what_is_seen_counts(file):
+    for name in ("Seen", "Hidden/Below", "Guide", "Off"):
+        file.mesh(f"/World/{name}")
+    UsdGeom.Imageable(UsdGeom.Xform.Define(file.stage, "/World/Hidden")).MakeInvisible()
+    UsdGeom.Imageable(file.stage.GetPrimAtPath("/World/Guide")).GetPurposeAttr().Set("guide")
+    file.stage.GetPrimAtPath("/World/Off").SetActive(False)
+    file.mesh("/World/Empty", faces=[])
+    assert paths(file.load()) == ["/World/Seen"]
+    assert paths(file.load("/World/Hidden/Below")) == ["/World/Hidden/Below"]
+    with pytest.raises(AssetError, match="has no surface to render below /World/Guide"):
+        file.load("/World/Guide")
 
 
 def test_a_transform_that_resets_the_stack_is_in_the_world(file):
@@ -216,39 +286,29 @@ def test_types_without_a_reader_are_named(file):
         file.read(prim="/World/Smoke1")
 
 
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, -0.01), "metersPerUnit is -0.01; it must be"),
-        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, float("inf")), "metersPerUnit is inf"),
-        (lambda file: file.stage.SetMetadata("upAxis", "X"), "upAxis is 'X'; it must be Y or Z"),
-        (
-            lambda file: UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube")).AddTranslateOp().Set((np.nan, 0, 0)),
-            "/Cube.xformOp:translate: its transform has a number not within",
-        ),
-        (
-            lambda file: (
-                UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube"))
-                .AddTransformOp()
-                .Set(Gf.Matrix4d(1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
-            ),
-            "/Cube.xformOp:transform: its transform has",
-        ),
-        (
-            lambda file: UsdGeom.Imageable(file.stage.GetPrimAtPath("/Cube")).CreatePurposeAttr("rander"),
-            r"/Cube: purpose is 'rander' \(did you mean 'render'\?\)",
-        ),
-        (
-            lambda file: UsdGeom.Imageable(file.stage.GetPrimAtPath("/Cube")).CreateVisibilityAttr("hidden"),
-            "/Cube: visibility is 'hidden' ",
-        ),
-        (
-            lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10),
-            r"/Cube: the asset has a radius of 1.73e\+10 m, with metersPerUnit 1e\+10; 1e-06 to 1e\+09 m can be",
-        ),
-        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), "/Cube: the asset has a radius of 1.73e-07 m"),
-    ],
-)
+def cube(file):
+    return UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube"))
+
+
+SHEAR = Gf.Matrix4d(1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
+RADIUS = r"/Cube: the asset has a radius of "
+FAULTS = [
+    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, -0.01), "metersPerUnit is -0.01; it must be"),
+    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, np.inf), "metersPerUnit is inf"),
+    (lambda file: file.stage.SetMetadata("upAxis", "X"), "upAxis is 'X'; it must be Y or Z"),
+    (lambda file: cube(file).AddTranslateOp().Set((np.nan, 0, 0)), "/Cube.xformOp:translate: its transform has a num"),
+    (lambda file: cube(file).AddTransformOp().Set(SHEAR), "/Cube.xformOp:transform: its transform has"),
+    (lambda file: cube(file).CreatePurposeAttr("rander"), r"/Cube: purpose is 'rander' \(did you mean 'render'\?\)"),
+    (lambda file: cube(file).CreateVisibilityAttr("hidden"), "/Cube: visibility is 'hidden' "),
+    (
+        lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10),
+        RADIUS + r"1.73e\+10 m, with metersPerUnit 1e\+10; 1e-06 to 1e\+09 m can be",
+    ),
+    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), RADIUS + "1.73e-07 m"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), FAULTS)
 def test_faults_of_a_stage(file, spoil, message):
     file.mesh("/Cube")
     spoil(file)
@@ -256,17 +316,12 @@ def test_faults_of_a_stage(file, spoil, message):
         file.read()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"time": float("nan")}, "the time is nan; it must be a number"),
-        ({"purposes": ("rander",)}, r"there is no purpose 'rander' \(did you mean 'render'\?\)"),
-    ],
-)
-def test_faults_of_the_options(file, options, message):
+def test_faults_of_the_options(file):
     file.mesh("/Cube")
-    with pytest.raises(AssetError, match=message):
-        file.read(**options)
+    with pytest.raises(AssetError, match="the time is nan; it must be a number"):
+        file.read(time=float("nan"))
+    with pytest.raises(AssetError, match=r"there is no purpose 'rander' \(did you mean 'render'\?\)"):
+        file.read(purposes=("rander",))
 
 
 def test_all_faulty_meshes_are_reported_together(file):
@@ -303,3 +358,31 @@ def test_a_transform_that_usd_cannot_compute_is_a_fault_of_its_prim(file, capfd)
     ):
         file.read()
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("prim", "message"),
+    [
+        (
+            "/World/Cub",
+            r"thing.usda: /World/Cub: there is no such prim \(below /World there are: /World/Cube, /World/Looks\)",
+        ),
+        ("/Word/Cube", r"/Word/Cube: there is no such prim \(below / there are: /World\)"),
+        ("World/Cube", "is not the path of a prim"),
+        ("/World//", "is not the path of a prim"),
+    ],
+)
+def test_the_error_of_a_wrong_prim_lists_those_there(file, prim, message):
+    file.mesh("/World/Cube")
+    file.material("/World/Looks")
+    with pytest.raises(StageError, match=message):
+        file.load(prim)
+
+
+@pytest.mark.parametrize("content", [None, "#usda 1.0\ndef Mesh {", "nothing"])
+def test_a_file_that_is_not_usd_is_an_error(tmp_path, content):
+    path = tmp_path / "broken.usda"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(StageError, match=r"broken\.usda: (USD cannot open it|no such file)"):
+        load_asset(usd=path)
