@@ -5,7 +5,7 @@ Surfaces are opaque and isotropic, without sheen, and reflections have no hue be
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -26,92 +26,87 @@ _CELLS = (40, 24)
 Rng = np.random.Generator
 
 
-def _number(rng: Rng, low: float = 0.0, high: float = 1.0) -> float:
-    return float(rng.uniform(low, high))
+Draw = Callable[[Rng], Any]
+
+
+def _number(low: float = 0.0, high: float = 1.0) -> Draw:
+    return lambda rng: float(rng.uniform(low, high))
 
 
 def _color(rng: Rng) -> tuple[float, ...]:
     return tuple(rng.uniform(0.0, 1.0, 3).tolist())
 
 
-def _often(rng: Rng, *usual: float) -> float:
+def _often(*usual: float) -> Draw:
     """Draw one of the usual numbers, or any."""
-    return float(rng.choice([*usual, rng.uniform()]))
+    return lambda rng: float(rng.choice([*usual, rng.uniform()]))
 
 
-def _preview_surface(rng: Rng) -> dict[str, Any]:
-    color = _color(rng)
-    given = {
-        "diffuseColor": color,
-        "roughness": _number(rng),
-        "metallic": _often(rng, 0.0, 0.0, 1.0),
-        "clearcoat": _often(rng, 0.0),
-        "clearcoatRoughness": _number(rng),
-        "ior": _number(rng, 1.0, 2.2),
-    }
-    if rng.random() < 0.25:
+_PREVIEW_SURFACE: dict[str, Draw] = {
+    "diffuseColor": _color,
+    "roughness": _number(),
+    "metallic": _often(0.0, 0.0, 1.0),
+    "clearcoat": _often(0.0),
+    "clearcoatRoughness": _number(),
+    "ior": _number(1.0, 2.2),
+}
+_STANDARD_SURFACE: dict[str, Draw] = {
+    "base": _number(0.5),
+    "base_color": _color,
+    "metalness": _often(0.0, 0.0, 1.0),
+    "specular": _often(1.0),
+    "specular_roughness": _number(),
+    "specular_IOR": _number(1.0, 2.2),
+    "subsurface": _often(0.0, 0.0),
+    "subsurface_color": _color,
+    "coat": _often(0.0),
+    "coat_color": lambda rng: (_often(1.0)(rng),) * 3,
+    "coat_roughness": _number(),
+    "coat_IOR": _number(1.0, 2.2),
+    "coat_affect_color": _often(0.0),
+    "coat_affect_roughness": _often(0.0),
+}
+_GLTF_PBR: dict[str, Draw] = {
+    "base_color": _color,
+    "metallic": _often(0.0, 0.0, 1.0),
+    "roughness": _number(),
+    "specular": _often(1.0),
+    "ior": _number(1.0, 2.2),
+    "clearcoat": _often(0.0),
+    "clearcoat_roughness": _number(),
+}
+_OPEN_PBR_SURFACE: dict[str, Draw] = {
+    "base_weight": _number(0.5),
+    "base_color": _color,
+    "base_metalness": _often(0.0, 0.0, 1.0),
+    "specular_weight": _often(1.0),
+    "specular_roughness": _number(),
+    "specular_ior": _number(1.0, 2.2),
+    "subsurface_weight": _often(0.0, 0.0),
+    "subsurface_color": _color,
+    "coat_weight": _often(0.0),
+    "coat_roughness": _number(),
+    "coat_ior": _number(1.0, 2.2),
+    "coat_darkening": _often(0.0, 1.0),
+}
+
+
+def _draw(draws: Mapping[str, Draw], rng: Rng) -> dict[str, Any]:
+    given = {name: draw(rng) for name, draw in draws.items()}
+    if draws is _PREVIEW_SURFACE and rng.random() < 0.25:
         given |= {"useSpecularWorkflow": "1", "metallic": 0.0}
         # Plastics and metals; not more than all light is reflected.
-        plastic = (_number(rng, 0.0, 1.0 - max(color)),) * 3
-        given |= (
-            {"specularColor": plastic} if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
-        )
+        color = given["diffuseColor"]
+        plastic = {"specularColor": (_number(0.0, 1.0 - max(color))(rng),) * 3}
+        given |= plastic if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
     return given
-
-
-def _standard_surface(rng: Rng) -> dict[str, Any]:
-    return {
-        "base": _number(rng, 0.5),
-        "base_color": _color(rng),
-        "metalness": _often(rng, 0.0, 0.0, 1.0),
-        "specular": _often(rng, 1.0),
-        "specular_roughness": _number(rng),
-        "specular_IOR": _number(rng, 1.0, 2.2),
-        "subsurface": _often(rng, 0.0, 0.0),
-        "subsurface_color": _color(rng),
-        "coat": _often(rng, 0.0),
-        "coat_color": (_often(rng, 1.0),) * 3,
-        "coat_roughness": _number(rng),
-        "coat_IOR": _number(rng, 1.0, 2.2),
-        "coat_affect_color": _often(rng, 0.0),
-        "coat_affect_roughness": _often(rng, 0.0),
-    }
-
-
-def _gltf_pbr(rng: Rng) -> dict[str, Any]:
-    return {
-        "base_color": _color(rng),
-        "metallic": _often(rng, 0.0, 0.0, 1.0),
-        "roughness": _number(rng),
-        "specular": _often(rng, 1.0),
-        "ior": _number(rng, 1.0, 2.2),
-        "clearcoat": _often(rng, 0.0),
-        "clearcoat_roughness": _number(rng),
-    }
-
-
-def _open_pbr_surface(rng: Rng) -> dict[str, Any]:
-    return {
-        "base_weight": _number(rng, 0.5),
-        "base_color": _color(rng),
-        "base_metalness": _often(rng, 0.0, 0.0, 1.0),
-        "specular_weight": _often(rng, 1.0),
-        "specular_roughness": _number(rng),
-        "specular_ior": _number(rng, 1.0, 2.2),
-        "subsurface_weight": _often(rng, 0.0, 0.0),
-        "subsurface_color": _color(rng),
-        "coat_weight": _often(rng, 0.0),
-        "coat_roughness": _number(rng),
-        "coat_ior": _number(rng, 1.0, 2.2),
-        "coat_darkening": _often(rng, 0.0, 1.0),
-    }
 
 
 @dataclass(frozen=True)
 class Foreign:
     """Random inputs, the albedo by definition, how metallic they are, and up to which view (degrees) metals agree."""
 
-    draw: Callable[[Rng], dict[str, Any]]
+    draws: Mapping[str, Draw]
     albedo: Callable[[dict[str, Any], float], Floats]
     metal: Callable[[dict[str, Any]], float]
     metals_agree: float
@@ -122,10 +117,10 @@ def _metallic(p: dict[str, Any]) -> float:
 
 
 FOREIGN = {
-    "preview_surface": Foreign(_preview_surface, foreign_albedo.preview_surface, _metallic, 40.0),
-    "standard_surface": Foreign(_standard_surface, foreign_albedo.standard_surface, itemgetter("metalness"), 20.0),
-    "open_pbr_surface": Foreign(_open_pbr_surface, foreign_albedo.open_pbr_surface, itemgetter("base_metalness"), 60.0),
-    "gltf_pbr": Foreign(_gltf_pbr, foreign_albedo.gltf_pbr, itemgetter("metallic"), 60.0),
+    "preview_surface": Foreign(_PREVIEW_SURFACE, foreign_albedo.preview_surface, _metallic, 40.0),
+    "standard_surface": Foreign(_STANDARD_SURFACE, foreign_albedo.standard_surface, itemgetter("metalness"), 20.0),
+    "open_pbr_surface": Foreign(_OPEN_PBR_SURFACE, foreign_albedo.open_pbr_surface, itemgetter("base_metalness"), 60.0),
+    "gltf_pbr": Foreign(_GLTF_PBR, foreign_albedo.gltf_pbr, itemgetter("metallic"), 60.0),
 }
 """By the name of the translation."""
 
@@ -149,7 +144,7 @@ def compare(name: str, count: int, seed: int) -> list[Compared]:
     rng, foreign, known = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
     found = []
     for _ in range(count):
-        given = foreign.draw(rng)
+        given = _draw(foreign.draws, rng)
         whole = {each: parameter.default for each, parameter in known.items()} | given
         own = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
         ours = np.stack([translated_albedo(name, given, angle) for angle in VIEWS])
