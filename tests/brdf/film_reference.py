@@ -1,4 +1,4 @@
-"""The reflectance of a thin film by quadrature over wavelengths, from complex amplitudes."""
+"""Fresnel's equations by complex amplitudes, and the reflectance of a thin film by quadrature over wavelengths."""
 
 from __future__ import annotations
 
@@ -11,6 +11,13 @@ from lookdev.brdf import conductor
 Floats = NDArray[np.float64]
 
 WAVELENGTHS = np.arange(380.0, 780.01, 0.5)
+
+
+def complex_fresnel(cosine: NDArray, index: NDArray) -> Floats:
+    """Return the reflectance of unpolarised light in air, by a complex index: Born and Wolf, 1.5 (20) and 14.2."""
+    inside = np.sqrt(1.0 - (1.0 - cosine**2) / index**2)
+    s, p = (cosine - index * inside) / (cosine + index * inside), (inside - index * cosine) / (inside + index * cosine)
+    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
 
 
 def color_weights() -> Floats:

@@ -30,13 +30,7 @@ from lookdev.closures.setups import view_at
 Floats = NDArray[np.float64]
 
 _SAMPLES = 1 << 16
-_VIEWS = {
-    "normal": (0.0, 0.0),
-    "tilted": (0.3, 40.0),
-    "45": (45.0, 0.0),
-    "80": (80.0, 110.0),
-    "grazing": (89.0, 200.0),
-}
+_VIEWS = {"normal": (0.0, 0.0), "tilted": (0.3, 40.0), "45": (45.0, 0.0), "80": (80.0, 110.0), "grazing": (89.0, 200.0)}
 _GOLD = {"fresnel": "conductor", "eta": (0.15, 0.45, 1.35), "k": (3.5, 2.4, 1.9)}
 _GLASS = {"fresnel": "conductor", "eta": (1.5, 0.05, 10.0), "k": (0.0, 0.0, 20.0)}
 # Roughness 0 is alpha at its floor, the narrowest lobe. A model without settings is tested by its probe.

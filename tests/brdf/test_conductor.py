@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from film_reference import WAVELENGTHS, color_weights
+from film_reference import WAVELENGTHS, color_weights, complex_fresnel
 
 import lookdev.brdf.conductor as conductor
 from lookdev.brdf.conductor import METALS, metal_curve, metal_indices, metal_reflectance
@@ -59,13 +59,10 @@ def test_the_primaries_are_those_of_rec709() -> None:
 
 @pytest.mark.parametrize("name", METALS)
 def test_a_curve_is_what_complex_amplitudes_give(name: str) -> None:
-    # Every half nanometre; Born and Wolf, 1.5 (21a), with a complex index.
+    # Every half nanometre.
     cosines = np.cos(np.radians([0.0, 30.0, 60.0, 75.0, 85.0, 89.0]))[:, None]
     eta, k = metal_indices(name, WAVELENGTHS)
-    n = np.asarray(eta) + 1j * np.asarray(k)
-    inside = np.sqrt(1.0 - (1.0 - cosines**2) / n**2)
-    s, p = (cosines - n * inside) / (cosines + n * inside), (inside - n * cosines) / (inside + n * cosines)
-    wanted = 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2) @ color_weights().T
+    wanted = complex_fresnel(cosines, np.asarray(eta) + 1j * np.asarray(k)) @ color_weights().T
     np.testing.assert_allclose(metal_curve(name, cosines[:, 0]), wanted, atol=1e-3)
 
 

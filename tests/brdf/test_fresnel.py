@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from film_reference import complex_fresnel
 from numpy.typing import NDArray
 
 from lookdev.brdf.fresnel import conductor_absorptance, conductor_fresnel
@@ -46,14 +47,6 @@ def test_fresnel_survives_float32() -> None:
     # Total reflection.
     assert (np.asarray(got)[wanted == 1.0] == 1.0).all()
     assert np.count_nonzero(wanted == 1.0) > 5
-
-
-def complex_fresnel(cos_theta: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Fresnel's equations with a complex index of refraction and Snell's law."""
-    cos_t = np.sqrt(1.0 - (1.0 - cos_theta**2) / index**2)
-    s = (cos_theta - index * cos_t) / (cos_theta + index * cos_t)
-    p = (index * cos_theta - cos_t) / (index * cos_theta + cos_t)
-    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
 
 
 def test_fresnel_agrees_with_complex_arithmetic() -> None:

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 from plot_pixar_diffuse import diffuse_integral
 from random_parameters import directions, near_the_mirror_image, random_parameters
-from scipy.integrate import dblquad
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
 from lookdev.brdf.frames import ZENITH
@@ -35,49 +34,15 @@ def test_the_diffuse_blend_is_the_published_one(roughness: float, published: flo
     np.testing.assert_allclose(np.pi * evaluate(bsdf, ZENITH, ZENITH), published, rtol=1e-15)
 
 
-# From scipy's dblquad over theta and phi.
-_INTEGRALS = [
-    (0.0, 0.0, 0.859524),
-    (45.0, 0.0, 0.857671),
-    (60.0, 0.0, 0.832664),
-    (80.0, 0.0, 0.528330),
-    (90.0, 0.0, 0.0),
-    (70.0, 0.25, 0.812155),
-    (45.0, 0.5, 0.927596),
-    (90.0, 0.5, 0.476190),
-    (60.0, 1.0, 1.0),
-]
-
-
-@pytest.mark.parametrize(("degrees", "roughness", "wanted"), _INTEGRALS)
-def test_the_plot_of_the_diffuse_integral(degrees: float, roughness: float, wanted: float) -> None:
-    n, g = 0.95 + 0.05 * roughness, roughness
-
-    def fresnel(cos: float) -> float:
-        return float(n + (g - n) * (1.0 - cos) ** 5)
-
-    def integrand(phi: float, theta: float) -> float:
-        return fresnel(np.cos(np.radians(degrees))) * fresnel(np.cos(theta)) * np.cos(theta) * np.sin(theta) / np.pi
-
-    independent, _ = dblquad(integrand, 0.0, np.pi / 2.0, 0.0, 2.0 * np.pi, epsabs=1e-10)
-    assert float(diffuse_integral(degrees, roughness)) == pytest.approx(independent, abs=1e-9)
-    assert independent == pytest.approx(wanted, abs=5e-7)
-    # In closed form: the cosine-weighted mean of (1 - cos)^5 is 1/21.
-    closed = fresnel(np.cos(np.radians(degrees))) * (20.0 * n + g) / 21.0
-    assert independent == pytest.approx(closed, abs=1e-9)
-
-
 def test_the_plot_has_the_shape_of_the_document() -> None:
-    degrees, roughness = np.meshgrid(np.linspace(0.0, 90.0, 181), np.linspace(0.0, 1.0, 101))
-    integral = diffuse_integral(degrees, roughness)
-    assert (integral <= 1.0 + 1e-15).all()
+    integral = diffuse_integral(*np.meshgrid(np.linspace(0.0, 90.0, 181), np.linspace(0.0, 1.0, 101)))
     assert (np.diff(integral, axis=1) <= 1e-15).all()  # less and less towards grazing angles
     assert (np.diff(integral, axis=0) >= -1e-15).all()  # and the smoother the surface
-    # "Most of the plot above about .9 or (.95 * .95)": at roughness 0 it is 20/21 of that, to 53 degrees above 0.85.
+    # "Most of the plot above about .9 or (.95 * .95)".
     assert np.mean(integral > 0.9) > 0.55
-    assert integral[0, 0] == pytest.approx(0.95 * 0.95 * 20.0 / 21.0, rel=1e-15)
-    assert (integral[0, degrees[0] <= 53.0] > 0.85).all()
-    assert (integral[30:, degrees[0] <= 40.0] > 0.9).all()
+    np.testing.assert_allclose(
+        integral[[0, 0, 50, -1], [0, 120, 90, 60]], [0.859524, 0.832664, 0.927596, 1.0], atol=5e-7
+    )
 
 
 def test_the_lobe_of_the_model_has_the_plots_integral_where_they_agree() -> None:
@@ -145,7 +110,7 @@ _ONE_WAY: dict[str, tuple[float, float, list[dict[str, Any]], float, float]] = {
     "the view's Fresnel term": (80.0, 60.0, [_METAL | {"energy": "conserving"}], 2.28538, 1.87052),
     "a cosine of its own": (20.0, 60.0, [_METAL | {"highlightNormal": (-0.5, 0.0, 1.0)}], 1.58682, 0.738525),
     "cones averaged by energy": (
-        80.0, 60.0, [_METAL | {"roughness": 0.7}, {"roughness": 0.1}], 0.785277, 0.666643,
+        80.0, 60.0, [_METAL | {"roughness": 0.7}, {"roughness": 0.1}], 0.785277, 0.666643
     ),
     "normals averaged by energy": (
         80.0, 40.0,

@@ -69,10 +69,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("SphereLight", "color3f visibility = (1, 0, 0)"), "/Rig/Lamp.visibility: has a value of type Vec3f"),
         (light("DiskLight", "uniform int xformOpOrder = 5"), "/Rig/Lamp.xformOpOrder: has a value of type int"),
         (light("DistantLight", "float inputs:angle = -1"), "/Rig/Lamp.inputs:angle: is -1"),
-        (
-            light("DistantLight", "float lookdev:falloff:exponent = 1"),
-            "exponent: a DistantLight has no such attribute",
-        ),
+        (light("DistantLight", "float lookdev:falloff:exponent = 1"), "exponent: a DistantLight has no such attribute"),
         (light("SphereLight", "float lookdev:falloff:start = 2; float lookdev:falloff:end = 1"), "falloff end 1: more"),
         (
             light("DomeLight_1", "float inputs:shaping:focus = 1", SHAPED),
@@ -81,27 +78,15 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("DomeLight_1", 'uniform token poleAxis = "X"'), "poleAxis: is 'X' (known: scene, Y, Z)"),
         (light("DomeLight_1", "float lookdev:local:edge = 0.5"), "lookdev:local:edge: has no effect without a radius"),
         (light("DomeLight_1", "float lookdev:local:radius = 1; float lookdev:local:edge = 2"), "edge: is 2 (a part of"),
-        (
-            light("DomeLight_1", "asset inputs:texture:file = @no.exr@"),
-            "texture:file: there is no file 'no.exr'",
-        ),
+        (light("DomeLight_1", "asset inputs:texture:file = @no.exr@"), "texture:file: there is no file 'no.exr'"),
         (light("DomeLight_1", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
         (light("RectLight", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
         (light("RectLight", "asset inputs:texture:file = @nan.exr@"), "/nan.exr: no finite value in the whole map"),
         (light("SphereLight", "asset inputs:shaping:ies:file = @no.ies@", SHAPED), "there is no file 'no.ies'"),
         (light("SphereLight", "asset inputs:shaping:ies:file = @cut.ies@", SHAPED), "line 7: the file ends before"),
-        (
-            light("SphereLight", "asset inputs:shaping:ies:file = @order.ies@", SHAPED),
-            "angles do not increase",
-        ),
-        (
-            light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", SHAPED),
-            "candela value -4: none is",
-        ),
-        (
-            light("SphereLight", "asset inputs:shaping:ies:file = @more.ies@", SHAPED),
-            "1 numbers more than it",
-        ),
+        (light("SphereLight", "asset inputs:shaping:ies:file = @order.ies@", SHAPED), "angles do not increase"),
+        (light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", SHAPED), "candela value -4: none is"),
+        (light("SphereLight", "asset inputs:shaping:ies:file = @more.ies@", SHAPED), "1 numbers more than it"),
         ("custom bool lookdev:turns = false\n" + DIM, "/Rig.lookdev:turns: has no effect here (it is for lights)"),
         ("custom bool lookdev:ft = true\n" + DIM, "/Rig.lookdev:ft: has no effect here (did you mean 'fit'?)"),
         (light("Scope", "custom bool lookdev:fit = true") + DIM, "has no effect here (it is for the root of a rig"),
@@ -117,10 +102,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
             "/Rig/Many/Lamp: is in the PointInstancer /Rig/Many",
         ),
         ("", "/Rig: has no light that shines (a light is one of RectLight"),
-        (
-            light("SphereLight", 'token visibility = "invisible"'),
-            "no light that shines (/Rig/Lamp: is hidden",
-        ),
+        (light("SphereLight", 'token visibility = "invisible"'), "no light that shines (/Rig/Lamp: is hidden"),
         (
             light("SphereLight", 'pathExpression collection:lightLink:membershipExpression = "/A//"'),
             "collection:lightLink:membershipExpression: is not supported",
