@@ -1,7 +1,6 @@
 """Irradiance on a plane from lights of radiance 1, in closed form, and by quadrature of a light's own sampling.
 
 - Lambert, Photometria, 1760: polygons.
-- Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-13, B-14: disks.
 - Lagarde, de Rousiers, "Moving Frostbite to Physically Based Rendering", 2014, listing 8: spheres, cut by the horizon.
 """
 
@@ -32,16 +31,6 @@ def of_polygon(corners: Floats, place: Floats, normal: Floats) -> float:
         if length > 0.0:
             total += np.arctan2(length, here @ there) * (across @ normal) / length
     return abs(0.5 * total)
-
-
-def of_disk(height: float, aside: float, radius: float) -> tuple[float, float]:
-    """Return the irradiance from a disk facing a plane: on the plane at `height` and `aside` from the axis, and on one
-    at right angles to it that faces the axis.
-    """
-    h, r = height / aside, radius / aside
-    z = 1.0 + h * h + r * r
-    root = np.sqrt(z * z - 4.0 * r * r)
-    return np.pi * 0.5 * (1.0 - (z - 2.0 * r * r) / root), np.pi * 0.5 * h * (z / root - 1.0)
 
 
 def of_cone(sine: float, cosine: float) -> float:

@@ -51,27 +51,6 @@ def test_intensity_exposure_and_temperature_multiply_the_colour() -> None:
     assert warm[0] > warm[2]
 
 
-SIZES: list[tuple[type, dict[str, object], dict[str, object]]] = [
-    (RectLight, {"width": 0.01, "height": 0.02}, {"width": 0.04, "height": 0.01}),
-    (DiskLight, {"radii": (0.01, 0.01)}, {"radii": (0.02, 0.04)}),
-    (SphereLight, {"radius": 0.01}, {"radius": 0.4}),
-    (CylinderLight, {"length": 0.01, "radius": 0.01}, {"length": 0.03, "radius": 0.02}),
-]
-
-
-@pytest.mark.parametrize(("kind", "small", "large"), SIZES, ids=lambda value: getattr(value, "kind", ""))
-def test_a_normalized_area_light_keeps_its_power(
-    kind: type, small: dict[str, object], large: dict[str, object]
-) -> None:
-    """From afar, irradiance is intensity times the projected part of the area over distance^2."""
-    projected = {"rect": 1.0, "disk": 1.0, "sphere": 0.25, "cylinder": 1.0 / np.pi}[kind.kind]
-    for size in (small, large):
-        light = kind(**size)
-        light = replace(light, emission=Emission(emitted_color((1.0,) * 3, intensity=7.0, size=light.size_factor)))
-        wanted = 7.0 * projected / 3.0**2
-        assert by_sampling(light, BELOW, UP, 16) == pytest.approx(wanted, rel=6e-3)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-3, 0.53, 40.0, 180.0])
 def test_a_normalized_distant_light_keeps_its_irradiance(angle: float) -> None:
     bare = DistantLight(angle=angle)

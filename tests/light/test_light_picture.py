@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from looks import quick_among
 from numpy.typing import NDArray
-from sample_density import p_value
 
 from lookdev.light import RectLight, make_environment, prepare_texture
 from lookdev.light.picture import look_up, luminance_tree
-from lookdev.light.plane import meet_plane
 
 Floats = NDArray[np.float64]
 
@@ -53,32 +51,6 @@ def test_the_tree_has_the_means_of_bilinear_look_ups(shape: tuple[int, int]) -> 
     np.testing.assert_allclose(tree[-1], wanted, atol=2e-3 * values.max())
     assert tree[0][0, 0] == pytest.approx(values.mean(), rel=1e-9)
     assert ((tree[-1] > 0.0) == (wanted > 0.0)).all()
-
-
-PLACES = [((0.9, 0.45, -0.1),), ((0.3, 0.2, -1.5),), ((2.5, 0.0, -0.2),), ((30.0, 10.0, -60.0),)]
-
-
-@pytest.mark.parametrize("place", quick_among(PLACES, PLACES[:1]))
-def test_points_follow_the_pdf(place: tuple[float, float, float]) -> None:
-    rng = np.random.default_rng(9)
-    picture = rng.random((8, 16, 3)) ** 4
-    picture[3:5, 5:9] = 0.0
-    light, count = textured(picture), 200_000
-    places = np.broadcast_to(np.array(place), (count, 3))
-    wi = light.sample(places, rng.random((count, 2)))
-    _, point = meet_plane(places, wi, light.width, light.height)
-    row, column = (np.minimum(fraction * 16, 15).astype(int) for fraction in (point.t, point.s))
-    observed = np.bincount(row * 16 + column, minlength=256)
-    # Over the area, at 20^2 points of each cell: pdf cosine / distance^2.
-    fine = (np.arange(320) + 0.5) / 320
-    s, t = (values.ravel() for values in np.meshgrid(fine, fine))
-    towards = np.stack([light.width * (s - 0.5), light.height * (t - 0.5), 0.0 * s], axis=-1) - place
-    away = np.linalg.norm(towards, axis=-1)
-    mass = light.pdf(np.array(place), towards / away[:, None]) * towards[:, 2] / away**3 * light.size_factor / 320**2
-    expected = mass.reshape(16, 20, 16, 20).sum(axis=(1, 3)).ravel()
-    assert expected.sum() == pytest.approx(1.0, abs=2e-3)
-    assert np.count_nonzero(expected * count >= 10.0) > 20
-    assert p_value(observed, expected * count, fewest=10.0) > 1e-3
 
 
 # Closest, the spot's cells are seen at all angles.

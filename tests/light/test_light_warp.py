@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sample_density import p_value
 
 from lookdev.light.dome.warp import BilinearWarp, lookup
 
@@ -116,22 +115,6 @@ def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None
 
     along = cumulative(across, width, (x - start) % 1.0) / cumulative(across, width, np.ones(len(y)))
     np.testing.assert_allclose((along - u[:, 0] + 0.5) % 1.0, 0.5, atol=1e-12)
-
-
-@every_map
-def test_places_follow_the_density(values: Floats) -> None:
-    """Chi-square over quarter texels, in which the look-up is linear along a row: its middle is its mean."""
-    count, (height, width) = 200_000, (4 * size for size in values.shape)
-    x = (np.arange(width) + 0.5) / width
-    y = (np.arange(height)[:, None] + NODES) / height
-    mass = (density(values, x, y[..., None]) * WEIGHTS[:, None]).sum(axis=1) / (width * height)
-    expected = mass.ravel() * count / mass.sum()
-    drawn = BilinearWarp(values).places(np.random.default_rng(2).random((count, 2)))
-    column, row = (np.minimum((drawn * (width, height)).astype(int), (width - 1, height - 1))).T
-    observed = np.bincount(row * width + column, minlength=width * height)
-    assert observed[expected == 0.0].sum() == 0
-    assert np.count_nonzero(expected >= 10.0) > 15
-    assert p_value(observed, expected, fewest=10.0) > 1e-3
 
 
 @every_map
