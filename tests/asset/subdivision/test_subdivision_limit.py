@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cages import CAGES, CUBE, CUBE_FACES, bent, cage, lattice, limits, own_corners, ruled, triangles_of
+from cages import CAGES, CUBE, CUBE_FACES, bent, cage, lattice, limits, own_corners, triangles_of
 from scipy.interpolate import BSpline
 
 from lookdev.asset.subdivision import refine
@@ -116,19 +116,6 @@ def test_a_grid_of_triangles_is_the_box_spline_with_its_normals():
     np.testing.assert_allclose(refined.normals[inside], normals[inside], atol=32.0 * EPS)
 
 
-@pytest.mark.parametrize("triangles", [False, True])
-def test_an_infinitely_sharp_crease_is_a_cubic_b_spline(triangles):
-    mesh = grid_cage(np.random.default_rng(3).normal(size=(7, 5)), triangles)
-    line = np.arange(7) * 5 + 2
-    edges = np.stack([line[:-1], line[1:]], axis=-1).astype(np.int32)
-    creased = ruled(mesh, crease_edges=edges, crease_sharpness=np.full(len(edges), 10.0, np.float32))
-    refined = refine(creased, 3)
-    at = np.arange(2.0, 4.01, 0.125)
-    curve = BSpline(np.arange(-2, 9), mesh.points[line].astype(np.float64), 3)(at)
-    distance = np.abs(refined.points[:, None] - curve).max(axis=2).min(axis=0)
-    assert distance.max() < 16.0 * EPS
-
-
 @pytest.mark.parametrize("level", [1, 2])
 @pytest.mark.parametrize("name", CAGES)
 def test_limits_are_the_same_at_the_next_level(name, level):
@@ -140,13 +127,6 @@ def test_limits_are_the_same_at_the_next_level(name, level):
     np.testing.assert_allclose(normals, later[every], atol=2.0 * EPS)
     # Few points have no tangent plane.
     assert (normals == 0.0).all(axis=1).mean() < 0.3
-
-
-def test_uvs_are_the_same_at_the_next_level():
-    for name in (name for name in CAGES if "seams" in name):
-        mesh = CAGES[name]
-        coarse, fine = refine(mesh, 1).uvs["st"], refine(mesh, 2).uvs["st"]
-        np.testing.assert_allclose(coarse, fine[4 * np.arange(len(coarse))], atol=4.0 * EPS)
 
 
 @pytest.mark.parametrize("scheme", ["catmullClark", "loop"])
@@ -175,21 +155,6 @@ def fan(faces, scheme, creases):
     return cage(points, triangles_of(both) if scheme == "loop" else both, scheme, creases=creases)
 
 
-@pytest.mark.parametrize("sharpness", [0.4, 1.0, 2.7, 9.99])
-@pytest.mark.parametrize("name", ["cube", "loop"])
-def test_a_semi_sharp_crease_has_its_limit_at_any_level(name, sharpness):
-    mesh = ruled(
-        CAGES[name],
-        crease_edges=np.array([[0, 1], [1, 3], [3, 2]], np.int32),
-        crease_sharpness=np.full(3, sharpness, np.float32),
-    )
-    (_, children), (_, later) = own_corners(mesh, refine, 1), own_corners(mesh, refine, 4)
-    coarse, fine = refine(mesh, 1), refine(mesh, 4)
-    a, b = coarse.points[coarse.corner_points[children]], fine.points[fine.corner_points[later]]
-    np.testing.assert_allclose(a, b, atol=4.0 * EPS)
-    np.testing.assert_allclose(coarse.normals[children], fine.normals[later], atol=64.0 * EPS)
-
-
 def test_normals_are_split_along_an_infinitely_sharp_crease_alone():
     refined = refine(CAGES["sharp ring"], 3)
     corners = rows(refined.corner_points, refined.normals.round(5))
@@ -216,13 +181,6 @@ def test_normals_do_not_depend_on_the_unit_of_length(scale):
     mesh = CAGES["junctions"]
     scaled = refine(replace(mesh, points=mesh.points * np.float32(scale)), 2)
     np.testing.assert_allclose(scaled.normals, refine(mesh, 2).normals, atol=64.0 * EPS)
-
-
-def test_a_symmetric_cage_stays_symmetric():
-    points = refine(cage(CUBE, CUBE_FACES), 3).points
-    for image in (points[:, [1, 2, 0]], points * [-1.0, 1.0, 1.0], points[:, [1, 0, 2]]):
-        distance = np.abs(points[:, None] - image).max(axis=2).min(axis=0)
-        assert distance.max() <= 2.0 * EPS
 
 
 @pytest.mark.parametrize("name", ["cube", "sharp ring", "junctions", "loop, soft"])
@@ -262,17 +220,17 @@ def test_level_0_is_the_cage_with_mean_normals(name):
     np.testing.assert_allclose(refined.normals, unit(sums)[mesh.corner_points], atol=4.0 * EPS)
 
 
-@pytest.mark.parametrize("level", [0, 1, 2])
 @pytest.mark.parametrize("name", CAGES)
 @pytest.mark.parametrize("collapse", ["point", "line", "pair"])
-def test_degenerate_cages_have_finite_points_and_unit_normals(name, level, collapse):
+def test_degenerate_cages_have_finite_points_and_unit_normals(name, collapse):
     mesh = CAGES[name]
     points = mesh.points.copy()
     if collapse == "pair":
         points[1] = points[0]
     else:
         points[:, 1 if collapse == "line" else 0 :] = 1.0
-    refined = refine(replace(mesh, points=points), level)
-    assert np.isfinite(refined.points).all()
-    np.testing.assert_allclose(np.linalg.norm(refined.normals, axis=1), 1.0, atol=4.0 * EPS)
-    np.testing.assert_allclose(np.linalg.norm(tangents_of([refined])[0], axis=1), 1.0, atol=4.0 * EPS)
+    for level in range(3):
+        refined = refine(replace(mesh, points=points), level)
+        assert np.isfinite(refined.points).all()
+        for vectors in (refined.normals, tangents_of([refined])[0]):
+            np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=4.0 * EPS)
