@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from usd_text import card
 
 from lookdev.batch.inspect import inspect_file
 from lookdev.batch.inspect_rig import InspectedRig
@@ -41,17 +42,8 @@ def Xform "Rig"
     {
         bool inputs:normalize = true
         float inputs:intensity = 3
-        float lookdev:falloff:exponent = 1
+        FALLOFF
     }
-}
-"""
-MESH = """
-def Mesh "Card"
-{
-    uniform token subdivisionScheme = "none"
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
-    int[] faceVertexCounts = [3]
-    int[] faceVertexIndices = [0, 1, 2]
 }
 """
 
@@ -62,7 +54,7 @@ def write(file: Path, text: str) -> Composition:
 
 
 def test_each_light_is_listed(tmp_path: Path) -> None:
-    given = write(tmp_path / "rig.usda", RIG.replace("float lookdev:falloff:exponent = 1", ""))
+    given = write(tmp_path / "rig.usda", RIG.replace("FALLOFF", ""))
     found, asset = inspect_file(given)
     assert isinstance(found, InspectedRig)
     assert asset is None
@@ -96,16 +88,16 @@ def test_parallel_light_is_its_irradiance(tmp_path: Path) -> None:
 
 
 def test_a_file_with_geometry_is_an_asset_unless_its_lights_are_asked_for(tmp_path: Path) -> None:
-    given = write(tmp_path / "both.usda", RIG.replace("float lookdev:falloff:exponent = 1", "") + MESH)
+    given = write(tmp_path / "both.usda", RIG.replace("FALLOFF", "") + card("Card"))
     assert not isinstance(inspect_file(given)[0], InspectedRig)
     assert isinstance(inspect_file(given, rig=True)[0], InspectedRig)
     with pytest.raises(RigError, match="has no light that shines"):
-        inspect_file(write(tmp_path / "card.usda", "#usda 1.0" + MESH), rig=True)
+        inspect_file(write(tmp_path / "card.usda", "#usda 1.0\n" + card("Card")), rig=True)
 
 
 def test_faults_are_those_of_the_reader(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"/Rig/Sun\.lookdev:falloff:exponent: a DistantLight has no such attribute"):
-        inspect_file(write(tmp_path / "rig.usda", RIG))
+        inspect_file(write(tmp_path / "rig.usda", RIG.replace("FALLOFF", "float lookdev:falloff:exponent = 1")))
 
 
 @pytest.mark.parametrize("name", BUILTIN_RIGS)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from usd_text import textured
 
 from lookdev.batch.manifest import input_files
 from lookdev.batch.prepare import plan_job
@@ -18,42 +19,15 @@ from lookdev.job.mapping import PathRules, read_rules
 CAR = """#usda 1.0
 ( defaultPrim = "Car"
   upAxis = "Y" )
-def "Car" ( references = @{folder}/parts/body.usda@ ) {{}}
+def "Car" ( references = @FOLDER/parts/body.usda@ ) {}
 """
-BODY = """#usda 1.0
-( defaultPrim = "Body" )
-def Sphere "Body" {}
-"""
-LOOK = """#usda 1.0
-( subLayers = [@{folder}/parts/base.usda@] )
-"""
-BASE = """#usda 1.0
-( defaultPrim = "Look" )
-def Material "Look" {{
-    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
-    def Shader "Base" {{
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor.connect = </Look/Image.outputs:rgb>
-        token outputs:layer
-    }}
-    def Shader "Image" {{
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @{folder}/parts/color.png@
-        token inputs:sourceColorSpace = "sRGB"
-        float2 inputs:st.connect = </Look/Coordinates.outputs:result>
-        float3 outputs:rgb
-    }}
-    def Shader "Coordinates" {{
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }}
-}}
-"""
+BODY = '#usda 1.0\n( defaultPrim = "Body" )\ndef Sphere "Body" {}\n'
+LOOK = "#usda 1.0\n( subLayers = [@FOLDER/parts/base.usda@] )\n"
+BASE = '#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look", file="FOLDER/parts/color.png", space="sRGB")
 DOCUMENT = """<?xml version="1.0"?>
 <materialx version="1.38" colorspace="lin_rec709">
   <image name="paint" type="color3">
-    <input name="file" type="filename" value="{folder}/parts/color.png" colorspace="srgb_texture"/>
+    <input name="file" type="filename" value="FOLDER/parts/color.png" colorspace="srgb_texture"/>
   </image>
   <open_pbr_surface name="surface" type="surfaceshader">
     <input name="base_color" type="color3" nodename="paint"/>
@@ -65,22 +39,28 @@ DOCUMENT = """<?xml version="1.0"?>
 """
 JOB = """
 output = "out"
-asset = {{ usd = "{folder}/car.usda" }}
-look = [{{ name = "paint", material = "look.usda" }}, {{ name = "metal", material = "metal.mtlx" }}]
-ibl = [{{ name = "white", builtin = "white" }}]
-turntable = [{{ kind = "element", frames = 2 }}]
-render = {{ resolution = [16, 16], samples = 4 }}
+asset = { usd = "FOLDER/car.usda" }
+look = [{ name = "paint", material = "look.usda" }, { name = "metal", material = "metal.mtlx" }]
+ibl = [{ name = "white", builtin = "white" }]
+turntable = [{ kind = "element", frames = 2 }]
+render = { resolution = [16, 16], samples = 4 }
 """
+FILES = {
+    "car.usda": CAR,
+    "parts/body.usda": BODY,
+    "look.usda": LOOK,
+    "parts/base.usda": BASE,
+    "metal.mtlx": DOCUMENT,
+    "job.toml": JOB,
+}
 
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Path:
     folder = tmp_path / "studio"
     (folder / "parts").mkdir(parents=True)
-    for name, text in {"car.usda": CAR, "look.usda": LOOK, "parts/base.usda": BASE, "job.toml": JOB}.items():
-        (folder / name).write_text(text.format(folder=folder))
-    (folder / "metal.mtlx").write_text(DOCUMENT.format(folder=folder))
-    (folder / "parts/body.usda").write_text(BODY)
+    for name, text in FILES.items():
+        (folder / name).write_text(text.replace("FOLDER", str(folder)))
     picture = oiio.ImageBuf(np.full((4, 4, 3), 0.3, np.float32))
     assert picture.write(str(folder / "parts/color.png"), oiio.UINT8)
     return folder
@@ -104,9 +84,7 @@ def test_a_moved_job_finds_what_its_files_name_and_its_frames_are_the_same(
     studio: Path, tmp_path: Path, place: str
 ) -> None:
     there, files = planned(studio / "job.toml", ())
-    assert {file.name for file in files} == {
-        "job.toml", "car.usda", "body.usda", "look.usda", "base.usda", "color.png", "metal.mtlx"
-    }  # fmt: skip
+    assert {file.relative_to(studio).as_posix() for file in files} == {*FILES, "parts/color.png"}
     aside = studio.rename(tmp_path / "aside")
     (tmp_path / place).parent.mkdir(exist_ok=True)
     farm = aside.rename(tmp_path / place)

@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 from usd_text import card, material, textured
 
-from lookdev.batch.prepare import Prepared, plan_job, prepare_job
+from lookdev.batch.prepare import plan_job, prepare_job
 from lookdev.codegen import NodeSource, ShaderSource, Source
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
@@ -50,6 +50,12 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+def faults_of(job: Path, **options: str) -> list[str]:
+    with pytest.raises(FaultsError) as caught:
+        prepare_job(job, **options)
+    return [str(fault) for fault in caught.value.faults]
+
+
 def with_good(keys: str) -> str:
     """Return the text of the job with further keys of its look "good"."""
     return JOB.replace('"good.usda"', f'"good.usda", {keys}')
@@ -80,9 +86,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     (job.parent / "asset.usda").write_text("no USD")
     (job.parent / "good.usda").write_text("no USD either")
     (job.parent / "other.usda").write_text(look_text(7))
-    with pytest.raises(FaultsError) as caught:
-        prepare_job(job)
-    asset, light, good, other = map(str, caught.value.faults)
+    asset, light, good, other = faults_of(job)
     assert asset.startswith(f"{job.parent}/asset.usda: USD cannot open it: ")
     assert "pxrInternal" not in asset
     assert light.startswith(f"{job}: ibl[1]: {job.parent}/light.hdr: cannot be read as an image")
@@ -91,21 +95,16 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     assert not (job.parent / "out").exists()
 
 
-def test_an_unknown_part_is_reported_with_the_known_ones(job: Path) -> None:
-    job.write_text(with_good('parts = ["/Left", "/Wrong*"]'))
-    with pytest.raises(FaultsError) as caught:
-        prepare_job(job)
-    (fault,) = caught.value.faults
-    assert str(fault) == f"{job}: look[0].parts: '/Wrong*' fits no part (known: /Left, /Right)"
-
-
-def test_a_part_that_no_look_covers_is_neutral_and_noted(job: Path) -> None:
+def test_a_part_that_no_look_covers_is_neutral_and_noted_and_an_unknown_one_a_fault(job: Path) -> None:
     job.write_text(with_good('parts = ["/Left"]'))
     prepared = prepare_job(job)
     assert prepared.notes == ("look 'good': nothing covers /Right; it is rendered neutral grey",)
     assert len(prepared.plan.pending()) == 6
     left, right = prepared.plan.pending()[0].scene.shaders
     assert (left.name, right.name) == ("good", "neutral")
+    job.write_text(with_good('parts = ["/Left", "/Wrong*"]'))
+    (fault,) = faults_of(job)
+    assert fault == f"{job}: look[0].parts: '/Wrong*' fits no part (known: /Left, /Right)"
 
 
 @pytest.mark.parametrize(
@@ -177,11 +176,9 @@ def test_a_look_that_a_backend_cannot_show_is_a_fault_with_its_place(job: Path) 
     see_through = look_text(0.5).replace("LookdevDisney", "LookdevPixar")
     (job.parent / "other.usda").write_text(see_through.replace("float inputs:roughness", "float inputs:presence"))
     assert prepare_job(job, backend="nodes").plan.frames
-    with pytest.raises(FaultsError) as caught:
-        prepare_job(job, backend="nodes-exact")
-    (fault,) = caught.value.faults
-    assert (fault.file, fault.where) == (str(job), "look[1]")
-    assert "nodes-exact" in fault.what
+    (fault,) = faults_of(job, backend="nodes-exact")
+    assert fault.startswith(f"{job}: look[1]: ")
+    assert "nodes-exact" in fault
 
 
 RIG = """#usda 1.0
@@ -205,9 +202,7 @@ def test_lights_that_a_backend_cannot_show_are_faults_with_their_prims(job: Path
     rig = job.parent / "rig.usda"
     rig.write_text(RIG)
     job.write_text(job.read_text() + '[[rig]]\nname = "sides"\nusd = "rig.usda"\n')
-    with pytest.raises(FaultsError) as caught:
-        prepare_job(job, backend="nodes")
-    assert [str(fault).partition(", which")[0] for fault in caught.value.faults] == [
+    assert [fault.partition(", which")[0] for fault in faults_of(job, backend="nodes")] == [
         f"{job}: rig[0]: {rig}: light /Rig/Left (sphere): it has a diffuse multiplier",
         f"{job}: rig[0]: {rig}: light /Rig/Right (sphere): it has a falloff of its own",
     ]
@@ -253,23 +248,17 @@ def Material "Paint" (
 """
 
 
-def varied(job: Path, variants: str, other: str = "other") -> Prepared:
-    """Prepare a job whose look "good" is of the material with variant sets, and chooses them so."""
+def write_varied(job: Path, variants: str, other: str = "other") -> Path:
+    """Write a job whose look "good" is of the material with variant sets, and chooses them so."""
     text = with_good(f"variants = {{ {variants} }}").replace('name = "other"', f'name = "{other}"')
     job.write_text(text.replace("frames = 3", "frames = 1"))
     (job.parent / "good.usda").write_text(VARIED)
-    return prepare_job(job)
-
-
-def variant_faults(job: Path, variants: str, other: str = "other") -> list[str]:
-    with pytest.raises(FaultsError) as caught:
-        varied(job, variants, other)
-    return [str(fault) for fault in caught.value.faults]
+    return job
 
 
 @pytest.mark.both_pythons
 def test_a_star_makes_a_look_of_each_variant(job: Path) -> None:
-    prepared = varied(job, 'wear = "*", gloss = "bright"')
+    prepared = prepare_job(write_varied(job, 'wear = "*", gloss = "bright"'))
     assert [(look.name, look.variants) for look in prepared.job.look] == [
         ("good_new", {"wear": "new", "gloss": "bright"}),
         ("good_worn", {"wear": "worn", "gloss": "bright"}),
@@ -285,33 +274,32 @@ def test_a_star_makes_a_look_of_each_variant(job: Path) -> None:
 
 
 def test_two_stars_make_all_combinations(job: Path) -> None:
-    prepared = varied(job, 'gloss = "*", wear = "*"')
+    prepared = prepare_job(write_varied(job, 'gloss = "*", wear = "*"'))
     names = [look.name for look in prepared.job.look]
     assert names == ["good_bright_new", "good_bright_worn", "good_matt_new", "good_matt_worn", "other"]
     assert len({frame.task.digest for frame in prepared.plan.frames}) == 5
 
 
-@pytest.mark.parametrize("chosen", ["worn", "new"])
-def test_a_star_may_stand_for_a_set_inside_a_variant(job: Path, chosen: str) -> None:
-    variants = f'wear = "{chosen}", dirt = "*"'
-    if chosen == "worn":
-        assert [look.name for look in varied(job, variants).job.look] == ["good_dry", "good_wet", "other"]
-    else:
-        (fault,) = variant_faults(job, variants)
-        assert fault == f"{job.parent}/good.usda: /Paint: has no variant set 'dirt' (known: gloss, wear)"
+def test_a_star_may_stand_for_a_set_inside_a_variant(job: Path) -> None:
+    inside = prepare_job(write_varied(job, 'wear = "worn", dirt = "*"'))
+    assert [look.name for look in inside.job.look] == ["good_dry", "good_wet", "other"]
 
 
-def test_a_star_for_a_set_that_does_not_exist_is_reported_with_all_other_faults(job: Path) -> None:
-    (job.parent / "other.usda").write_text("no USD")
-    unknown, other = variant_faults(job, 'waer = "*"')
-    assert unknown == f"{job.parent}/good.usda: /Paint: has no variant set 'waer' (did you mean 'wear'?)"
-    assert other.startswith(f"{job.parent}/other.usda: ")
-
-
-def test_looks_of_variants_have_names_of_their_own(job: Path) -> None:
-    assert variant_faults(job, 'wear = "*"', other="Good_WORN") == [  # folders may ignore case
-        f"{job}: look[1]: two looks of the job are called 'Good_WORN' (give each its own name)"
-    ]
+@pytest.mark.parametrize(
+    ("variants", "other", "fault"),
+    [
+        ('wear = "new", dirt = "*"', "other", "good.usda: /Paint: has no variant set 'dirt' (known: gloss, wear)"),
+        ('waer = "*"', "other", "good.usda: /Paint: has no variant set 'waer' (did you mean 'wear'?)"),
+        # Folders may ignore case.
+        ('wear = "*"', "Good_WORN", "job.toml: look[1]: two looks of the job are called 'Good_WORN' (give each its ow"),
+    ],
+)
+def test_a_fault_of_variants_is_reported_with_all_others(job: Path, variants: str, other: str, fault: str) -> None:
+    if other == "other":
+        (job.parent / "other.usda").write_text("no USD")
+    found, *others = faults_of(write_varied(job, variants, other))
+    assert found.startswith(f"{job.parent}/{fault}")
+    assert [text.partition(": ")[0] for text in others] == [f"{job.parent}/other.usda"] * (other == "other")
 
 
 TEXTURED = "#usda 1.0\n" + textured(

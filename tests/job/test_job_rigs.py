@@ -197,10 +197,9 @@ def test_a_rig_in_place_of_a_look_or_a_job_is_pointed_out(folder: Path) -> None:
 
 
 def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
-    (folder / "sky.usda").write_text(
-        '#usda 1.0\n( defaultPrim = "Rig"\n upAxis = "Z" )\ndef DomeLight_1 "Rig"\n{\n    float xformOp:rotateZ = 90\n'
-        '    uniform token[] xformOpOrder = ["xformOp:rotateZ"]\n}\n'
-    )
+    turned = 'float xformOp:rotateZ = 90\nuniform token[] xformOpOrder = ["xformOp:rotateZ"]'
+    header = '#usda 1.0\n( defaultPrim = "Rig"\n upAxis = "Z" )\n'
+    (folder / "sky.usda").write_text(f'{header}def DomeLight_1 "Rig"\n{{\n{turned}\n}}\n')
     (folder / "job.toml").write_text(JOB.replace('"rig.usda"', '"sky.usda"').replace("rotation = 30", "rotation = 0"))
     prepared = prepare_job(folder / "job.toml")
     files = [reel.files[0].relative_to(folder / "out") for reel in prepared.plan.reels]

@@ -104,8 +104,6 @@ OWN = {
     "/Car/Left/Hub": "neutral",
     "/Car/Right/Hub": "neutral",
 }
-BARE = "look 'one': nothing covers /Car/Bare and 2 more; they are rendered neutral grey"
-
 Make = Callable[..., JobScenes]
 
 
@@ -153,33 +151,62 @@ def faults(make: Make, look: str = "", asset: str = CAR) -> list[str]:
     return [f"{Path(fault.file).name}: {fault.where}: {fault.what} ({fault.hint})" for fault in caught.value.faults]
 
 
-def test_a_material_covers_all_parts_or_some_and_the_asset_binds_those_of_the_others(make: Make) -> None:
-    bound = make('\n[[look]]\nname = "two"\n' + GOLD)
-    assert worn(bound) == OWN
-    assert bound.notes == (BARE,)  # once for all looks
-    assert worn(bound, "two") == dict.fromkeys(OWN, 0.25)
-    assert bound.scenes["two", "white"].looks[0].name == "two"
-    some = make(f'{GOLD}\nparts = ["/Car/Body/Door", "*/Hub", "/Car.collection:trim"]')
-    assert worn(some) == OWN | dict.fromkeys(["/Car/Body/Door", "/Car/Hood", "/Car/Left/Hub", "/Car/Right/Hub"], 0.25)
-    assert some.notes == ("look 'one': nothing covers /Car/Bare; it is rendered neutral grey",)
+def assign(file: str, *prims: str) -> str:
+    names = ", ".join(f'"{prim}"' for prim in prims)
+    return f'\n[[look.assign]]\nprims = [{names}]\nmaterial = "{file}"\n'
 
 
-ASSIGN = '[[look.assign]]\nprims = [{prims}]\nmaterial = "{material}.usda"\n'
+ALL_GOLD = dict.fromkeys(OWN, 0.25)
+GLOSS = ', variants = { finish = "gloss" }'
 
 
-def test_materials_are_assigned_to_parts_of_one_picture(make: Make) -> None:
-    first, second = ASSIGN.format(prims='"/Car/Body/Door"', material="gold"), 'prims = ["/Car/Body", "*/Left"]'
-    made = make(f'{first}[[look.assign]]\n{second}\nmaterial = "dirt.usda"\n')
-    assert worn(made) == OWN | {"/Car/Body": 1.0, "/Car/Body/Door": 0.25, "/Car/Left/Hub": 1.0}
-    # Only one of two instances: the mesh is split.
-    meshes = made.scenes["one", "white"].asset.meshes
-    assert len(meshes) == 5
-    assert meshes[4].points is meshes[3].points
+PARTS = ("/Car/Body/Door", "*/Hub", "/Car.collection:trim")
+SOME_GOLD = dict.fromkeys(["/Car/Body/Door", "/Car/Hood", "/Car/Left/Hub", "/Car/Right/Hub"], 0.25)
+DOOR, BODY = assign("gold.usda", "/Car/Body/Door"), assign("dirt.usda", "/Car/Body", "*/Left")
 
 
-def test_the_rest_wears_the_material_of_the_look(make: Make) -> None:
-    made = make(GOLD + "\n" + ASSIGN.format(prims='"/Car.collection:trim"', material="dirt"))
-    assert worn(made) == dict.fromkeys(OWN, 0.25) | {"/Car/Hood": 1.0, "/Car/Right/Hub": 1.0}
+@pytest.mark.parametrize(
+    ("look", "asset", "covered", "bare"),
+    [
+        ("", "", {}, "/Car/Bare and 2 more"),
+        (GOLD, "", ALL_GOLD, None),
+        (f"{GOLD}\nparts = {[*PARTS]}", "", SOME_GOLD, "/Car/Bare"),
+        (DOOR + BODY, "", {"/Car/Body": 1.0, "/Car/Body/Door": 0.25, "/Car/Left/Hub": 1.0}, "/Car/Bare and 1 more"),
+        (GOLD + assign("dirt.usda", PARTS[2]), "", ALL_GOLD | {"/Car/Hood": 1.0, "/Car/Right/Hub": 1.0}, None),
+        ('variants = { finish = "gloss" }', "", {"/Car/Body": 0.125}, "/Car/Bare and 2 more"),
+        ("", GLOSS, {"/Car/Body": 0.125}, "/Car/Bare and 2 more"),
+        ('variants = { finish = "matt" }', GLOSS, {}, "/Car/Bare and 2 more"),
+        (GOLD, GLOSS, ALL_GOLD, None),  # those of a material leave the asset as it is
+    ],
+)
+def test_each_part_has_the_first_look_that_covers_it(
+    make: Make, look: str, asset: str, covered: dict[str, float], bare: str | None
+) -> None:
+    made = make(look, CAR + asset)
+    assert worn(made) == OWN | covered
+    assert [note.partition(";")[0] for note in made.notes] == [f"look 'one': nothing covers {bare}"] * (
+        bare is not None
+    )
+
+
+def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
+    made = make(GOLD + assign("gold.usda", "/Car") + assign("dirt.usda", "/Car/Body"))
+    said = "covers no part: others come first for all that it fits"
+    assert made.notes == (f"look 'one': assign[1] {said}", f"look 'one': 'material' {said}")
+    assert worn(made) == ALL_GOLD
+
+
+def test_a_mesh_is_split_where_looks_of_its_instances_differ_and_looks_share_what_is_equal(make: Make) -> None:
+    left = assign("gold.usda", "*/Left")
+    made = make(left + '[[look]]\nname = "two"\n' + left.replace("gold", "dirt") + f'[[look]]\nname = "three"\n{GOLD}')
+    assert len(made.notes) == len(set(made.notes)) == 2  # of one and two; on the asset once
+    one, two = (made.scenes[name, "white"].asset for name in ("one", "two"))
+    assert one.digest == two.digest
+    assert len(one.meshes) == 5
+    assert one.meshes[4].points is one.meshes[3].points
+    assert worn(made) == OWN | {"/Car/Left/Hub": 0.25}
+    assert worn(made, "two") == OWN | {"/Car/Left/Hub": 1.0}
+    assert made.scenes["three", "white"].looks[0].name == "three"
 
 
 def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) -> None:
@@ -191,9 +218,9 @@ def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) ->
     )
     gold = folder / "gold.usda"
     gold.write_text(f'{gold.read_text()}{tin.rstrip().removesuffix("}")}variantSet "wear" = {{\n{variants}}}\n}}\n')
-    assign = ASSIGN.format(prims='"/Car"', material="gold") + 'prim = "/Tin"\n'
-    assert set(worn(make(assign)).values()) == {0.3125}
-    assert set(worn(make(assign + 'variants = { wear = "worn" }\n')).values()) == {0.875}
+    tin = assign("gold.usda", "/Car") + 'prim = "/Tin"\n'
+    assert set(worn(make(tin)).values()) == {0.3125}
+    assert set(worn(make(tin + 'variants = { wear = "worn" }\n')).values()) == {0.875}
 
 
 STUDIO = """<materialx version="1.38">
@@ -208,24 +235,20 @@ STUDIO = """<materialx version="1.38">
 
 def test_a_material_of_another_model_covers_parts_and_its_losses_are_noted(make: Make, folder: Path) -> None:
     folder.joinpath("studio.mtlx").write_text(STUDIO)
-    assign = ASSIGN.format(prims='"/Car/Hood"', material="studio").replace(".usda", ".mtlx")
-    made = make(GOLD + "\n" + assign + '[[look]]\nname = "two"\nmaterial = "studio.mtlx"')
-    assert worn(made) == dict.fromkeys(OWN, 0.25) | {"/Car/Hood": "Studio"}
+    made = make(GOLD + assign("studio.mtlx", "/Car/Hood") + '[[look]]\nname = "two"\nmaterial = "studio.mtlx"')
+    assert worn(made) == ALL_GOLD | {"/Car/Hood": "Studio"}
     assert worn(made, "two") == dict.fromkeys(OWN, "two")
     assert {look.layers[0].model for look in made.scenes["two", "white"].looks} == {"standard_surface"}
     (note,) = made.notes
     assert note.startswith(f"{folder / 'studio.mtlx'}: /MaterialX/Materials/Studio/S.inputs:subsurface: ")
-
-
-def test_a_material_of_another_model_that_cannot_be_read_is_an_error(make: Make, folder: Path) -> None:
-    folder.joinpath("studio.mtlx").write_text(STUDIO.replace("standard_surface", "lama_surface"))
-    found = faults(make, 'material = "studio.mtlx"')
-    assert "studio.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
+    folder.joinpath("lama.mtlx").write_text(STUDIO.replace("standard_surface", "lama_surface"))
+    found = faults(make, 'material = "lama.mtlx"')
+    assert "lama.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
 
 
 def test_built_in_assets_are_dressed_by_part_have_uvs_for_any_look_and_no_collections(make: Make) -> None:
     built_in = 'builtin = "shaderball"'
-    made = make(ASSIGN.format(prims='"*/base"', material="dirt"), built_in)
+    made = make(assign("dirt.usda", "*/base"), built_in)
     assert worn(made) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
     assert made.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
     made = make('material = "stripes.usda"', built_in)
@@ -256,7 +279,7 @@ def "Gold" ( references = @./gold.usda@</Gold> ) {
 def test_a_layer_is_composed_over_the_asset(make: Make, folder: Path) -> None:
     folder.joinpath("looks.usda").write_text(LAYER)
     second = '\n[[look]]\nname = "two"\n[[look]]\nname = "three"\nlayer = "looks.usda"\n'
-    made = make('layer = "looks.usda"' + second + ASSIGN.format(prims='"/Car/Body"', material="dirt"))
+    made = make('layer = "looks.usda"' + second + assign("dirt.usda", "/Car/Body"))
     layered = OWN | {"/Car/Body": 0.75, "/Car/Left/Hub": 0.25}
     assert worn(made) == layered
     assert worn(made, "two") == OWN
@@ -271,18 +294,11 @@ def test_a_layer_that_overrides_nothing_is_noted(make: Make, folder: Path) -> No
     assert any("/Car/Lfet: overrides a prim that is not there" in note for note in make('layer = "looks.usda"').notes)
 
 
-def test_variants_without_material_are_those_of_the_asset(make: Make) -> None:
-    assert worn(make('variants = { finish = "gloss" }')) == OWN | {"/Car/Body": 0.125}
-    chosen = make("", CAR + ', variants = { finish = "gloss" }')
-    assert worn(chosen) == OWN | {"/Car/Body": 0.125}
-    both = make('variants = { finish = "matt" }', CAR + ', variants = { finish = "gloss" }')
-    assert worn(both) == OWN
+def test_a_star_makes_a_look_of_each_variant_of_the_asset(make: Make) -> None:
     every = make('variants = { finish = "*" }')
     assert [look.name for look in every.job.look] == ["one_gloss", "one_matt"]
-    assert worn(every, "one_gloss")["/Car/Body"] == 0.125
+    assert worn(every, "one_gloss") == OWN | {"/Car/Body": 0.125}
     assert worn(every, "one_matt") == OWN
-    # Those of a material leave the asset as it is.
-    assert worn(make(GOLD, CAR + ', variants = { finish = "gloss" }')) == dict.fromkeys(OWN, 0.25)
 
 
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,84 +315,53 @@ def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypat
         make(two)
 
 
-def test_equal_dressings_are_one_asset(make: Make) -> None:
-    assign = ASSIGN.format(prims='"*/Left"', material="gold")
-    made = make(assign + '[[look]]\nname = "two"\n' + assign.replace("gold", "dirt"))
-    one, two = (made.scenes[name, "white"].asset for name in ("one", "two"))
-    assert one.digest == two.digest
-    assert worn(made) == OWN | {"/Car/Left/Hub": 0.25}
-    assert worn(made, "two") == OWN | {"/Car/Left/Hub": 1.0}
-
-
 def test_another_uv_set_stands_for_the_one_asked_for(make: Make) -> None:
-    made = make(ASSIGN.format(prims='"*/Hub"', material="checks") + ASSIGN.format(prims='"*/Body"', material="stripes"))
+    made = make(assign("checks.usda", "*/Hub") + assign("stripes.usda", "*/Body"))
     assert made.notes[1:] == (
         "/Car/Body has no UV set 'map1', which looks ask for: 'st' is read",
         "/Car/Left/Hub has no UV set 'st', which looks ask for: 'map1' is read",
     )
 
 
-@pytest.mark.parametrize(
-    ("look", "fault"),
-    [
-        (
-            ASSIGN.format(prims='"/Car/Body", "/Car/Wheel*"', material="gold"),
-            "look[0].assign[0].prims: '/Car/Wheel*' fits no part (known: /Car/Bare, /Car/Body, /Car/Hood, /Car/Left, "
-            "/Car/Right)",
-        ),
-        (
-            ASSIGN.format(prims='"/Car"', material="gold") + ASSIGN.format(prims='"/Car/Rihgt"', material="gold"),
-            "look[0].assign[1].prims: '/Car/Rihgt' fits no part (did you mean '/Car/Right'?)",
-        ),
-        (f'{GOLD}\nparts = ["/Cra"]', "look[0].parts: '/Cra' fits no part (did you mean '/Car'?)"),
-        (
-            f'{GOLD}\nparts = ["/Car.collection:empty"]',
-            "look[0].parts: '/Car.collection:empty' fits no part (it includes none that is rendered)",
-        ),
-        (
-            f'{GOLD}\nparts = ["/Car.collection:trin"]',
-            "look[0].parts: '/Car.collection:trin' is no collection of the asset: /Car has no 'trin' "
-            "(did you mean 'trim'?) ()",
-        ),
-        (
-            f'{GOLD}\nparts = ["/Car/Paint"]',
-            "look[0].parts: '/Car/Paint' fits no part (the asset has this prim, but renders nothing of it)",
-        ),
-    ],
-)
-def test_a_pattern_that_fits_nothing_is_a_fault(make: Make, look: str, fault: str) -> None:
-    assert faults(make, look) == [f"job.toml: {fault}"]
-
-
-def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
-    patterns = ["/Car.collection:trin", "/Car/Rihgt", "/Nothing"]
-    found = faults(make, ASSIGN.format(prims=str(patterns)[1:-1].replace("'", '"'), material="gold"))
-    assert [fault.split("'")[1] for fault in found] == patterns
-
-
-def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
-    later = ASSIGN.format(prims='"/Car/Body"', material="dirt")
-    made = make(GOLD + "\n" + ASSIGN.format(prims='"/Car"', material="gold") + later)
-    assert made.notes == (
-        "look 'one': assign[1] covers no part: others come first for all that it fits",
-        "look 'one': 'material' covers no part: others come first for all that it fits",
-    )
-    assert set(worn(made).values()) == {0.25}
+NO_VARIANT = "car.usda: : variant set 'finish' has no variant 'glos' (did you mean 'gloss'?)"
+NO_SET = "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"
+KNOWN = "known: /Car/Bare, /Car/Body, /Car/Hood, /Car/Left, /Car/Right"
+PATTERNS = {
+    "/Cra": "fits no part (did you mean '/Car'?)",
+    "/Car.collection:empty": "fits no part (it includes none that is rendered)",
+    "/Car.collection:trin": "is no collection of the asset: /Car has no 'trin' (did you mean 'trim'?) ()",
+    "/Car/Paint": "fits no part (the asset has this prim, but renders nothing of it)",
+    "/Car/Wheel*": f"fits no part ({KNOWN})",
+}
 
 
 @pytest.mark.parametrize(
     ("look", "asset", "fault"),
     [
-        ('variants = { finihs = "gloss" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
-        ('variants = { finihs = "*" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
-        ('variants = { finish = "glos" }', "", "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
-        ("", ', variants = { finish = "glos" }', "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
+        *(
+            (f'{GOLD}\nparts = ["/Car/Body", "{pattern}"]', "", f"job.toml: look[0].parts: '{pattern}' {said}")
+            for pattern, said in PATTERNS.items()
+        ),
+        (
+            assign("gold.usda", "/Car") + assign("gold.usda", "/Car/Body", "/Car/Rihgt"),
+            "",
+            "job.toml: look[0].assign[1].prims: '/Car/Rihgt' fits no part (did you mean '/Car/Right'?)",
+        ),
+        ('variants = { finihs = "gloss" }', "", NO_SET),
+        ('variants = { finihs = "*" }', "", NO_SET),
+        ('variants = { finish = "glos" }', "", NO_VARIANT),
+        ("", GLOSS.replace("gloss", "glos"), NO_VARIANT),
         ("", ', prim = "/Cat"', "car.usda: /Cat: there is no such prim"),
     ],
 )
-def test_an_unknown_part_of_the_asset_is_a_fault(make: Make, look: str, asset: str, fault: str) -> None:
+def test_what_the_asset_does_not_have_is_a_fault(make: Make, look: str, asset: str, fault: str) -> None:
     (found,) = faults(make, look, CAR + asset)
-    assert fault in found
+    assert found.startswith(fault)
+
+
+def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
+    patterns = ["/Car.collection:trin", "/Car/Rihgt", "/Nothing"]
+    assert [fault.split("'")[1] for fault in faults(make, assign("gold.usda", *patterns))] == patterns
 
 
 @pytest.mark.parametrize(
@@ -397,8 +382,8 @@ def test_a_layer_that_breaks_is_a_fault(make: Make, folder: Path, text: str, wha
 
 def test_faults_of_assigned_materials_and_of_patterns_are_reported_at_once(make: Make, folder: Path) -> None:
     folder.joinpath("dirt.usda").write_text("no USD")
-    look = ASSIGN.format(prims='"/Wrong"', material="dirt") + 'prim = "/X"\n'
-    found = faults(make, look + ASSIGN.format(prims='"/Car"', material="gold") + 'prim = "/X"\n')
+    wrong, gold = assign("dirt.usda", "/Wrong"), assign("gold.usda", "/Car")
+    found = faults(make, f'{wrong}prim = "/X"\n{gold}prim = "/X"\n')
     assert len(found) == 3
     assert found[0].startswith("dirt.usda: : USD cannot open it")
     assert found[1].startswith("gold.usda: /X: no such prim")
