@@ -1,7 +1,8 @@
 """Materials /M made from text, of `lookdev` or of other models, their images, and what reading them ends in.
 
-Texts have a short notation beside USD's own: a line ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r``
-one that is connected to </M/Tex.outputs:r>, and ``float roughness <- .rough`` one to the interface </M.inputs:rough>.
+Texts have a short notation beside USD's own: ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r`` one
+that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to the interface </M.inputs:rough>; a
+semicolon ends a line.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ _TYPE = r"(?:bool|int|float|half|double|token|string|asset|color[34]f|normal3f|v
 
 def expand(body: str) -> str:
     """Return the text as USD has it."""
+    body = body.replace("; ", "\n")
     if "<-" in body:
         body = re.sub(r"(?<!\S)(\S+) (\S+) <- ([\w/]+)\.(\w+)", r"\1 inputs:\2.connect = </M/\3.outputs:\4>", body)
         body = re.sub(r"(?<!\S)(\S+) (\S+) <- \.(\w+)", r"\1 inputs:\2.connect = </M.inputs:\3>", body)
@@ -87,6 +89,22 @@ STACK = "</M/Layers.outputs:surface>"
 def short(place: str) -> str:
     """Return ``Tex.st`` for the place /M/Tex.inputs:st."""
     return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", place)
+
+
+def over(name: str, body: str) -> str:
+    return f'over "{name}" {{\n{expand(body)}\n}}\n'
+
+
+def variants(name: str, **bodies: str) -> str:
+    """Return a variant set."""
+    return f'variantSet "{name}" = {{\n' + "".join(f'"{key}" {{\n{body}\n}}\n' for key, body in bodies.items()) + "}\n"
+
+
+def selecting(**selections: str) -> str:
+    """Return the metadata of a prim that has variant sets, with the variant that is selected of each."""
+    names = ", ".join(f'"{name}"' for name in selections)
+    chosen = "; ".join(f'string {name} = "{variant}"' for name, variant in selections.items())
+    return f"(\nprepend variantSets = [{names}]\nvariants = {{ {chosen} }}\n)"
 
 
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:

@@ -1,111 +1,106 @@
-"""Looks read from USD: constants, connections, textures, primvars, stacks, variants."""
+"""Looks read from USD: constants, connections, textures, primvars, stacks, variants, displacement, expressions."""
 
 from __future__ import annotations
 
 from math import cos, radians, sin
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-from look_files import BASE, LAYER1, STACK, disney, expression, faults_of, pixar, rough, shader, stack, texture
+from look_files import (
+    BASE,
+    LAYER1,
+    STACK,
+    disney,
+    expression,
+    faults_of,
+    over,
+    pixar,
+    rough,
+    selecting,
+    shader,
+    stack,
+    texture,
+    variants,
+)
 
 from lookdev.brdf import layer_shaders
-from lookdev.material.look import Bump, Displacement, Formula, Layer, Look, Primvar, Texture
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import SymbolicArray
+from lookdev.material import Coordinates, Formula, Primvar, Texture, View
+from lookdev.material.look import Bump, Displacement, Layer, Look, depends_on_view
+from lookdev.material.textures import sample_texture
 from lookdev.material.usd import expand_variants, has_look, read_look
+from lookdev.material.validate.examine import examine
+from lookdev.material.values import Values
+from lookdev.scene.uvs import look_uvs
+
+pytestmark = pytest.mark.both_pythons
 
 MOVED = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
 
 
+def inputs_of(file: Path, **selections: str) -> dict[str, Any]:
+    """Return the inputs of the first layer."""
+    return dict(read_look(file, variants=selections).layers[0].inputs)
+
+
+def texture_of(file: Path, name: str) -> Texture:
+    found = inputs_of(file)[name]
+    assert isinstance(found, Texture)
+    return found
+
+
 def test_only_authored_constants_become_inputs(write) -> None:
-    file = write(
-        disney(
-            body="""color3f baseColor = (0.25, 0.5, 1)
-            float roughness = 0.125
-            float sheen
-            token variant = "2012" """
-        )
-    )
+    body = 'color3f baseColor = (0.25, 0.5, 1); float roughness = 0.125; float sheen; token variant = "2012"'
+    file = write(disney(body=body))
     inputs = {"baseColor": (0.25, 0.5, 1.0), "roughness": 0.125, "variant": "2012"}
     assert read_look(file) == Look("M", (Layer("Base", "disney", inputs),), f"{file}</M>")  # and no displacement
     assert read_look(file, name="matte").name == "matte"
 
 
 def test_interface_inputs_and_node_graphs_are_followed(write) -> None:
-    file = write(
-        """float rough = 0.5
+    graph = """float rough = 0.5
         float unset
         def NodeGraph "Graph" {
             float in <- .rough
             float outputs:out.connect = </M/Graph.inputs:in>
             token outputs:layer.connect = </M/Graph/Base.outputs:layer>
 """
-        + disney(
-            body="""float roughness <- Graph.out
-            float sheen <- .unset"""
-        )
-        + "}",
-        terminal="</M/Graph.outputs:layer>",
-    )
-    assert read_look(file).layers[0].inputs == {"roughness": 0.5}
+    layer = disney(body="float roughness <- Graph.out; float sheen <- .unset")
+    assert inputs_of(write(graph + layer + "}", "</M/Graph.outputs:layer>")) == {"roughness": 0.5}
 
 
 def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
-    file = write(
-        "bool dusty = 0\n"
-        + stack(
-            BASE
-            + LAYER1
-            + """token layer1Mode = "over"
-            token layer2 <- Base.layer
-            float layer2Mask = 0.25
-            bool layer2Enabled <- .dusty
-            token layer3 <- Dust.layer
-            float layer3Mask <- Tex.g
-            bool layer3Enabled = 1
-            token layer4 <- Coat.layer
-            float layer4Mask <- Worn.result""",
-            disney(),
-            disney("Coat", "float clearcoat = 1"),
-            disney("Dust"),
-            texture(),
-            shader("Worn", "UsdPrimvarReader_float", 'string varname = "worn"\nfloat fallback = 0.5'),
-        ),
-        STACK,
-    )
-    layers = read_look(file).layers
-    assert [layer.name for layer in layers] == ["Base", "Coat", "Dust", "Coat"]
-    assert layers[0].mask == layers[1].mask == 1.0
-    assert layers[1].inputs == {"clearcoat": 1.0}
-    mask = layers[2].mask
-    assert isinstance(mask, Texture)
-    assert mask.channel == "g"
-    assert layers[3].mask == Primvar("worn", 0.5)
+    inputs = """token layer1Mode = "over"
+        token layer2 <- Base.layer; float layer2Mask = 0.25; bool layer2Enabled <- .dusty
+        token layer3 <- Dust.layer; float layer3Mask <- Tex.g; bool layer3Enabled = 1
+        token layer4 <- Coat.layer; float layer4Mask <- Worn.result"""
+    layers = disney(), disney("Coat", "float clearcoat = 1"), disney("Dust")
+    worn = shader("Worn", "UsdPrimvarReader_float", 'string varname = "worn"; float fallback = 0.5')
+    file = write("bool dusty = 0\n" + stack(BASE + LAYER1 + inputs, *layers, texture(), worn), STACK)
+    base, coat, dust, again = read_look(file).layers
+    assert [layer.name for layer in (base, coat, dust, again)] == ["Base", "Coat", "Dust", "Coat"]
+    assert base.mask == coat.mask == 1.0
+    assert coat.inputs == {"clearcoat": 1.0}
+    assert isinstance(dust.mask, Texture)
+    assert dust.mask.channel == "g"
+    assert again.mask == Primvar("worn", 0.5)
 
 
 def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
+    settings = 'token wrapS = "mirror"; float4 scale = (2, 2, 2, 1); float4 bias = (0.5, 0, 0, 0)'
+    inner = "float2 in <- St.result; float rotation = 30; float2 scale = (2, 3); float2 translation = (0.25, 0.5)"
     file = write(
         disney(body="color3f baseColor <- Tex.rgb")
-        + shader(
-            "Tex",
-            "UsdUVTexture",
-            """asset file = @./rgb.png@
-            token wrapS = "mirror"
-            float4 scale = (2, 2, 2, 1)
-            float4 bias = (0.5, 0, 0, 0)
-            float2 st <- Outer.result""",
-        )
-        + shader("Outer", "UsdTransform2d", "float2 in <- Inner.result\nfloat2 scale = (4, 8)")
-        + shader(
-            "Inner",
-            "UsdTransform2d",
-            """float2 in <- St.result
-            float rotation = 30
-            float2 scale = (2, 3)
-            float2 translation = (0.25, 0.5)""",
-        )
+        + shader("Tex", "UsdUVTexture", f"asset file = @./rgb.png@; {settings}; float2 st <- Outer.result")
+        + shader("Outer", "UsdTransform2d", "float2 in <- Inner.result; float2 scale = (4, 8)")
+        + shader("Inner", "UsdTransform2d", inner)
         + shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
     )
-    found = read_look(file).layers[0].inputs["baseColor"]
-    assert isinstance(found, Texture)
+    found = texture_of(file, "baseColor")
     assert (found.file, found.channel, found.st) == (tmp_path / "rgb.png", "rgb", "map1")
     assert (found.wrap_s, found.wrap_t) == ("mirror", "black")  # useMetadata, and the file has none
     assert (found.scale, found.bias) == ((2.0, 2.0, 2.0, 1.0), (0.5, 0.0, 0.0, 0.0))
@@ -127,8 +122,7 @@ def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
 )
 def test_source_color_space(write, image: str, space: str, expected: str) -> None:
     given = f'token sourceColorSpace = "{space}"' if space else ""
-    found = read_look(write(rough("Tex.a") + texture(given, f"@./{image}@"))).layers[0].inputs["roughness"]
-    assert isinstance(found, Texture)
+    found = texture_of(write(rough("Tex.a") + texture(given, f"@./{image}@")), "roughness")
     assert (found.colorspace, found.channel) == (expected, "a")
 
 
@@ -157,54 +151,33 @@ def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
 def test_normal_map(write, tmp_path: Path, image: str, scale: tuple[float, ...], bias: tuple[float, ...]) -> None:
     node = f'token sourceColorSpace = "raw"\nfloat4 scale = {scale}\nfloat4 bias = {bias}'
     layer = pixar(body="normal3f highlightNormal <- Tex.rgb")
-    found = read_look(write(layer + texture(node, f"@./{image}@"))).layers[0].inputs["highlightNormal"]
-    assert isinstance(found, Texture)
+    found = texture_of(write(layer + texture(node, f"@./{image}@")), "highlightNormal")
     assert (found.file, found.channel, found.colorspace) == (tmp_path / image, "rgb", "raw")
     assert found.scale + found.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
 
 
 @pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float scale = -0.25", -0.25)])
 def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scale: float) -> None:
-    file = write(
-        "float h <- Tex.b\n"
-        + pixar(body="normal3f diffuseNormal <- Bump.normal")
-        + shader("Bump", "LookdevBump", "float height <- .h\n" + inputs)
-        + texture()
-    )
+    layer, bump = pixar(body="normal3f diffuseNormal <- Bump.normal"), f"float height <- .h; {inputs}"
+    file = write("float h <- Tex.b\n" + layer + shader("Bump", "LookdevBump", bump) + texture())
     height = Texture(tmp_path / "gray.png", "b", "raw", "black", "black")
-    assert read_look(file).layers[0].inputs == {"diffuseNormal": Bump(height, scale)}
+    assert inputs_of(file) == {"diffuseNormal": Bump(height, scale)}
 
 
 def test_modes_and_mixed_models(write) -> None:
-    file = write(
-        stack(
-            """token base <- Wood.layer
-            token layer1 <- Lacquer.layer
-            token layer1Mode = "transmit"
-            token layer2 <- Dust.layer
-            token layer2Mode = "over"
-            token layer3 <- Old.layer
-            token layer4 <- Saved.layer
-            token layer5 <- Dust.layer
-            token layer5Mode = "transmit"
-            bool layer5Enabled = 0""",
-            pixar("Wood"),
-            pixar("Lacquer", "float clear = 1"),
-            disney("Dust"),
-            # Over the first layer of another model each layer stands alone, with tokens of its own.
-            disney("Old", 'token variant = "2012"'),
-            pixar("Saved", 'token energy = "conserving"'),
-        ),
-        STACK,
+    inputs = """token base <- Wood.layer
+        token layer1 <- Lacquer.layer; token layer1Mode = "transmit"
+        token layer2 <- Dust.layer; token layer2Mode = "over"
+        token layer3 <- Old.layer
+        token layer4 <- Saved.layer
+        token layer5 <- Dust.layer; token layer5Mode = "transmit"; bool layer5Enabled = 0"""
+    pixars = pixar("Wood"), pixar("Lacquer", "float clear = 1"), pixar("Saved", 'token energy = "conserving"')
+    # Over the first layer of another model each layer stands alone, with tokens of its own.
+    disneys = disney("Dust"), disney("Old", 'token variant = "2012"')
+    layers = read_look(write(stack(inputs, *pixars, *disneys), STACK)).layers
+    assert " ".join(f"{layer.name}:{layer.model}:{layer.mode}" for layer in layers) == (
+        "Wood:pixar:over Lacquer:pixar:transmit Dust:disney:over Old:disney:over Saved:pixar:over"
     )
-    layers = [(layer.name, layer.model, layer.mode) for layer in read_look(file).layers]
-    assert layers == [
-        ("Wood", "pixar", "over"),
-        ("Lacquer", "pixar", "transmit"),
-        ("Dust", "disney", "over"),
-        ("Old", "disney", "over"),
-        ("Saved", "pixar", "over"),
-    ]
 
 
 def test_metals_of_layers_may_differ(write) -> None:
@@ -225,58 +198,24 @@ def test_a_metal_beside_what_it_stands_for_is_a_fault(write) -> None:
 
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
     (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float metallic = 1"))
-    file = write(
-        """variantSet "finish" = {
-            "plain" {
-            }
-            "custom" (prepend variantSets = "rough"; variants = { string rough = "low" }) {
-                variantSet "rough" = {
-                    "low" {
-                        over "Base" {
-                            float roughness = 0.25
-                        }
-                    }
-                    "high" {
-                        over "Base" {
-                            float roughness = 0.75
-                        }
-                    }
-                }
-            }
-        }
-        def "Base" (references = @./preset.usda@</Gold>) { }""",
-        material='(prepend variantSets = "finish"; variants = { string finish = "plain" })',
-    )
-    assert read_look(file).layers[0].inputs == {"metallic": 1.0}
+    low, high = (over("Base", f"float roughness = {value}") for value in (0.25, 0.75))
+    custom = f'"custom" {selecting(rough="low")} {{\n{variants("rough", low=low, high=high)}}}\n'
+    sets = variants("finish", plain="").removesuffix("}\n") + custom + "}\n"
+    gold = 'def "Base" (references = @./preset.usda@</Gold>) { }'
+    file = write(sets + gold, material=selecting(finish="plain"))
+    assert inputs_of(file) == {"metallic": 1.0}
     # "rough" exists only once "finish" is chosen, whatever the order in which they are given.
-    look = read_look(file, variants={"rough": "high", "finish": "custom"})
-    assert look.layers[0].inputs == {"metallic": 1.0, "roughness": 0.75}
-    assert read_look(file).layers[0].inputs == {"metallic": 1.0}, "selections must not outlive the reading"
+    assert inputs_of(file, rough="high", finish="custom") == {"metallic": 1.0, "roughness": 0.75}
+    assert inputs_of(file) == {"metallic": 1.0}, "selections must not outlive the reading"
 
 
 def test_variant_sets_above_the_material_count(tmp_path: Path) -> None:
     file = tmp_path / "look.usda"
-    file.write_text(
-        f"""#usda 1.0
-        def Scope "Looks" (prepend variantSets = "wet"; variants = {{ string wet = "no" }}) {{
-            def Material "M" {{
-                token outputs:lookdev:surface.connect = </Looks/M/Base.outputs:layer>
-                {disney()}
-            }}
-            variantSet "wet" = {{
-                "no" {{
-                }}
-                "yes" {{
-                    over "M" {{
-                        over "Base" {{
-                            float inputs:clearcoat = 1
-                        }}
-                    }}
-                }}
-            }}
-        }}"""
-    )
-    assert read_look(file, variants={"wet": "yes"}).layers[0].inputs == {"clearcoat": 1.0}  # the only material
+    surface = "token outputs:lookdev:surface.connect = </Looks/M/Base.outputs:layer>"
+    material = f'def Material "M" {{\n{surface}\n{disney()}}}\n'
+    sets = variants("wet", no="", yes=over("M", over("Base", "float clearcoat = 1")))
+    file.write_text(f'#usda 1.0\ndef Scope "Looks" {selecting(wet="no")} {{\n{material}{sets}}}\n')
+    assert inputs_of(file, wet="yes") == {"clearcoat": 1.0}  # the only material
 
 
 def test_has_look(write) -> None:
@@ -319,34 +258,11 @@ def test_heights_come_from_nodes(write, output: str, more: str, kind: type) -> N
     assert isinstance(found.height, kind)
 
 
-RUBBER = "color3f baseColor = (0.1, 0.1, 0.1)\nfloat roughness = 0.8\nfloat sheen = 0.5"
-LIBRARY = """#usda 1.0
-class "Worn" {
-    float inputs:amount = 0.75
-    over "Base" {
-        float inputs:sheen = 0.25
-    }
-}
-"""
-VARIANTS = """
-variantSet "colour" = {
-    "black" { }
-    "red" {
-        over "Base" { color3f inputs:baseColor = (0.5, 0.02, 0.02); }
-    }
-}
-variantSet "wear" = {
-    "new" {
-        over "Layers" { bool inputs:layer1Enabled = 0; }
-    }
-    "worn" { }
-}
-"""
-METADATA = """(
-    prepend inherits = </Worn>
-    prepend variantSets = ["colour", "wear"]
-    variants = { string colour = "black"; string wear = "new" }
-)"""
+RUBBER = "color3f baseColor = (0.1, 0.1, 0.1); float roughness = 0.8; float sheen = 0.5"
+LIBRARY = '#usda 1.0\nclass "Worn" {\nfloat inputs:amount = 0.75\n' + over("Base", "float sheen = 0.25") + "}\n"
+SETS = variants("colour", black="", red=over("Base", "color3f baseColor = (0.5, 0.02, 0.02)"))
+SETS += variants("wear", new=over("Layers", "bool layer1Enabled = 0"), worn="")
+METADATA = selecting(colour="black", wear="new").replace("(", "(\nprepend inherits = </Worn>", 1)
 
 
 @pytest.fixture
@@ -357,7 +273,7 @@ def composed(write, tmp_path: Path) -> Path:
     rubber = 'def "{}" (\nreferences = @./rubber.usda@{}\n) {{\n{}\n}}\n'
     base = rubber.format("Base", "", "float inputs:roughness = 0.6")
     dust = rubber.format("Coat", "</Rubber>", "color3f inputs:baseColor = (0.4, 0.3, 0.2)")
-    file = write(stack(BASE + LAYER1 + "float layer1Mask <- .amount", base, dust) + VARIANTS, STACK, METADATA)
+    file = write(stack(BASE + LAYER1 + "float layer1Mask <- .amount", base, dust) + SETS, STACK, METADATA)
     file.write_text(file.read_text().replace("(\n", "(\nsubLayers = [@./library.usda@]\n", 1))
     return file
 
@@ -384,3 +300,94 @@ def test_a_stronger_layer_overrides(composed: Path) -> None:
     head = '#usda 1.0\n(\n defaultPrim = "M"\n subLayers = [@./look.usda@]\n)\n'
     shot.write_text(head + 'over "M" {\n float inputs:amount = 0.125\n}\n')
     assert read_look(shot, variants={"wear": "worn"}).layers[1].mask == 0.125
+
+
+TEX = texture('token sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
+EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat fallback = 0.25')
+
+
+def masked(*shaders: str) -> str:
+    mask = "float layer1Mask <- Expr.result\n"
+    return stack(BASE + LAYER1 + mask, disney(), disney("Coat"), *shaders)
+
+
+def mask_of(write, *shaders: str) -> Formula:
+    mask = read_look(write(masked(*shaders), STACK)).layers[1].mask
+    assert isinstance(mask, Formula)
+    return mask
+
+
+def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) -> None:
+    inputs = "float dirt <- Tex.r; float edge <- Edge.result; float amount = 0.5; color3f tint = (1, 0, 0)"
+    text = "clamp(dirt * (1 - edge) * amount + tint[0] + st[1], 0, 1)"
+    mask = mask_of(write, expression(text, inputs + "; float2 st <- St.result"), TEX, EDGE)
+    assert mask.kinds == {"dirt": "float", "edge": "float", "amount": "float", "tint": "color", "st": "color"}
+    assert isinstance(mask.inputs["dirt"], Texture)
+    assert mask.inputs["edge"] == Primvar("edge", 0.25)
+    assert (mask.inputs["amount"], mask.inputs["tint"]) == (0.5, (1.0, 0.0, 0.0))
+    assert mask.inputs["st"] == Coordinates("st")
+
+
+def test_an_expression_may_read_an_expression(write) -> None:
+    inner = expression("a * a", "float a = 3", "Inner")
+    mask = mask_of(write, expression("inner + 1", "float inner <- Inner.result"), inner)
+    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
+    assert float(Values(inputs).read(mask, color=False)) == 10.0
+
+
+def test_a_parameter_may_be_an_expression(write) -> None:
+    color = "color3f baseColor <- Expr.result"
+    look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float a = 0.25", kind="color3f")))
+    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
+    np.testing.assert_array_equal(Values(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
+
+
+@pytest.mark.parametrize("declared", ["", "float view"])
+def test_the_view_needs_no_source(write, declared: str) -> None:
+    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
+    mask = read_look(file).layers[1].mask
+    assert isinstance(mask, Formula)
+    assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
+    assert examine(file).findings == ()
+
+
+def test_an_input_named_view_is_that_input(write) -> None:
+    connected = "color3f view <- Tex.rgb"
+    assert mask_of(write, expression("view", "float view = 0.25")).inputs == {"view": 0.25}
+    assert isinstance(mask_of(write, expression("view[0]", connected), TEX).inputs["view"], Texture)
+
+
+def test_every_kind_of_parameter_may_depend_on_the_view(write) -> None:
+    links = "color3f baseColor <- Color.result; float roughness <- Expr.result; normal3f normal <- Normal.result"
+    nodes = expression("[view, 0, 1 - view]", name="Color", kind="color3f") + expression("view ^ 2")
+    normal = expression("[0.2 * view, 0, 1]", name="Normal", kind="normal3f")
+    look = read_look(write(disney(body=links) + nodes + normal))
+    assert all(depends_on_view(source) for source in look.layers[0].inputs.values())
+    assert len(look.layers[0].inputs) == 3
+
+
+def test_what_expressions_share_is_read_and_computed_once(write) -> None:
+    """Each of thirty reads the next twice: 2^30 paths lead to the texture."""
+    link = "float a <- E{0}.result\nfloat b <- E{0}.result"
+    chain = [expression("a * b", link.format(number + 1), f"E{number}") for number in range(30)]
+    dirt = expression("dirt", "float dirt <- Tex.r", "E30")
+    file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
+    look = read_look(file)
+    assert look_uvs(look) == ("st",)
+    graph = Graph()
+    inputs = Inputs(graph, lambda source: pytest.fail("no image is opened"))
+    value = Values(inputs).read(look.layers[1].mask, color=False)
+    assert isinstance(value, SymbolicArray)
+    assert examine(file).findings == ()
+
+
+def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
+    for tile in ("1001", "1002", "1011"):
+        (tmp_path / f"dirt.{tile}.png").write_bytes((tmp_path / "gray.png").read_bytes())
+    mask = "float layer1Mask <- Tex.r\n"
+    body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"))
+    found = read_look(write(body, STACK)).layers[1].mask
+    assert isinstance(found, Texture)
+    assert found.file.name == "dirt.<UDIM>.png"
+    st = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [-0.5, 0.5]]
+    np.testing.assert_allclose(sample_texture(found, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, short, stack
+from look_files import BASE, LAYER1, ST, STACK, disney, over, pixar, preview, selecting, shader, short, stack, variants
 
 from lookdev.cli import run as run_cli
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
@@ -41,23 +41,19 @@ def test_displacement_is_examined(write) -> None:
     assert (severity, where, what) == ("error", "Moved.sacle", "unknown input")
 
 
-NOTES = {
-    "mask 0": (layered("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
-    "presence 0": (
-        stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", "float presence = 0")),
-        "Layers.layer1",
-        "the layer never shows: the presence of Coat is 0",
-    ),
-    "disabled": (layered("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
-    "unread texture": (
-        layered("float layer1Mask = 0.5") + shader("Tex", "UsdUVTexture", "asset file = @./gray.png@"),
-        "/M/Tex",
-        "UsdUVTexture that nothing reads",
-    ),
-}
+UNREAD = shader("Tex", "UsdUVTexture", "asset file = @./gray.png@")
+ABSENT = stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", "float presence = 0"))
 
 
-@pytest.mark.parametrize(("body", "place", "what"), NOTES.values(), ids=NOTES)
+@pytest.mark.parametrize(
+    ("body", "place", "what"),
+    [
+        (layered("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
+        (ABSENT, "Layers.layer1", "the layer never shows: the presence of Coat is 0"),
+        (layered("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
+        (layered("float layer1Mask = 0.5") + UNREAD, "/M/Tex", "UsdUVTexture that nothing reads"),
+    ],
+)
 def test_note(write, body: str, place: str, what: str) -> None:
     file = write(body, STACK)
     assert findings(file) == [("note", place, what)]
@@ -85,27 +81,19 @@ def test_a_disabled_layer_is_examined_too(write) -> None:
     ]
 
 
-VARIANTS = """
-variantSet "wear" = {
-    "dusty" { %s }
-    "new" { %s }
-}
-"""
-WITH_VARIANTS = '(\n prepend variantSets = "wear"\n variants = { string wear = "new" }\n)'
-
-
 def rough(value: float) -> str:
-    return f'\nover "Base" {{\nfloat roughness = {value}\n}}\n'
+    return over("Base", f"float roughness = {value}")
+
+
+WEAR = selecting(wear="new")
 
 
 def test_every_variant_is_examined(write) -> None:
-    file = write(disney() + VARIANTS % (rough(2), rough(0.5)), material=WITH_VARIANTS)
+    file = write(disney() + variants("wear", dusty=rough(2), new=rough(0.5)), material=WEAR)
     report = examine(file)
-    assert report.findings == (
-        Finding(
-            "error", "/M/Base", "inputs:roughness", "2 is out of range", "it must be within [0, 1]", ("wear=dusty",)
-        ),
-    )
+    hint = "it must be within [0, 1]"
+    fault = Finding("error", "/M/Base", "inputs:roughness", "2 is out of range", hint, ("wear=dusty",))
+    assert report.findings == (fault,)
     assert (report.materials, report.combinations) == (1, 2)
     assert findings(file, variants={"wear": "new"}) == []
     [(_, place, what)] = findings(file, variants={"ware": "new"})
@@ -113,12 +101,11 @@ def test_every_variant_is_examined(write) -> None:
 
 
 def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_not(write) -> None:
-    switched = '\nover "Layers" {\nbool layer1Enabled = %d\n}\n'
+    off, on = (over("Layers", f"bool layer1Enabled = {value}") for value in (0, 1))
     body = layered("float layer1Mask = 0.5", base="float sheen = 7")
-    file = write(body + VARIANTS % (switched % 0, switched % 1), STACK, WITH_VARIANTS)
-    assert examine(file).findings == (
-        Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", "it must be within [0, 1]"),
-    )
+    file = write(body + variants("wear", dusty=off, new=on), STACK, WEAR)
+    hint = "it must be within [0, 1]"
+    assert examine(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
 
 
 READ_AS = ("note", "/M", "is read as Standard Surface as Disney")
@@ -140,9 +127,9 @@ def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
 
 
 def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
-    lossy, plain = ('\nover "S" {\nfloat subsurface = %d\n}\n' % value for value in (1, 0))  # noqa: UP031
-    body = preview("", identifier="ND_standard_surface_surfaceshader") + VARIANTS % (lossy, plain)
-    first, second = examine(write(body, "", WITH_VARIANTS)).findings
+    lossy, plain = (over("S", f"float subsurface = {value}") for value in (1, 0))
+    body = preview("", identifier="ND_standard_surface_surfaceshader") + variants("wear", dusty=lossy, new=plain)
+    first, second = examine(write(body, "", WEAR)).findings
     assert (first.severity, first.prim, first.what) == READ_AS
     assert (second.input, second.variants) == ("inputs:subsurface", ("wear=dusty",))
 
@@ -154,57 +141,54 @@ def test_a_material_of_another_model_that_cannot_be_read_is_an_error(write) -> N
 
 
 def test_a_variant_inside_a_variant_is_examined(write) -> None:
-    inner = (
-        '(\nprepend variantSets = "dirt"\n) {\nvariantSet "dirt" = {\n"mud" {%s}\n"none" { }\n}\n}\n' % rough(3)  # noqa: UP031
-    )
-    body = disney() + 'variantSet "wear" = {\n"dusty" ' + inner + '"new" { }\n}\n'
-    report = examine(write(body, material=WITH_VARIANTS))
+    dirt = f'"dusty" (\nprepend variantSets = "dirt"\n) {{\n{variants("dirt", mud=rough(3), none="")}}}\n'
+    sets = variants("wear", new="").removesuffix("}\n") + dirt + "}\n"
+    report = examine(write(disney() + sets, material=WEAR))
     assert [each.variants for each in report.findings] == [("wear=dusty, dirt=mud",)]
     # With mud, without, with neither chosen as the file has it; and new.
     assert report.combinations == 4
 
 
 def test_too_many_combinations_are_tried_one_by_one(write) -> None:
-    sets = "".join(f'variantSet "s{i}" = {{\n"a" {{ }}\n"b" {{ {rough(2) if i == 6 else ""} }}\n}}\n' for i in range(7))
-    names = ", ".join(f'"s{i}"' for i in range(7))
-    chosen = "".join(f'string s{i} = "a"\n' for i in range(7))
     assert MOST_COMBINATIONS < 2**7
-    report = examine(
-        write(disney() + sets, material=f"(\nprepend variantSets = [{names}]\nvariants = {{\n{chosen}}}\n)")
-    )
+    sets = "".join(variants(f"s{i}", a="", b=rough(2) if i == 6 else "") for i in range(7))
+    report = examine(write(disney() + sets, material=selecting(**{f"s{i}": "a" for i in range(7)})))
     error, note = report.findings
     assert (error.input, error.variants) == ("inputs:roughness", ("s6=b",))
     assert note.what == f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
     assert report.combinations == 14
 
 
-USD_FINDINGS = {
-    "type in the preview": (
-        shader("P", "UsdPreviewSurface", "double roughness = 1\ntoken outputs:surface\n"),
-        ("error", "P.roughness", "Incorrect type"),
-    ),
-    "another renderer's node": (
-        shader("P", "PxrSurface", "token outputs:surface\n"),
-        ("warning", "/M/P.info:id", "not found in sdrRegistry"),
-    ),
-    "a missing texture of the preview": (
-        shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb")
-        + shader("Tex", "UsdUVTexture", "asset file = @./gone.png@\nfloat3 outputs:rgb\n"),
-        ("error", "", "unresolvable external dependency"),
-    ),
-    "geometry in a material": (
-        shader("P", "UsdPreviewSurface", "token outputs:surface\n") + 'def Xform "X" {\n}\n',
-        ("error", "/M", "not a valid descendant of Material"),
-    ),
-}
+SURFACE = "token outputs:surface\n"
+GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb") + shader(
+    "Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs:rgb"
+)
 
 
-@pytest.mark.parametrize(("body", "expected"), USD_FINDINGS.values(), ids=USD_FINDINGS)
-def test_usd_finds(write, body: str, expected: tuple[str, str, str]) -> None:
-    preview = "token outputs:surface.connect = </M/P.outputs:surface>\n"
-    [(severity, place, what)] = findings(write(preview + disney() + body))
-    assert (severity, place) == expected[:2]
-    assert expected[2] in what
+@pytest.mark.parametrize(
+    ("body", "severity", "place", "what"),
+    [
+        (
+            shader("P", "UsdPreviewSurface", "double roughness = 1; " + SURFACE),
+            "error",
+            "P.roughness",
+            "Incorrect type",
+        ),
+        (shader("P", "PxrSurface", SURFACE), "warning", "/M/P.info:id", "not found in sdrRegistry"),
+        (GONE, "error", "", "unresolvable external dependency"),
+        (
+            shader("P", "UsdPreviewSurface", SURFACE) + 'def Xform "X" {\n}\n',
+            "error",
+            "/M",
+            "not a valid descendant of Material",
+        ),
+    ],
+)
+def test_usd_finds(write, body: str, severity: str, place: str, what: str) -> None:
+    terminal = "token outputs:surface.connect = </M/P.outputs:surface>\n"
+    [(*found, said)] = findings(write(terminal + disney() + body))
+    assert found == [severity, place]
+    assert what in said
 
 
 def test_what_usd_finds_too_is_reported_once(write) -> None:
@@ -248,28 +232,21 @@ def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureF
 
 def test_the_text_shows_an_expression_with_its_caret() -> None:
     what = "an operator should stand here, not 'b'\n    a b\n      ^"
-    report = Report(
-        "look.usda",
-        (
-            Finding("error", "/M/X", "inputs:expression", what, "see the manual", tuple(f"s=v{i}" for i in range(6))),
-            Finding("note", "/M", "", "odd"),
-        ),
-        1,
-        6,
-    )
-    assert report.text() == (
-        "look.usda: 1 error, 1 note (1 material, 6 combinations of variants)\n"
-        "\n"
-        "/M\n"
-        "  note     odd\n"
-        "\n"
-        "/M/X\n"
-        "  error    inputs:expression: an operator should stand here, not 'b'\n"
-        "               a b\n"
-        "                 ^\n"
-        "           hint: see the manual\n"
-        "           in: s=v0 | s=v1 | s=v2 | s=v3 and 2 more"
-    )
+    chosen = tuple(f"s=v{i}" for i in range(6))
+    fault = Finding("error", "/M/X", "inputs:expression", what, "see the manual", chosen)
+    assert Report("look.usda", (fault, Finding("note", "/M", "", "odd")), 1, 6).text().splitlines() == [
+        "look.usda: 1 error, 1 note (1 material, 6 combinations of variants)",
+        "",
+        "/M",
+        "  note     odd",
+        "",
+        "/M/X",
+        "  error    inputs:expression: an operator should stand here, not 'b'",
+        "               a b",
+        "                 ^",
+        "           hint: see the manual",
+        "           in: s=v0 | s=v1 | s=v2 | s=v3 and 2 more",
+    ]
 
 
 def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -281,7 +258,7 @@ def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
     file = write(disney())
     assert run() == (0, f"{file}: nothing wrong (1 material, 1 combination of variants)\n")
-    file = write(disney() + VARIANTS % (rough(2), ""), material=WITH_VARIANTS)
+    file = write(disney() + variants("wear", dusty=rough(2), new=""), material=WEAR)
     code, output = run("--prim", "/M", "--variants", "wear=dusty", "--json")
     assert code == 1
     assert output == json.dumps(examine(file, "/M", {"wear": "dusty"}).data(), indent=2) + "\n"
