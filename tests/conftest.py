@@ -33,7 +33,7 @@ from lookdev.render.task import SceneTask
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Sampling, Scene
 
-pytest_plugins = ["home", "chromium", "stored_references", "failed_pictures", "warm_points"]
+pytest_plugins = ["home", "chromium", "stored_references", "failed_pictures", "warm_blender"]
 
 # Session fixtures that are worth a process of their own: files that use one run in the same process of xdist.
 SHARED = ("cycles_worker", "mitsuba_worker", "browser")
