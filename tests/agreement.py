@@ -145,27 +145,27 @@ def check_scene(
     name: str,
     frames: Sequence[Rendered],
     scene: Scene,
-    samples: int,
+    per_frame: int,
     stored: StoredReference = compute_live,
     **options: Any,
 ) -> Finding:
-    """Compare random pixels of frames of a scene, `samples` of each, with the reference; options of `scene_pixels`."""
+    """Compare frames of a scene, `per_frame` samples of each pixel, with the reference; `options` of `scene_pixels`."""
     found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     alpha = frames[0].alpha
-    return check_frame(name, halves, alpha, len(frames) * samples, found["pixels"], estimate_of(found))
+    return check_frame(name, halves, alpha, len(frames) * per_frame, found["pixels"], estimate_of(found))
 
 
 def assert_scene_agreement(
     name: str,
     frames: Sequence[Rendered],
     scene: Scene,
-    samples: int,
+    per_frame: int,
     stored: StoredReference = compute_live,
     **options: Any,
 ) -> Finding:
     """Assert that `check_scene` finds nothing."""
-    finding = check_scene(name, frames, scene, samples, stored, **options)
+    finding = check_scene(name, frames, scene, per_frame, stored, **options)
     if not finding.passed:
         found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
         with comparison(_mean(frames), found["value"], found["pixels"]):

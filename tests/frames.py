@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from lookdev.asset import Asset, load_asset
+from lookdev.codegen import ShaderSource
 from lookdev.light import Light
 from lookdev.material import Layer, Look
 from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Camera, Pose, Sampling, Scene
+from lookdev.scene import Camera, Film, Pose, Sampling, Scene
 
 RenderScene = Callable[..., Rendered]
 
@@ -22,6 +24,46 @@ POSE = Pose(30.0, 75.0)
 def orbit_camera(center: tuple[float, float, float], radius: float) -> Camera:
     """Return a camera that sees a bounding sphere whole."""
     return Camera(30.0, 20.0, center, 4.2 * radius)
+
+
+def scene_of(asset: Asset, look: Look, lights: Sequence[Light], size: int) -> Scene:
+    """Return a scene whose slots all have one look, in a square frame."""
+    looks = {slot.path: look for slot in asset.slots}
+    return Scene(asset, looks, tuple(lights), orbit_camera(asset.center, asset.radius), Film((size, size)))
+
+
+def render_seeds(
+    worker: Worker,
+    scene: Scene,
+    seeds: Sequence[int] = (0,),
+    *,
+    pose: Pose = POSE,
+    backend: str = "exact",
+    alter: Callable[[str], str] | None = None,
+    **sampling: Any,
+) -> list[Rendered]:
+    """Render a frame with each seed; `alter` returns the text of a shader to run in place of the generated one."""
+    task = scene_task(scene, Sampling(**sampling), backend)
+    if alter is not None:
+        shaders = [
+            replace(shader, osl=alter(shader.osl)) for shader in task.shaders if isinstance(shader, ShaderSource)
+        ]
+        task = replace(task, shaders=tuple(shaders))
+    worker.start()
+    return [
+        worker.render(one_frame(task, pose, f"{scene.asset.name} {seed}", seed=seed), lambda progress: None)
+        for seed in seeds
+    ]
+
+
+def replaced(given: str, planted: str) -> Callable[[str], str]:
+    """Return a function that plants a fault into the text of a shader."""
+
+    def alter(osl: str) -> str:
+        assert given in osl
+        return osl.replace(given, planted)
+
+    return alter
 
 
 def frames_of(worker: Worker, default: str = "exact") -> RenderScene:
