@@ -10,11 +10,16 @@ import pytest
 from closed_forms import by_sampling
 from light_cases import make_tables_small
 
-from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shaping, Stand, lights_code
+from lookdev.light import LIGHT_KINDS, Emission, Falloff, RectLight, Shadow, Shaping, Stand, lights_code
+from lookdev.light.cylinder import Cylinder
+from lookdev.light.disk import Ellipse
+from lookdev.light.distant import Cone
 from lookdev.light.emission import beam_bound
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig, weight
 from lookdev.light.placement import to_local
+from lookdev.light.rect import Rectangle
 from lookdev.light.shape import greatest_cosine
+from lookdev.light.sphere import Sphere
 
 LAMPS = ("rect", "disk", "sphere", "cylinder", "distant")
 BEAM = Shaping(40.0, 0.3, 2.0, (0.2, 0.1, 0.3))
@@ -41,6 +46,44 @@ def test_no_direction_of_a_cone_gets_more_of_a_beam() -> None:
     bound = beam_bound(axis[:, 2], np.sin(half) ** 2, *BEAM.cone, BEAM.focus, tint)
     assert (BEAM.factor(within).mean(axis=-1) <= bound + 1e-9).all()
     assert (bound == 0.0).any()
+
+
+def test_estimates_of_shapes_by_hand() -> None:
+    """Solid angles: area cosine / distance^2 from afar, 2 pi on the light; cones about the farthest points."""
+    aside, behind = np.array([3.0, 2.0, -1.0]), np.array([3.0, 2.0, 1.0])
+    # The nearest point of a rectangle of 2 x 1 is at (1, 0.5).
+    squared = 4.0 + 2.25 + 1.0
+    for shape, area, reach2 in ((Rectangle(2.0, 1.0), 2.0, 1.25), (Ellipse(1.0, 0.5), 0.5 * np.pi, 1.0)):
+        wanted = area / np.sqrt(squared) / (squared + 0.5 * area / np.pi)
+        assert shape.solid_angle(aside) == pytest.approx(wanted, rel=1e-12)
+        assert shape.solid_angle(behind) == 0.0
+        assert shape.solid_angle(np.array([0.2, 0.1, -1e-9])) == pytest.approx(2.0 * np.pi, rel=1e-6)
+        assert shape.cone(aside)[1] == pytest.approx(reach2 / 14.0, rel=1e-12)
+        np.testing.assert_allclose(shape.cone(aside)[0], -aside / np.sqrt(14.0), rtol=1e-12)
+    ball = Sphere(0.5)
+    assert ball.solid_angle(aside) == pytest.approx(2.0 * np.pi * (1.0 - np.sqrt(1.0 - 0.25 / 14.0)), rel=1e-9)
+    assert ball.solid_angle(np.array([0.1, 0.2, 0.3])) == 0.0
+    assert (ball.cone(aside)[1], ball.cone(0.1 * aside)[1]) == (pytest.approx(0.25 / 14.0), 1.0)
+    tube = Cylinder(3.0, 0.5)
+    # One beyond the end, 1.5 off the side.
+    wanted = 3.0 * 2.0 / np.sqrt(5.0) / (3.25 + 1.5 / np.pi)
+    assert tube.solid_angle(np.array([2.5, 0.0, -2.0])) == pytest.approx(wanted, rel=1e-12)
+    assert tube.solid_angle(np.array([2.5, 0.3, -0.3])) == 0.0
+    assert tube.cone(np.array([2.5, 0.0, -2.0]))[1] == pytest.approx(2.5 / 10.25, rel=1e-12)
+    assert (Cone(0.1).solid_angle(aside), Cone(0.1).cone(aside)[1]) == pytest.approx((0.2 * np.pi, 0.19))
+    # A cone of 20 degrees about 60 off the axis: 40 are nearest, in a beam that ends softly, at 50, and in a hard one.
+    sine2, tint, focused = np.sin(np.radians(20.0)) ** 2, 0.2, np.cos(np.radians(40.0)) ** 3
+    for softness, share in ((0.4, 0.5), (0.0, 1.0)):
+        cone = Shaping(50.0, softness).cone
+        found = beam_bound(np.cos(np.radians(60.0)), sine2, *cone, 3.0, tint)
+        assert found == pytest.approx(share * (focused + (1.0 - focused) * tint), rel=1e-12)
+    # A plane at 30 degrees to a cone of 10 has a cosine of 20; an estimate is the product of all.
+    rect, down = Rectangle(0.02, 0.01), np.array([0.0, 0.0, -3.0])
+    normal = np.array([np.sin(np.radians(30.0)), 0.0, np.cos(np.radians(30.0))])
+    beam, fall = (*Shaping(50.0, 0.4).cone, 2.0, 0.2), Falloff(1.0, 3.0).numbers
+    bare = rect.solid_angle(down) * np.cos(np.radians(30.0) - np.arcsin(np.hypot(0.01, 0.005) / 3.0))
+    assert weight(rect, None, None, down, normal) == pytest.approx(bare, rel=1e-12)
+    assert weight(rect, beam, fall, down, normal) == pytest.approx(bare * 9.0 / 64.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("emission", [Emission(), Emission(shaping=BEAM, falloff=Falloff(0.5, 3.0))])
@@ -78,15 +121,35 @@ def _small_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def test_rows_hold_where_lights_stand_from_the_axis() -> None:
-    rect, dome = LIGHT_KINDS["rect"].example(), LIGHT_KINDS["dome"].example()
+    shaping, falloff = Shaping(50.0, 0.4, 2.0, (0.1, 0.2, 0.3)), Falloff(0.5, 1.5, 1.0, 9.0)
+    shadow = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0)
+    emission = Emission((3.0, 2.0, 1.0), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True)
+    rect, dome = replace(RectLight.example(), emission=emission), LIGHT_KINDS["dome"].example()
     code = lights_code((dome, rect), sampled=True, stand=Stand((1.0, 2.0, 3.0), (0.5, 0.25)))
     numbers = code.numbers["lamps"]
     assert numbers[:3].tolist() == [0.5, 1.75, 3.0]
     lamp, world = numbers[3:].reshape(2, len(FIELDS))
     row = dict(zip(FIELDS, lamp.tolist(), strict=True))
     assert list(SHAPES)[int(row["kind"])] == "rect"
-    assert (row["x"], row["y"], row["z"]) == pytest.approx((-0.1, -1.25, 1.6))
-    assert (row["a"], row["b"], row["turns"], row["profile"], row["picture"]) == pytest.approx((1.2, 0.8, 1, -1, -1))
+    # By hand: a cone of 50 degrees that softens from 30 on, a falloff that ends, a shadow that fades.
+    wanted = {
+        "x": -0.1,
+        "y": -1.25,
+        "z": 1.6,
+        "x0": 1.0,
+        "y1": 0.8,
+        "y2": 0.6,
+        "z1": -0.6,
+        "z2": 0.8,
+        "a": 1.2,
+        "b": 0.8,
+    }
+    wanted |= {"reach": np.hypot(0.6, 0.4), "red": 3.0, "green": 2.0, "blue": 1.0, "mean": 2.0, "turns": 0, "camera": 1}
+    wanted |= {"cone": np.radians(50.0), "start": np.radians(30.0), "rise": 1.0 / np.radians(20.0), "focus": 2.0}
+    wanted |= {"tint0": 0.1, "tint1": 0.2, "tint2": 0.3, "profile": -1, "profile_scale": 1, "angle_scale": 0}
+    wanted |= {"virtual": 0.5, "power": -1.5, "fade": 1.0, "fade_rise": 0.125, "shadow": 1, "limit": 3.0, "zone": 1.0}
+    wanted |= {"gamma": 2.0, "shadow0": 0.1, "diffuse": 0.5, "specular": 2.0, "picture": -1, "tree": -1, "spares": 0}
+    assert {name: row[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
     assert dict(zip(FIELDS, world.tolist(), strict=True))["kind"] == -1
     assert "#define RIG_LAMPS 1" in code.constants
 
