@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors
+from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.tangents import tangents_of
 
 
@@ -18,22 +19,49 @@ def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> NDArray[np.float64]:
     return matrix
 
 
-def face_areas(mesh: Mesh) -> NDArray[np.float64]:
+def corners(surface: Mesh | Shape) -> NDArray[np.float64]:
+    """Return the points at the corners, (m, 3)."""
+    numbers = surface.corner_points if isinstance(surface, Mesh) else surface.face_points
+    return surface.points[numbers].astype(np.float64)
+
+
+def face_areas(surface: Mesh | Shape) -> NDArray[np.float64]:
     """Return each face's area times its unit normal, (f, 3)."""
-    return area_vectors(mesh.points[mesh.corner_points].astype(np.float64), mesh.face_sizes)
+    return area_vectors(corners(surface), surface.face_sizes)
 
 
-def facets(mesh: Mesh) -> NDArray[np.float64]:
+def area(surface: Mesh | Shape) -> float:
+    return float(np.linalg.norm(face_areas(surface), axis=1).sum())
+
+
+def volume(surface: Mesh | Shape) -> float:
+    """Return the volume inside, positive where faces wind counter-clockwise seen from outside."""
+    first = np.cumsum(surface.face_sizes) - surface.face_sizes
+    return float((face_areas(surface) * corners(surface)[first]).sum() / 3.0)
+
+
+def facets(surface: Mesh | Shape) -> NDArray[np.float64]:
     """Return the unit normal of each corner's face, (m, 3)."""
-    areas = face_areas(mesh)
-    return np.repeat(areas / np.linalg.norm(areas, axis=1, keepdims=True), mesh.face_sizes, axis=0)
+    areas = face_areas(surface)
+    return np.repeat(areas / np.linalg.norm(areas, axis=1, keepdims=True), surface.face_sizes, axis=0)
+
+
+def at_corners(shape: Shape, attribute: Attribute) -> NDArray[np.float64]:
+    """Return the values of an attribute by point or corner, at the corners."""
+    return attribute.values if attribute.interpolation == "faceVarying" else attribute.values[shape.face_points]
+
+
+def corner_st(shape: Shape) -> NDArray[np.float64]:
+    (st,) = (attribute for attribute in shape.attributes if attribute.name == "st")
+    assert st.is_uv
+    return at_corners(shape, st)
 
 
 def world_points(asset: Asset) -> list[NDArray[np.float64]]:
     """Return the points of each instance in the world, (n, 3)."""
     return [
-        asset.meshes[each.mesh].points.astype(np.float64) @ each.matrix[:3, :3].T + each.matrix[:3, 3]
-        for each in asset.instances
+        asset.meshes[instance.mesh].points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
+        for instance in asset.instances
     ]
 
 

@@ -23,13 +23,7 @@ def random_shape(rng: np.random.Generator, name: str) -> Shape:
     points = rng.normal(size=(int(rng.integers(4, 12)), 3)) + rng.normal(size=3) * 100.0
     sizes = rng.integers(0, 6, int(rng.integers(0, 12)))
     corners = rng.integers(0, len(points), sizes.sum())
-    counts = {
-        "constant": 1,
-        "uniform": len(sizes),
-        "varying": len(points),
-        "vertex": len(points),
-        "faceVarying": sizes.sum(),
-    }
+    counts = dict(zip(INTERPOLATIONS, (1, len(sizes), len(points), len(points), sizes.sum()), strict=True))
 
     def attribute(name: str, width: int, is_uv: bool = False) -> Attribute:
         kind = str(rng.choice(INTERPOLATIONS))
@@ -68,7 +62,7 @@ def assert_same(left: Mesh | None, right: Mesh | None) -> None:
     assert (left.name, left.default_uv) == (right.name, right.default_uv)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("y_up", [False, True])
 def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
@@ -162,7 +156,5 @@ def test_faults_of_all_shapes_are_reported() -> None:
     uv, points = sorted(str(caught.value).splitlines(), reverse=True)
     assert uv == "/Uv: primvars:st has 5 values; interpolation 'vertex' needs 6"
     assert points == "/Far: points[0] is not a number of metres within +-1e+18"
-    with pytest.raises(
-        AssetError, match=r"(?s)/Wrong: faceVertexCounts add up to 9 .*\n/W2: faceVertexCounts add up to 9"
-    ):
+    with pytest.raises(AssetError, match=r"(?s)/Wrong: faceVertexCounts add up to 9 .*\n/W2: faceVertexCounts add up"):
         finish([wrong, square(), replace(wrong, name="/W2")])

@@ -10,6 +10,7 @@ from lookdev.asset.usd.attributes import read_array, read_matrix, read_number, r
 from lookdev.errors import AssetError
 
 TYPES = Sdf.ValueTypeNames
+BROKEN = Gf.Matrix4d(np.inf)
 NOW = Usd.TimeCode.EarliestTime()
 
 
@@ -19,13 +20,15 @@ def stage():
 
 
 @pytest.fixture
-def prim(stage):
-    return stage.DefinePrim("/P")
+def author(stage):
+    """Return a function that makes a prim with an attribute."""
 
+    def make(kind, value):
+        prim = stage.DefinePrim("/P")
+        prim.CreateAttribute("a", kind).Set(value)
+        return prim
 
-def authored(prim, kind, value):
-    prim.CreateAttribute("a", kind).Set(value)
-    return prim
+    return make
 
 
 @pytest.mark.parametrize(
@@ -43,13 +46,14 @@ def authored(prim, kind, value):
         (TYPES.UCharArray, [1], np.intp, ()),
     ],
 )
-def test_arrays_of_the_type_that_is_needed(prim, kind, value, number, shape):
-    values = read_array(authored(prim, kind, value), "a", NOW, number, shape)
+def test_arrays_of_the_type_that_is_needed(author, kind, value, number, shape):
+    values = read_array(author(kind, value), "a", NOW, number, shape)
     assert values.dtype == number
     assert values.shape == (len(value), *shape)
 
 
-def test_an_attribute_without_a_value_has_none(prim):
+def test_an_attribute_without_a_value_has_none(stage):
+    prim = stage.DefinePrim("/P")
     assert read_array(prim, "a", NOW, np.float64, (3,)).shape == (0, 3)
     assert read_texts(prim, "a") == ()
 
@@ -66,52 +70,50 @@ def test_an_attribute_without_a_value_has_none(prim):
         (TYPES.StringArray, ["1"], np.intp, (), "a is of type string[]; int[] is needed"),
         (TYPES.Float2Array, [(0, 0), (0, np.nan)], np.float64, (2,), "a[1] is nan; a number within +-1e+18 is needed"),
         (TYPES.DoubleArray, [0, 0, -1e19], np.float64, (), "a[2] is -1e+19; a number within +-1e+18 is needed"),
-        (
-            TYPES.Matrix4dArray,
-            [Gf.Matrix4d(np.inf)],
-            np.float64,
-            (4, 4),
-            "a[0] is inf; a number within +-1e+18 is needed",
-        ),
+        (TYPES.Matrix4dArray, [BROKEN], np.float64, (4, 4), "a[0] is inf; a number within +-1e+18 is needed"),
     ],
 )
-def test_arrays_of_other_types_and_numbers_are_named(prim, kind, value, number, shape, message):
+def test_arrays_of_other_types_and_numbers_are_named(author, kind, value, number, shape, message):
     with pytest.raises(AssetError) as caught:
-        read_array(authored(prim, kind, value), "a", NOW, number, shape)
+        read_array(author(kind, value), "a", NOW, number, shape)
     assert str(caught.value) == f"/P: {message}"
+
+
+def token(prim):
+    return read_token(prim, "a", NOW, ("one",))
+
+
+def number(prim, *least):
+    return read_number(prim, "a", NOW, *least)
 
 
 @pytest.mark.parametrize(
     ("read", "kind", "value", "message"),
     [
-        (
-            lambda prim: read_number(prim, "a", NOW, 0.0),
-            TYPES.Double,
-            -1.0,
-            r"a is -1; a number from 0 to 1e\+18",
-        ),
-        (lambda prim: read_number(prim, "a", NOW), TYPES.Float, np.nan, r"a is nan; a number from -1e\+18 to"),
-        (lambda prim: read_number(prim, "a", NOW), TYPES.Bool, True, "a is of type bool; double is needed"),
+        (lambda prim: number(prim, 0.0), TYPES.Double, -1.0, r"a is -1; a number from 0 to 1e\+18"),
+        (number, TYPES.Float, np.nan, r"a is nan; a number from -1e\+18 to"),
+        (number, TYPES.Bool, True, "a is of type bool; double is needed"),
         (lambda prim: read_number(prim, "b", NOW), TYPES.Bool, True, "b is empty; double is needed"),
-        (lambda prim: read_token(prim, "a", NOW, ("one",)), TYPES.Token, "two", r"a is 'two' \(known: one\)"),
-        (lambda prim: read_token(prim, "a", NOW, ("one",)), TYPES.Token, "\x1b[2J", r"a is '\\x1b\[2J' \(known: one\)"),
-        (lambda prim: read_token(prim, "a", NOW, ("one",)), TYPES.Token, "x" * 999, "a is 'x{60}…'"),
-        (lambda prim: read_token(prim, "a", NOW, ("one",)), TYPES.Int, 1, "a is of type int; token is needed"),
+        (token, TYPES.Token, "two", r"a is 'two' \(known: one\)"),
+        (token, TYPES.Token, "\x1b[2J", r"a is '\\x1b\[2J' \(known: one\)"),
+        (token, TYPES.Token, "x" * 999, "a is 'x{60}…'"),
+        (token, TYPES.Int, 1, "a is of type int; token is needed"),
         (lambda prim: read_texts(prim, "a"), TYPES.Token, "one", r"a is of type string; token\[\] is needed"),
         (lambda prim: read_matrix(prim, "a", NOW), TYPES.Double, 1.0, "a is of type double; matrix4d is needed"),
-        (lambda prim: read_matrix(prim, "a", NOW), TYPES.Matrix4d, Gf.Matrix4d(np.nan), r"a\[0\] is nan"),
+        (lambda prim: read_matrix(prim, "a", NOW), TYPES.Matrix4d, BROKEN, r"a\[0\] is inf"),
     ],
 )
-def test_single_values_are_checked(prim, read, kind, value, message):
+def test_single_values_are_checked(author, read, kind, value, message):
     with pytest.raises(AssetError, match=f"^/P: {message}"):
-        read(authored(prim, kind, value))
+        read(author(kind, value))
 
 
-def test_a_value_of_another_type_than_its_attribute_is_named(stage, prim):
+def test_a_value_of_another_type_than_its_attribute_is_named(stage, author):
     """A stronger layer declares the type, a weaker one has a value of another."""
     weaker = Sdf.Layer.CreateAnonymous(".usda")
     weaker.ImportFromString('#usda 1.0\nover "P"\n{\n    custom string a = "word"\n}')
-    authored(prim, TYPES.FloatArray, Vt.FloatArray()).GetAttribute("a").Clear()
+    prim = author(TYPES.FloatArray, Vt.FloatArray())
+    prim.GetAttribute("a").Clear()
     stage.GetRootLayer().subLayerPaths.append(weaker.identifier)
     with pytest.raises(AssetError, match=r"^/P: a is of type string; float\[\] is needed"):
         read_array(prim, "a", NOW, np.float64)

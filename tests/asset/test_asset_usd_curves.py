@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from asset_arrays import area, at_corners, corner_st, corners, facets, volume
 from pxr import Usd, UsdGeom, Vt
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
-from shape_measures import area, at_corners, corner_st, corners, facets, volume
 
 from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.curves import curve_shape, point_shape

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from asset_arrays import area, corner_st, corners, facets, volume
 from pxr import Usd, UsdGeom
-from shape_measures import area, corner_st, corners, facets, volume
 
 from lookdev.asset.normals import area_vectors
 from lookdev.asset.usd.primitives import PRIMITIVES, allotted_errors, primitive_key, primitive_shape, sphere_shape
