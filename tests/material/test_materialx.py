@@ -1,21 +1,88 @@
-"""MaterialX documents: what is carried over arrives in the look, and all else is reported."""
+"""MaterialX documents: what is carried over arrives in the look, all else is reported, and soon.
+
+Documents are of a material M, made of a disney_principled S.
+"""
 
 from __future__ import annotations
 
+import random
+import time
 from pathlib import Path
 
+import MaterialX as mx
 import numpy as np
 import pytest
-from materialx_documents import IMAGE, INPUTS, MATERIAL, as_look, document, imported, setting, unmapped
+from look_files import faults_of, write_gray
 from pxr import Sdf, Usd
 
 from lookdev.brdf import MODELS
-from lookdev.errors import OutputError
-from lookdev.material.look import Primvar, Texture
-from lookdev.material.materialx import import_materialx, write_usda
+from lookdev.errors import LookError, OutputError
+from lookdev.material.look import Layer, Primvar, Texture
+from lookdev.material.materialx import Imported, import_materialx, write_usda
 from lookdev.material.usd import read_look
 from lookdev.material.validate.examine import examine
 
+pytestmark = pytest.mark.both_pythons
+
+MATERIAL = """<surfacematerial name="M" type="material">
+  <input name="surfaceshader" type="surfaceshader" nodename="S"/>
+</surfacematerial>"""
+IMAGE = '<image name="image" type="color3"><input name="file" type="filename" value="rgb.png"/>{}</image>'
+
+
+def library() -> dict[str, str]:
+    """Return the type of every input of the node, as the MaterialX library has it."""
+    document = mx.createDocument()
+    mx.readFromXmlFile(document, mx.getDefaultDataSearchPath().find("libraries/bxdf/disney_principled.mtlx"))
+    return {each.getName(): each.getType() for each in document.getNodeDef("ND_disney_principled").getInputs()}
+
+
+INPUTS = library()
+
+
+def setting(name: str, rest: str, kind: str = "") -> str:
+    return f'<input name="{name}" type="{kind or INPUTS[name]}" {rest}/>'
+
+
+def document(
+    folder: Path, *inputs: str, nodes: str = "", material: str = MATERIAL, attributes: str = 'version="1.39"'
+) -> Path:
+    """Write a document whose shader has the given inputs, beside two images."""
+    write_gray(folder / "gray.png")
+    write_gray(folder / "rgb.png", 3)
+    file = folder / "m.mtlx"
+    shader = f'<disney_principled name="S" type="surfaceshader">{"".join(inputs)}</disney_principled>'
+    file.write_text(f"<materialx {attributes}>\n{nodes}\n{shader}\n{material}\n</materialx>\n")
+    return file
+
+
+def as_look(imported: Imported) -> Layer:
+    """Write what was imported, read it as a look and return its one layer."""
+    usda = imported.file.with_suffix(".usda")
+    write_usda(imported, usda, replace=True)
+    (layer,) = read_look(usda).layers
+    return layer
+
+
+def unmapped(imported: Imported) -> list[tuple[str, str, str]]:
+    assert all(fault.file == str(imported.file) for fault in imported.unmapped)
+    return [(fault.where, fault.what, fault.hint) for fault in imported.unmapped]
+
+
+def imported(folder: Path, *inputs: str, **parts: str) -> Imported:
+    """Import a document as `document` writes it."""
+    return import_materialx(document(folder, *inputs, **parts))
+
+
+def texture_of(imported: Imported, name: str) -> Texture:
+    texture = as_look(imported).inputs[name]
+    assert isinstance(texture, Texture)
+    return texture
+
+
+TO_IMAGE = setting("baseColor", 'nodename="image"')
+OTHER_MODELS = "only disney_principled is imported; the document itself, as 'material' of a look in a job, "
+OTHER_MODELS += "is read whatever its model"
 NUMBERS = {"float": "0.25", "color3": "0.25, 0.5, 0.75"}
 
 
@@ -72,12 +139,9 @@ def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: s
     constant = imported(tmp_path, setting("baseColor", 'value="0.5, 0.5, 0.5"'), attributes=attributes)
     assert as_look(constant).inputs["baseColor"] == pytest.approx((decoded,) * 3)
     rough = '<image name="rough" type="float"><input name="file" type="filename" value="gray.png"/></image>'
-    links = setting("baseColor", 'nodename="image"'), setting("roughness", 'nodename="rough"')
+    links = TO_IMAGE, setting("roughness", 'nodename="rough"')
     found = imported(tmp_path, *links, nodes=IMAGE.format("") + rough, attributes=attributes)
-    color, roughness = (as_look(found).inputs[name] for name in ("baseColor", "roughness"))
-    assert isinstance(color, Texture)
-    assert isinstance(roughness, Texture)
-    assert (color.colorspace, roughness.colorspace) == (colorspace, "raw")
+    assert [texture_of(found, name).colorspace for name in ("baseColor", "roughness")] == [colorspace, "raw"]
     lost = [(f"the colour space '{space}' is not carried over", hint)] if hint else []
     assert [each[1:] for each in unmapped(constant)] == [each[1:] for each in unmapped(found)] == lost
 
@@ -95,8 +159,7 @@ def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: s
 def test_a_float_takes_a_channel(tmp_path: Path, node: str, link: str, channel: str) -> None:
     nodes = IMAGE.format("") + node.format('<input name="in" type="color3" nodename="image"/>')
     found = imported(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes)
-    texture = as_look(found).inputs["metallic"]
-    assert isinstance(texture, Texture)
+    texture = texture_of(found, "metallic")
     assert (texture.channel, texture.file.name) == (channel, "rgb.png")
     assert not found.unmapped
 
@@ -139,10 +202,9 @@ def test_placement_is_that_of_the_library(tmp_path: Path, order: int) -> None:
         <input name="operationorder" type="integer" value="{order}"/></place2d>
       <tiledimage name="image" type="color3"><input name="file" type="filename" value="rgb.png"/>
         <input name="texcoord" type="vector2" nodename="place"/>{inputs["uvtiling"]}{inputs["uvoffset"]}</tiledimage>"""
-    found = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    found = imported(tmp_path, TO_IMAGE, nodes=nodes)
     assert not found.unmapped
-    texture = as_look(found).inputs["baseColor"]
-    assert isinstance(texture, Texture)
+    texture = texture_of(found, "baseColor")
     st = rng.uniform(-1.0, 1.0, (8, 2))
     matrix = np.reshape(texture.transform, (2, 3))
     expected = placed(st, sizes, 37.0, order) * sizes["uvtiling"] - sizes["uvoffset"]
@@ -156,8 +218,7 @@ def test_radians_are_turned_into_degrees(tmp_path: Path) -> None:
         '<input name="texcoord" type="vector2" nodename="uv"/>'
         '<input name="rotate" type="float" value="1.5707963267948966" unit="radian" unittype="angle"/></place2d>'
     )
-    texture = as_look(imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)).inputs["baseColor"]
-    assert isinstance(texture, Texture)
+    texture = texture_of(imported(tmp_path, TO_IMAGE, nodes=nodes), "baseColor")
     assert texture.transform == pytest.approx((0.0, 1.0, 0.0, -1.0, 0.0, 0.0))
 
 
@@ -174,60 +235,39 @@ def test_primvars(tmp_path: Path) -> None:
 
 
 def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
-    nodes = (
-        IMAGE.format(
-            '<input name="texcoord" type="vector2" nodename="warp"/><input name="default" type="color3" value="1,0,0"/>'
-            '<input name="filtertype" type="string" value="cubic"/>'
-        )
-        + """<noise2d name="warp" type="vector2"/><noise3d name="n" type="float"/>
+    inside = """<input name="texcoord" type="vector2" nodename="warp"/>
+      <input name="default" type="color3" value="1,0,0"/><input name="filtertype" type="string" value="cubic"/>"""
+    nodes = f"""{IMAGE.format(inside)}<noise2d name="warp" type="vector2"/><noise3d name="n" type="float"/>
       <multiply name="m" type="float"><input name="in1" type="float" nodename="n"/></multiply>
       <fractal3d name="unused" type="float"/><look name="L"/>
       <standard_surface name="Other" type="surfaceshader"/>
       <surfacematerial name="Plain" type="material"><input name="surfaceshader" type="surfaceshader" nodename="Other"/>
       </surfacematerial>
       <xi:include href="other.mtlx"/>"""
-    )
-    inputs = (
-        setting("baseColor", 'nodename="image"'),
-        setting("sheen", 'nodename="m"'),
-        setting("specTrans", 'nodename="n"'),
-        setting("flatness", 'value="0.3"', "float"),
-    )
-    file = document(
-        tmp_path, *inputs, nodes=nodes, attributes='version="1.39" xmlns:xi="http://www.w3.org/2001/XInclude"'
-    )
+    inputs = TO_IMAGE, setting("sheen", 'nodename="m"'), setting("specTrans", 'nodename="n"')
+    attributes = 'version="1.39" xmlns:xi="http://www.w3.org/2001/XInclude"'
+    file = document(tmp_path, *inputs, setting("flatness", 'value="0.3"', "float"), nodes=nodes, attributes=attributes)
     found = import_materialx(file)
     assert set(as_look(found).inputs) == {"baseColor"}
-    known = f"known: {', '.join(INPUTS)}"
+    line = file.read_text().split("<xi:")[0].count("\n") + 1
+    connection, unused = "the connection to {} is not carried over", "no imported material uses it"
+    lost = "a LookdevDisney layer lets no light through"
     assert sorted(unmapped(found)) == sorted(
         [
-            (
-                f"line {file.read_text().split('<xi:')[0].count(chr(10)) + 1}, column 7",
-                "includes 'other.mtlx'",
-                "includes are not followed",
-            ),
-            ("S/flatness", "'0.3' is not carried over", f"unknown input; {known}"),
+            (f"line {line}, column 7", "includes 'other.mtlx'", "includes are not followed"),
+            ("S/flatness", "'0.3' is not carried over", f"unknown input; known: {', '.join(INPUTS)}"),
             ("image/default", "'1,0,0' is not carried over", ""),
             ("image/filtertype", "'cubic' is not carried over", "images are looked up linearly"),
-            ("image/texcoord", "the connection to <noise2d> 'warp' is not carried over", "the UV set st is taken"),
-            ("S/sheen", "the connection to <multiply> 'm' is not carried over", "0.0 is taken"),
-            (
-                "S/specTrans",
-                "the connection to <noise3d> 'n' is not carried over",
-                "a LookdevDisney layer lets no light through",
-            ),
-            (
-                "Plain",
-                "has the surface shader <standard_surface>",
-                "only disney_principled is imported; "
-                "the document itself, as 'material' of a look in a job, is read whatever its model",
-            ),
+            ("image/texcoord", connection.format("<noise2d> 'warp'"), "the UV set st is taken"),
+            ("S/sheen", connection.format("<multiply> 'm'"), "0.0 is taken"),
+            ("S/specTrans", connection.format("<noise3d> 'n'"), lost),
+            ("Plain", "has the surface shader <standard_surface>", OTHER_MODELS),
             ("Other", "<standard_surface> is not carried over", ""),
             ("warp", "<noise2d> is not carried over", ""),
             ("m", "<multiply> is not carried over", ""),
             ("n", "<noise3d> is not carried over", ""),
-            ("unused", "<fractal3d> is not carried over", "no imported material uses it"),
-            ("L", "<look> is not carried over", "no imported material uses it"),
+            ("unused", "<fractal3d> is not carried over", unused),
+            ("L", "<look> is not carried over", unused),
         ]
     )
 
@@ -236,7 +276,7 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
     "nodes", [IMAGE.format("").replace("rgb.png", ""), IMAGE.format("").replace("rgb", "&lt;UVTILE>")]
 )
 def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, nodes: str) -> None:
-    found = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    found = imported(tmp_path, TO_IMAGE, nodes=nodes)
     assert as_look(found).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
     assert [where for where, _, _ in unmapped(found)] == ["image/file", "S/baseColor", "image"]
 
@@ -252,7 +292,7 @@ def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, nodes: str) 
 )
 def test_image_paths_become_relative_to_what_is_written(tmp_path: Path, prefix: str, file: str, expected: str) -> None:
     nodes, attributes = IMAGE.format("").replace("rgb.png", file), f'version="1.39" fileprefix="{prefix}"'
-    mtlx = document(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes, attributes=attributes)
+    mtlx = document(tmp_path, TO_IMAGE, nodes=nodes, attributes=attributes)
     write_usda(import_materialx(mtlx), tmp_path / "looks" / "m.usda")
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "looks" / "m.usda"))
     assert layer.GetAttributeAtPath("/M/image.inputs:file").default.path == expected
@@ -260,7 +300,7 @@ def test_image_paths_become_relative_to_what_is_written(tmp_path: Path, prefix: 
 
 def test_a_placement_of_nothing_and_swapped_channels_are_reported(tmp_path: Path) -> None:
     nodes = IMAGE.format('<input name="texcoord" type="vector2" nodename="p"/>') + '<place2d name="p" type="vector2"/>'
-    placed = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    placed = imported(tmp_path, TO_IMAGE, nodes=nodes)
     assert unmapped(placed) == [("p", "places one point, as it has no texcoord", "the UV set st is taken")]
     swapped = imported(tmp_path, setting("baseColor", 'nodename="image" channels="bgr"'), nodes=nodes)
     assert unmapped(swapped)[0][0] == "S/baseColor"
@@ -295,3 +335,136 @@ def test_a_look_is_written_as_its_suffix_says(tmp_path: Path) -> None:
         assert examine(file).findings == ()
     with pytest.raises(OutputError, match=r"look\.txt: is no name of a look; it would end with \.usda"):
         write_usda(found, tmp_path / "look.txt")
+
+
+def faults(file: Path) -> list[tuple[str, str, str]]:
+    return faults_of(file, import_materialx)
+
+
+def loop(*names: str) -> str:
+    """Nodes of which each is connected to the next, and the last to the first."""
+    links = zip(names, (*names[1:], names[0]), strict=True)
+    return "".join(
+        f'<invert name="{a}" type="float"><input name="in" type="float" nodename="{b}"/></invert>' for a, b in links
+    )
+
+
+TO_A = setting("sheen", 'nodename="a"')
+TO_G = setting("sheen", 'nodegraph="G" output="o"')
+INWARD = '<nodegraph name="G"><output name="o" type="float" output="o"/></nodegraph>'
+TILE = IMAGE.format('<input name="uaddressmode" type="string" value="tile"/>')
+PLACED = IMAGE.format('<input name="texcoord" type="vector2" nodename="p"/>')
+PLACED += '<place2d name="p" type="vector2"><input name="{}" type="{}" value="{}"/></place2d>'
+
+
+@pytest.mark.parametrize(
+    ("inputs", "nodes", "where", "what"),
+    [
+        (setting("sheen", 'value="much"'), "", "S/sheen", "'much' is not a value"),
+        (setting("sheen", 'value="nan"'), "", "S/sheen", "'nan' is not a value"),
+        (setting("sheen", 'value="1e30"'), "", "S/sheen", "'1e30' is not a value"),
+        (setting("baseColor", 'value="1, 0"'), "", "S/baseColor", "'1, 0' is not a value"),
+        (setting("sheen", 'value="1"', "color3"), "", "S/sheen", "has type 'color3'"),
+        (setting("sheen", 'nodename="none"'), "", "S/sheen", "is connected to 'none', which is not there"),
+        (setting("sheen", 'nodename="M"'), "", "M", "its connections run in a cycle"),
+        (TO_G, "", "S/sheen", "is connected to 'G.o', which is not there"),
+        (setting("sheen", 'interfacename="i"'), "", "S/sheen", "is connected to 'i', which is not there"),
+        (TO_A, loop("a"), "a", "its connections run in a cycle"),
+        (TO_A, loop("a", "b", "c"), "a", "its connections run in a cycle"),
+        (TO_G, INWARD, "S/sheen", "its connections run in a cycle"),
+        (TO_IMAGE, TILE, "image/uaddressmode", "unknown value 'tile'"),
+        (TO_IMAGE, PLACED.format("scale", "vector2", "0, 1"), "p", "has a scale of 0"),
+        (TO_IMAGE, PLACED.format("operationorder", "integer", "2"), "p/operationorder", "unknown value '2'"),
+    ],
+)
+def test_a_broken_document_is_an_error_at_its_place(
+    tmp_path: Path, inputs: str, nodes: str, where: str, what: str
+) -> None:
+    assert (where, what) in [fault[:2] for fault in faults(document(tmp_path, inputs, nodes=nodes))]
+
+
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
+    file = document(tmp_path, setting("sheen", 'value="x"'), setting("metallic", 'value="y"'))
+    assert [where for where, _, _ in faults(file)] == ["S/metallic", "S/sheen"]
+
+
+def test_other_shading_models_are_named(tmp_path: Path) -> None:
+    other = '<standard_surface name="O" type="surfaceshader"/>'
+    empty = '<surfacematerial name="E" type="material"/>'
+    file = document(tmp_path, nodes=other, material=MATERIAL.replace('nodename="S"', 'nodename="O"') + empty)
+    assert faults(file) == [
+        ("M", "has the surface shader <standard_surface>", OTHER_MODELS),
+        ("E", "has no surface shader", OTHER_MODELS),
+    ]
+    ((where, what, hint),) = faults(document(tmp_path, material=""))
+    assert (where, what) == ("", "holds no surfacematerial")
+    assert "disney_principled" in hint
+
+
+LAUGHS = "".join(f'<!ENTITY a{i + 1} "{f"&a{i};" * 10}">' for i in range(9))
+HEAD = b"<materialx version='1.39'>"
+TWICE = HEAD + b"<a name='n'/>\n<b name='n'/></materialx>"
+LAUGHS = f'<!DOCTYPE x [<!ENTITY a0 "ha">{LAUGHS}]><materialx version="1.39" doc="&a9;"/>'
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "what"),
+    [
+        (b"", "line 1, column 1", "is not XML: no element found"),
+        (b"#usda 1.0", "line 1, column 1", "is not XML: syntax error"),
+        (b"<materialx version='1.39'>\n <image", "line 2, column 2", "is not XML: unclosed token"),
+        (b"<materialx version='1.39' doc='\xff'/>", "line 1, column 32", "not UTF-8 text"),
+        (b"<html/>", "line 1, column 1", "the document is <html>, not <materialx>"),
+        (b"<materialx/>", "line 1, column 1", "MaterialX version ''"),
+        (b"<materialx version='1.37'/>", "line 1, column 1", "MaterialX version '1.37'"),
+        (b"<materialx version='9.1'/>", "line 1, column 1", "MaterialX version '9.1'"),
+        (b"<materialx version='one'/>", "line 1, column 1", "MaterialX version 'one'"),
+        (TWICE, "line 2, column 1", "a second element here is named 'n'"),
+        (LAUGHS.encode(), "line 1, column 13", "has a document type definition"),
+        (HEAD + b"<a>" * 300_000, "line 1, column 120", "more than 32 elements inside each other"),
+    ],
+)
+def test_what_is_no_materialx_is_refused(tmp_path: Path, text: bytes, where: str, what: str) -> None:
+    file = tmp_path / "m.mtlx"
+    file.write_bytes(text)
+    assert [fault[:2] for fault in faults(file)] == [(where, what)]
+
+
+def test_missing_files_and_folders(tmp_path: Path) -> None:
+    for file, what in (
+        (tmp_path / "none.mtlx", "cannot be read: No such file or directory"),
+        (tmp_path, "is a folder"),
+    ):
+        assert [fault[:2] for fault in faults(file)] == [("", what)]
+
+
+@pytest.mark.parametrize(("version", "closed"), [("1.38", False), ("1.39", True)])
+def test_a_megabyte_of_nodes_ends_soon(tmp_path: Path, version: str, closed: bool) -> None:
+    names = [f"n{i}" for i in range(14_000)]
+    nodes = loop(*names) if closed else loop(*names).replace(' nodename="n0"', ' value="0"')
+    file = document(tmp_path, setting("sheen", 'nodename="n0"'), nodes=nodes, attributes=f'version="{version}"')
+    assert file.stat().st_size > 1_000_000
+    before = time.process_time()
+    if closed:
+        assert "its connections run in a cycle" in faults(file)[0][1]
+    else:
+        assert len(import_materialx(file).unmapped) == len(names) + 1
+    # A second is what it may take; a busy machine's caches are allowed for. Upgrading such a file took 150 s.
+    assert time.process_time() - before < 5.0
+
+
+def test_damaged_documents_end_in_looks_or_in_errors(tmp_path: Path) -> None:
+    rng = random.Random(5)
+    whole = document(tmp_path, TO_IMAGE, setting("sheen", 'value="0.5"'), nodes=IMAGE.format(""))
+    text = whole.read_text()
+    errors: list[LookError] = []
+    for _ in range(150):
+        start, length = rng.randrange(len(text)), rng.randrange(1, 12)
+        junk = rng.choice(["", text[start:][:length] * 2, "".join(rng.choices('<>/"=&;SM.0-9\u00e4', k=length))])
+        whole.write_text(text[:start] + junk + text[start + length :], encoding="utf-8")
+        try:
+            write_usda(import_materialx(whole), whole.with_suffix(".usda"), replace=True)
+        except LookError as error:
+            errors.append(error)
+    assert 0 < len(errors) < 150
+    assert all(fault.what for error in errors for fault in error.faults)

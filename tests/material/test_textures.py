@@ -1,4 +1,4 @@
-"""Linear textures and their reference look-up."""
+"""Linear textures and their reference look-up; images inside usdz packages, also as sets of tiles."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from look_files import faults_of, look, rough, texture
+from pxr import Sdf
 
 from lookdev.errors import TextureError
 from lookdev.material.look import Texture
 from lookdev.material.textures import image_header, linear_texture, sample_slopes, sample_texture, slope_texture
+from lookdev.material.usd import read_look
 from lookdev.stage.colorspaces import srgb_to_linear
 
 
@@ -22,11 +25,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "content"
 
 
-def save(file: Path, pixels: np.ndarray, kind: str, **attributes: object) -> Path:
+def save(file: Path, pixels: np.ndarray, kind: str, names: tuple[str, ...] = (), **attributes: object) -> Path:
     """Write pixels as they are: OpenImageIO would otherwise take RGB as multiplied by alpha."""
     output = oiio.ImageOutput.create(str(file))
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
     spec["oiio:UnassociatedAlpha"] = 1
+    spec.channelnames = names or spec.channelnames
     for name, value in attributes.items():
         spec[name] = value
     assert output.open(str(file), spec), output.geterror()
@@ -49,11 +53,9 @@ def test_srgb_is_the_piecewise_curve() -> None:
 
 def test_equal_texels_are_equal_files(tmp_path: Path) -> None:
     """Otherwise frames would be stale once the cache was deleted."""
-    pixels = np.zeros((2, 2, 3), np.uint8)
-    texture = Texture(save(tmp_path / "a.png", pixels, "uint8"), "r", "raw")
+    texture = Texture(save(tmp_path / "a.png", np.zeros((2, 2, 3), np.uint8), "uint8"), "r", "raw")
     for file in (linear_texture(texture), slope_texture(texture)):
-        written = oiio.ImageBuf(str(file)).spec().getattribute("DateTime")
-        assert written == "2000:01:01 00:00:00"
+        assert oiio.ImageBuf(str(file)).spec().getattribute("DateTime") == "2000:01:01 00:00:00"
 
 
 def test_srgb_is_decoded_and_alpha_neither_decoded_nor_multiplied_in(tmp_path: Path) -> None:
@@ -99,23 +101,20 @@ def test_exr_crop_window_is_put_into_the_whole_image(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("modes", "expected"),
-    [("periodic,mirror", ("repeat", "mirror")), ("clamp", ("clamp", "clamp")), (None, ("black", "black"))],
+    ("name", "kind", "modes", "expected"),
+    [
+        ("a.exr", "half", {"wrapmodes": "periodic,mirror"}, (False, False, "repeat", "mirror")),
+        ("a.exr", "half", {"wrapmodes": "clamp"}, (False, False, "clamp", "clamp")),
+        ("a.exr", "half", {}, (False, False, "black", "black")),
+        ("a.png", "uint8", {}, (True, True, "black", "black")),
+        ("a.png", "uint16", {}, (False, True, "black", "black")),
+        ("a.tif", "float", {}, (False, False, "black", "black")),
+    ],
 )
-def test_header(tmp_path: Path, modes: str | None, expected: tuple[str, str]) -> None:
-    attributes = {} if modes is None else {"wrapmodes": modes}
-    file = save(tmp_path / "a.exr", np.zeros((1, 1, 3), np.float32), "half", **attributes)
-    header = image_header(file)
-    assert (header.channels, header.eight_bit, header.wraps) == (("R", "G", "B"), False, expected)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "expected"),
-    [("a.png", "uint8", (True, True)), ("a.png", "uint16", (False, True)), ("a.tif", "float", (False, False))],
-)
-def test_header_has_depth_and_sign(tmp_path: Path, name: str, kind: str, expected: tuple[bool, bool]) -> None:
-    header = image_header(save(tmp_path / name, np.zeros((1, 1, 3), np.float32), kind))
-    assert (header.eight_bit, header.unsigned) == expected
+def test_header(tmp_path: Path, name: str, kind: str, modes: dict[str, str], expected: tuple[object, ...]) -> None:
+    header = image_header(save(tmp_path / name, np.zeros((1, 1, 3), np.float32), kind, **modes))
+    assert header.channels == ("R", "G", "B")
+    assert (header.eight_bit, header.unsigned, *header.wraps) == expected
 
 
 def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:
@@ -123,13 +122,7 @@ def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:
     broken.write_bytes(b"\x89PNG, but no more")
     five = save(tmp_path / "five.tif", np.zeros((1, 1, 5), np.float32), "float", channelnames="")
     nan = save(tmp_path / "nan.exr", np.array([[[np.nan, 1, np.inf]]], np.float32), "float")
-    velocity = tmp_path / "velocity.exr"
-    spec = oiio.ImageSpec(1, 1, 3, oiio.FLOAT)
-    spec.channelnames = ("u", "v", "w")
-    output = oiio.ImageOutput.create(str(velocity))
-    assert output.open(str(velocity), spec)
-    assert output.write_image(np.zeros((1, 1, 3), np.float32))
-    assert output.close()
+    velocity = save(tmp_path / "velocity.exr", np.zeros((1, 1, 3), np.float32), "float", names=("u", "v", "w"))
     for file, message in (
         (tmp_path / "gone.png", "no such image file"),
         (broken, "cannot be read as an image"),
@@ -282,3 +275,82 @@ def test_slopes_beyond_an_edge_where_the_height_has_a_slope(ramp: Path, wrap: st
     # Rows 0 1 2 over 3 4 5: 3 a unit along s, and along t (2 texels, half a step at each edge) -3.
     slopes = sample_slopes(texture, [[0.5, 0.5], [-0.5, 0.5]])
     np.testing.assert_allclose(slopes, [[3.0, -3.0], beyond], atol=1e-12)
+
+
+def package(folder: Path, layers: dict[str, str], images: dict[str, float], name: str = "look.usdz") -> Path:
+    """Write a package of layers, the first of which is its root, and of gray images."""
+    writer = Sdf.ZipFileWriter.CreateNew(str(folder / name))
+    for inner, content in (layers | images).items():
+        file = folder / "in" / inner
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, str):
+            file.write_text(content)
+        else:
+            save(file, np.full((2, 2, 1), content, np.float32), "uint8")
+        writer.AddFile(str(file), inner)
+    writer.Save()
+    return folder / name
+
+
+def textured(file: str) -> str:
+    return look(rough("Tex.r") + texture(file=f"@{file}@"))
+
+
+def roughness(file: Path) -> Texture:
+    (layer,) = read_look(file).layers
+    found = layer.inputs["roughness"]
+    assert isinstance(found, Texture)
+    return found
+
+
+def test_an_image_of_the_root_layer(tmp_path: Path) -> None:
+    text = textured("tex/a.png")
+    found = roughness(package(tmp_path, {"look.usda": text}, {"tex/a.png": 0.2}))
+    assert found.file.name == "a.png"
+    np.testing.assert_allclose(sample_texture(found, [0.5, 0.5]), 51 / 255)
+
+
+def test_an_image_relative_to_a_layer_inside(tmp_path: Path) -> None:
+    text = textured("./tex/a.png")
+    root = '#usda 1.0\n(\n defaultPrim = "M"\n)\ndef "M" (\n references = @parts/mat.usda@\n)\n{\n}\n'
+    file = package(tmp_path, {"root.usda": root, "parts/mat.usda": text}, {"parts/tex/a.png": 0.4})
+    np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.4)
+
+
+def test_equal_content_is_one_file_and_a_changed_package_another(tmp_path: Path) -> None:
+    text = textured("a.png")
+    first, second = (
+        roughness(package(tmp_path, {"look.usda": text}, {"a.png": 0.2}, name)) for name in ("1.usdz", "2.usdz")
+    )
+    assert first == second
+    changed = roughness(package(tmp_path, {"look.usda": text}, {"a.png": 0.8}, "3.usdz"))
+    assert changed.file != first.file
+    np.testing.assert_allclose(sample_texture(changed, [0.5, 0.5]), 0.8)
+
+
+def test_a_file_that_left_the_cache_is_copied_again(tmp_path: Path) -> None:
+    file = package(tmp_path, {"look.usda": textured("a.png")}, {"a.png": 0.2})
+    roughness(file).file.unlink()
+    np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.2)
+
+
+def test_a_set_of_tiles(tmp_path: Path) -> None:
+    text = textured("tex/a.<UDIM>.png")
+    file = package(tmp_path, {"look.usda": text}, {"tex/a.1001.png": 0.2, "tex/a.1012.png": 0.6})
+    values = sample_texture(roughness(file), [[0.5, 0.5], [1.5, 1.5], [1.5, 0.5]])
+    np.testing.assert_allclose(values, [0.2, 0.6, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("file", "more", "what"),
+    [
+        ("b.png", {}, "no such image file: b.png"),
+        ("b.<UDIM>.png", {}, "no tile of this set: b.<UDIM>.png"),
+        ("a.png", {"a.png": "no image"}, "cannot be read as an image"),
+    ],
+)
+def test_an_image_that_cannot_be_read_is_a_fault(tmp_path: Path, file: str, more: dict[str, str], what: str) -> None:
+    layers = {"look.usda": textured(file)} | more
+    ((where, said, _),) = faults_of(package(tmp_path, layers, {} if more else {"a.png": 0.2}))
+    assert where == "Tex.file"
+    assert what in said
