@@ -12,8 +12,8 @@ from look_files import PREVIEW, ST, asset, bound, disney, faults_of, lost, mater
 from pxr import UsdUtils
 
 from lookdev.brdf import MODELS
-from lookdev.errors import LookError
-from lookdev.material.look import Bump, Displacement, Layer, Primvar, Texture
+from lookdev.errors import LookError, StageError
+from lookdev.material.look import Bump, Displacement, Formula, Layer, Primvar, Texture
 from lookdev.material.translate import TRANSLATIONS
 from lookdev.material.usd import read_look
 from lookdev.material.usd.bound import GREY, BoundLook, read_any_look, read_bound
@@ -522,6 +522,112 @@ def test_a_broken_reference_of_the_material_is_an_error(tmp_path: Path) -> None:
     ((where, what),) = any_faults(file)
     assert where == "/M"
     assert "gone.usda" in what
+
+
+SURFACE = '<UsdPreviewSurface name="S" type="surfaceshader">{}</UsdPreviewSurface>'
+GOLD = """<surfacematerial name="Gold" type="material">
+  <input name="surfaceshader" type="surfaceshader" nodename="S"/>{}</surfacematerial>"""
+GRAPH = """<nodegraph name="G">
+  <input name="tint" type="color3" value="1, 0.5, 0.25"/>
+  <image name="i" type="color3">
+    <input name="file" type="filename" value="rgb.png" colorspace="srgb_texture"/></image>
+  <image name="m" type="color3"><input name="file" type="filename" value="rgb.png"/></image>
+  <mix name="x" type="color3"><input name="fg" type="color3" nodename="i"/>
+    <input name="bg" type="color3" interfacename="tint"/>
+    <input name="mix" type="float" nodename="m" channels="g"/></mix>
+  <output name="o" type="color3" nodename="x"/></nodegraph>"""
+LOOKS = '#usda 1.0\ndef Scope "Looks" (\n prepend references = @./x.mtlx@</MaterialX/Materials>\n)\n{{\n{}\n}}\n'
+
+
+def write_reference(folder: Path, *parts: str, over: str = "") -> Path:
+    (folder / "x.mtlx").write_text(f'<materialx version="1.38" colorspace="lin_rec709">{"".join(parts)}</materialx>')
+    (folder / "asset.usda").write_text(LOOKS.format(over))
+    return folder / "asset.usda"
+
+
+def gold(file: Path) -> BoundLook:
+    return read_bound(compose(Composition(file)), ["/Looks/Gold"])["/Looks/Gold"]
+
+
+def test_a_material_of_a_document(folder: Path) -> None:
+    inputs = """<input name="roughness" type="float" value="0.25"/>
+      <input name="diffuseColor" type="color3" nodegraph="G" output="o"/>
+      <input name="metallic" type="float" nodename="top"/>"""
+    top = '<constant name="top" type="float"><input name="value" type="float" value="1"/></constant>'
+    found = gold(write_reference(folder, GRAPH, top, SURFACE.format(inputs), GOLD.format("")))
+    (layer,) = found.look.layers
+    assert (found.look.name, layer.model) == ("Gold", "materialx_preview_surface")
+    assert (layer.inputs["roughness"], layer.inputs["metallic"]) == (0.25, 1.0)
+    color = layer.inputs["diffuseColor"]
+    assert isinstance(color, Formula)
+    assert {(each.colorspace, each.channel) for each in color.inputs.values() if isinstance(each, Texture)} == {
+        ("sRGB", "rgb"),
+        ("raw", "g"),
+    }
+    assert not found.lost
+
+
+def test_the_asset_overrides_an_input(folder: Path) -> None:
+    over = ' over "Gold"\n {\n  float inputs:roughness = 0.75\n  float inputs:clearcoat = 1\n }'
+    shader = SURFACE.format('<input name="roughness" type="float" value="0.25"/>')
+    (layer,) = gold(write_reference(folder, shader, GOLD.format(""), over=over)).look.layers
+    assert (layer.inputs["roughness"], layer.inputs["clearcoat"]) == (0.75, 1.0)
+
+
+def test_displacement_of_a_document(folder: Path) -> None:
+    node = """<displacement name="D" type="displacementshader">
+      <input name="displacement" type="float" value="0.5"/><input name="scale" type="float" value="2"/>
+    </displacement>"""
+    link = '<input name="displacementshader" type="displacementshader" nodename="D"/>'
+    found = gold(write_reference(folder, node, SURFACE.format(""), GOLD.format(link)))
+    assert found.look.displacement == Displacement(1.0)
+
+
+def test_what_the_document_loses_is_listed_with_its_place_in_it(folder: Path) -> None:
+    found = gold(write_reference(folder, '<look name="L"/>', SURFACE.format(""), GOLD.format("")))
+    assert [(fault.file, fault.where, fault.what) for fault in found.lost] == [
+        (str(folder / "x.mtlx"), "L", "<look> is not read")
+    ]
+
+
+ROUGH_OF = '<input name="roughness" type="float" {}/>'
+OF_H = ROUGH_OF.format('nodegraph="H" output="o"')
+
+
+@pytest.mark.parametrize(
+    ("inputs", "nodes", "what"),
+    [
+        (ROUGH_OF.format('nodename="none"'), "", "which is no output of a shader"),
+        (OF_H, "", "which is no output of a shader"),
+        (
+            ROUGH_OF.format('nodename="a"'),
+            '<add name="a" type="float"><input name="in1" type="float" nodename="a"/></add>',
+            "its connections run in a cycle",
+        ),
+        (OF_H, '<nodegraph name="H"><output name="o" type="float" output="o"/></nodegraph>', "is connected to"),
+        (ROUGH_OF.format('nodename="n"'), '<noise3d name="n" type="float"/>', "ND_noise3d_float is not supported"),
+    ],
+)
+def test_what_is_broken_in_a_document_is_listed(folder: Path, inputs: str, nodes: str, what: str) -> None:
+    found = gold(write_reference(folder, nodes, SURFACE.format(inputs), GOLD.format("")))
+    assert "roughness" not in inputs_of(found)
+    assert any(what in said for _, said in lost(found)), lost(found)
+
+
+def test_a_missing_image_of_a_document_names_the_prim(folder: Path) -> None:
+    inputs = '<input name="diffuseColor" type="color3" nodegraph="G" output="o"/>'
+    file = write_reference(folder, GRAPH.replace("rgb.png", "none.png"), SURFACE.format(inputs), GOLD.format(""))
+    with pytest.raises(LookError) as caught:
+        gold(file)
+    assert {fault.where for fault in caught.value.faults} >= {"/Looks/Gold/G/i.inputs:file"}
+
+
+def test_a_malformed_document_is_an_error_of_the_stage(folder: Path) -> None:
+    file = write_reference(folder, SURFACE.format('<input name="roughness" type="float" value="x"/>'), GOLD.format(""))
+    with pytest.raises(StageError) as caught:
+        gold(file)
+    ((fault),) = caught.value.faults
+    assert (fault.file, fault.where) == (str(folder / "x.mtlx"), "S/roughness")
 
 
 USD = preview(

@@ -9,16 +9,14 @@ from lookdev.material import Formula, Layer, Look, Primvar, View
 from lookdev.material.change import changed_look, varied_names
 from lookdev.material.expression import parse
 
-AMOUNT = Formula(parse("smoothstep(wear, low, 1) * amount"), {"wear": Primvar("wear", 0.0), "low": 0.2, "amount": 0.5},
-                 {"wear": "float", "low": "float", "amount": "float"})  # fmt: skip
-PAINT = Look(
-    "paint",
-    (
-        Layer("Steel", "disney", {"roughness": 0.3, "metallic": 1.0}),
-        Layer("Paint", "disney", {"roughness": 0.5}, mask=AMOUNT),
-        Layer("Dust", "disney", {"baseColor": (0.5, 0.4, 0.3)}, mask=0.25),
-    ),
+AMOUNT = Formula(
+    parse("smoothstep(wear, low, 1) * amount"),
+    {"wear": Primvar("wear", 0.0), "low": 0.2, "amount": 0.5},
+    dict.fromkeys(("wear", "low", "amount"), "float"),
 )
+STEEL = Layer("Steel", "disney", {"roughness": 0.3, "metallic": 1.0})
+DUST = Layer("Dust", "disney", {"baseColor": (0.5, 0.4, 0.3)}, mask=0.25)
+PAINT = Look("paint", (STEEL, Layer("Paint", "disney", {"roughness": 0.5}, mask=AMOUNT), DUST))
 
 
 def layer(look: Look, name: str) -> Layer:
@@ -47,8 +45,8 @@ def test_masks_and_inputs_of_their_expressions() -> None:
     assert mask == Formula(AMOUNT.expression, {**AMOUNT.inputs, "amount": 0.9}, AMOUNT.kinds)
     assert layer(changed_look(PAINT, "mask.amount", 0.9), "Paint").mask == mask  # one layer alone has it
     other = layer(changed_look(PAINT, "Paint.mask", "wear * wear * view"), "Paint").mask
-    assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": View()},
-                            {"wear": "float", "view": "float"})  # fmt: skip
+    kinds = {"wear": "float", "view": "float"}
+    assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": View()}, kinds)
     rough = layer(changed_look(PAINT, "Steel.roughness", "0.2 + 0.5 * (1 - view)"), "Steel").inputs["roughness"]
     assert isinstance(rough, Formula)
     assert rough.inputs == {"view": View()}

@@ -62,37 +62,39 @@ def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node:
         assert (float(metadata["softMin"]), float(metadata["softMax"])) == parameter.soft
 
 
-def test_layer_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    node = nodes["LookdevLayers"]
+def inputs_of(node: Sdr.ShaderNode) -> dict[str, tuple[str, object, bool, list[str]]]:
+    """Return type, default, whether it is connectable, and options of each input; all have a help."""
+    inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
+    assert all(given.GetHelp() for given in inputs.values())
+    return {
+        name: (
+            str(given.GetTypeAsSdfType().GetSdfType()),
+            given.GetDefaultValueAsSdfType(),
+            given.IsConnectable(),
+            [option for option, _ in given.GetOptions()],
+        )
+        for name, given in inputs.items()
+    }
+
+
+def test_inputs_of_other_nodes(nodes: dict[str, Sdr.ShaderNode]) -> None:
+    layers = inputs_of(nodes["LookdevLayers"])
     types = {"": "token", "Mask": "float", "Enabled": "bool", "Mode": "token"}
-    expected = {"base": "token"} | {
+    assert {name: kind for name, (kind, *_) in layers.items()} == {"base": "token"} | {
         f"layer{number}{suffix}": kind for number in range(1, DEFINED_LAYERS + 1) for suffix, kind in types.items()
     }
-    inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
-    assert {name: str(each.GetTypeAsSdfType().GetSdfType()) for name, each in inputs.items()} == expected
-    assert all(each.GetHelp() for each in inputs.values())
-    defaults = [inputs[f"layer3{suffix}"].GetDefaultValueAsSdfType() for suffix in ("Mask", "Enabled", "Mode")]
-    assert defaults == [1.0, True, "over"]
-    assert [name for name, _ in inputs["layer3Mode"].GetOptions()] == ["over", "transmit"]
-
-
-def test_displacement(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    node = nodes["LookdevDisplacement"]
-    inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
-    defaults = {name: each.GetDefaultValueAsSdfType() for name, each in inputs.items()}
-    assert defaults == {"height": 0.0, "scale": 1.0, "midlevel": 0.0, "units": "object"}
-    assert [name for name, each in inputs.items() if each.IsConnectable()] == ["height"]
-    assert [name for name, _ in inputs["units"].GetOptions()] == ["object", "world"]
-    assert all(each.GetHelp() for each in inputs.values())
-
-
-def test_bump(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    node = nodes["LookdevBump"]
-    height, scale = (node.GetShaderInput(name) for name in ("height", "scale"))
-    assert sorted(node.GetShaderInputNames()) == ["height", "scale"]
-    assert [str(each.GetTypeAsSdfType().GetSdfType()) for each in (height, scale)] == ["float", "float"]
-    assert (height.IsConnectable(), scale.IsConnectable()) == (True, False)
-    assert scale.GetDefaultValueAsSdfType() == 1.0
-    assert height.GetHelp()
-    assert scale.GetHelp()
-    assert str(node.GetShaderOutput("normal").GetTypeAsSdfType().GetSdfType()) == "normal3f"
+    assert [layers[f"layer3{suffix}"][1] for suffix in ("Mask", "Enabled", "Mode")] == [1.0, True, "over"]
+    assert layers["layer3Mode"][3] == ["over", "transmit"]
+    assert inputs_of(nodes["LookdevDisplacement"]) == {
+        "height": ("float", 0.0, True, []),
+        "scale": ("float", 1.0, False, []),
+        "midlevel": ("float", 0.0, False, []),
+        "units": ("token", "object", False, ["object", "world"]),
+    }
+    bump = nodes["LookdevBump"]
+    assert {name: given[::2] for name, given in inputs_of(bump).items()} == {
+        "height": ("float", True),
+        "scale": ("float", False),
+    }
+    assert inputs_of(bump)["scale"][1] == 1.0
+    assert str(bump.GetShaderOutput("normal").GetTypeAsSdfType().GetSdfType()) == "normal3f"

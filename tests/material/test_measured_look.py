@@ -63,20 +63,20 @@ def test_the_built_in_measurement_is_no_file(write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("body", "where", "what"),
+    ("body", "name", "what"),
     [
-        ("", "Base.file", "names no file"),
-        ("asset file = @@", "Base.file", "names no file"),
-        ("asset file = @./gold.binary@", "Base.file", "no such file: ./gold.binary"),
-        ("asset file = @./gray.png@", "Base.file", "gray.png: is not a file of measured reflectance"),
-        ('token file = "even.dat"', "Base.file", "has type token"),
-        ("asset file <- Base.layer", "Base.file", "is computed by </M/Base>"),
-        ('asset file = @./even.dat@\ntoken interpolation = "cubic"', "Base.interpolation", "cub"),
+        ("", "file", "names no file"),
+        ("asset file = @@", "file", "names no file"),
+        ("asset file = @./gold.binary@", "file", "no such file: ./gold.binary"),
+        ("asset file = @./gray.png@", "file", "gray.png: is not a file of measured reflectance"),
+        ('token file = "even.dat"', "file", "has type token"),
+        ("asset file <- Base.layer", "file", "is computed by </M/Base>"),
+        ('asset file = @./even.dat@; token interpolation = "cubic"', "interpolation", "cub"),
     ],
 )
-def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, where: str, what: str) -> None:
+def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, name: str, what: str) -> None:
     (place, found, hint), *_ = faults_of(write(measured(body=body)))
-    assert place == where
+    assert place == f"Base.{name}"
     assert what in found
     assert hint
 
@@ -108,15 +108,8 @@ def test_the_preview_has_the_mean_albedo(write) -> None:
 
 
 def source(file: Path) -> Any:
-    return generate_surface(
-        read_look(file),
-        lambda texture: Path(),
-        brdf_samples=2,
-        ibl_samples=0,
-        bounces=0,
-        lights=[_LIGHT],
-        resolution=(8, 8),
-    )
+    samples = {"brdf_samples": 2, "ibl_samples": 0, "bounces": 0}
+    return generate_surface(read_look(file), lambda texture: Path(), **samples, lights=[_LIGHT], resolution=(8, 8))
 
 
 def test_a_digest_depends_on_the_samples_not_on_their_path(write, tmp_path: Path) -> None:
