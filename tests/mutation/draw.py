@@ -55,6 +55,9 @@ NAMES = (
 )
 
 
+COMMUTATIVE = ("min", "max", "minimum", "maximum", "hypot", "isclose", "allclose", "logical_and", "logical_or", "gcd")
+
+
 class RemoveStatement(Operator):
     """Remove a call whose value is not used, or an augmented assignment: an unlock, a sum."""
 
@@ -104,7 +107,8 @@ class SwapArguments(Operator):
 
     @staticmethod
     def _pairs(node):
-        if node.type == "arglist":
+        called = node.get_previous_leaf().get_previous_leaf() if node.type == "arglist" else None
+        if called is not None and called.value not in COMMUTATIVE:
             positional = [child for child in node.children[::2] if child.type != "argument"]
             yield from pairwise(positional)
 

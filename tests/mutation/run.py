@@ -22,7 +22,7 @@ from reach import reach_map
 
 MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
-FACTOR, LEAST = 10.0, 60.0  # a mutant that takes this many times as long as its tests, and a minute, hangs
+FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
 
 
 class Reached:
