@@ -72,9 +72,8 @@ def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTas
     monkeypatch.setattr(check, "load_environment", lambda builtin: quick["light", builtin])
     monkeypatch.setattr(check, "MeshScene", lambda *rest: None)
     monkeypatch.setattr(check, "renderer", lambda: nullcontext(render))
-    monkeypatch.setattr(check, "check_points", agree("points"))
-    monkeypatch.setattr(check, "check_albedo", agree("albedo"))
-    monkeypatch.setattr(check, "check_frame", agree("image"))
+    for function, name in (("check_points", "points"), ("check_albedo", "albedo"), ("check_frame", "image")):
+        monkeypatch.setattr(check, function, agree(name))
     monkeypatch.setattr(check, "frame_pixels", lambda *rest, **options: None)
     return tasks
 
@@ -92,13 +91,14 @@ def test_a_job_has_each_look_checked_and_a_frame_of_each_look_and_light(job: Pat
     assert found(job, only=["albedo"]) == [("albedo", "leaf"), ("albedo", "gold")]
 
 
-def test_frames_are_the_jobs_own_but_small_and_of_other_seeds(job: Path, rendered: list[FrameTask]) -> None:
-    found(job, only=["image"], seed=5)
+def test_frames_are_the_jobs_own_but_small_altered_and_of_other_seeds(job: Path, rendered: list[FrameTask]) -> None:
+    found(job, only=["image"], seed=5, alter=lambda osl: osl.replace("direct +=", "direct -="))
     assert len(rendered) == 4 * 4
     for task in rendered:
         assert task.scene.resolution == (128, 64)
         assert task.scene.sampling.error is None
         assert task.pose.element % 72.0 == 0.0
+        assert all("direct -=" in shader.osl for shader in task.scene.shaders)
     first = rendered[:4]
     assert len({task.scene.sampling.seed for task in first}) == 4
     assert len({task.digest for task in rendered}) == len(rendered)
@@ -127,20 +127,16 @@ def test_stability_is_of_the_models_or_of_the_looks(
     assert found(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
 
 
-def test_a_text_can_be_altered(job: Path, rendered: list[FrameTask]) -> None:
-    found(job, only=["image"], alter=lambda osl: osl.replace("direct +=", "direct -="))
-    assert all("direct -=" in shader.osl for task in rendered for shader in task.scene.shaders)
-
-
 @pytest.mark.usefixtures("rendered")
-def test_a_look_alone_takes_its_variant_and_prim() -> None:
-    only = ["points", "image"]
-    checked = found(METAL, only=only, variants={"metal": "copper"})
+def test_a_look_alone_takes_its_variants_and_prim() -> None:
+    checked = found(METAL, only=["points", "image"], variants={"metal": "copper"})
     assert checked == [("points", "brushed_metal"), ("image", "brushed_metal, city")]
-    with pytest.raises(FaultsError, match="mithril"):
-        found(METAL, variants={"metal": "mithril"})
-    with pytest.raises(FaultsError, match="/Nowhere"):
-        found(METAL, prim="/Nowhere")
+    metals = found(METAL, only=["image"], variants={"metal": "*"})
+    assert ("image", "brushed_metal_copper, city") in metals
+    assert len(set(metals)) == len(metals) > 1
+    for options, name in (({"variants": {"metal": "mithril"}}, "mithril"), ({"prim": "/Nowhere"}, "/Nowhere")):
+        with pytest.raises(FaultsError, match=name):
+            found(METAL, **options)
 
 
 def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTask]) -> None:
@@ -155,17 +151,6 @@ def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTa
     assert len({(task.scene.resolution, task.scene.sampling.samples, task.pose) for task in rendered}) == 1
 
 
-def test_a_backend_that_no_job_may_name_is_refused() -> None:
-    with pytest.raises(LookdevError, match=r"no backend 'node' \(did you mean 'nodes'\?\)"):
-        list(check_file(METAL, backend="node"))
-
-
-def test_every_variant_of_a_look_is_checked(rendered: list[FrameTask]) -> None:
-    metals = found(METAL, only=["image"], variants={"metal": "*"})
-    assert ("image", "brushed_metal_copper, city") in metals
-    assert len(set(metals)) == len(metals) > 1
-
-
 def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) -> None:
     points, *others = check_file(METAL, backend="nodes-exact", depth="quick")
     assert points.skipped
@@ -173,9 +158,11 @@ def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) 
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource}
 
 
-def test_a_job_has_its_own_backend(job: Path, rendered: list[FrameTask]) -> None:
+def test_a_job_has_its_own_backend_and_none_but_those_of_jobs_is_known(job: Path, rendered: list[FrameTask]) -> None:
     with pytest.raises(LookdevError, match="the backend of a job is"):
         list(check_file(job, backend="nodes"))
+    with pytest.raises(LookdevError, match=r"no backend 'node' \(did you mean 'nodes'\?\)"):
+        list(check_file(METAL, backend="node"))
     job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))
     assert all("flip" in finding.figures for finding in check_file(job, only=["image"], depth="quick"))
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource, ShaderSource}

@@ -21,6 +21,7 @@ from lookdev.plan import Charts, Plan, Setup, Turns, build_plan
 from lookdev.scene import Scene
 from lookdev.scene.charts import Strip
 
+DOUBT = "grey ball -50 %"
 STRIP = Strip("bottom", 0.5, (case.WIDTH, case.HEIGHT))
 
 
@@ -29,11 +30,8 @@ def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the readings of props to other tests: this worker renders none."""
     monkeypatch.setattr(Strip, "too_small", lambda self: "")
     monkeypatch.setattr("lookdev.checks.charts.check_charts", lambda *_: ())
-    monkeypatch.setattr("lookdev.checks.charts.charts_doubts", lambda readings: ["grey ball -50 %"])
-    monkeypatch.setattr(
-        "lookdev.checks.charts.charts_header",
-        lambda readings: {"charts.doubt": "grey ball -50 %"},
-    )
+    monkeypatch.setattr("lookdev.checks.charts.charts_doubts", lambda readings: [DOUBT])
+    monkeypatch.setattr("lookdev.checks.charts.charts_header", lambda readings: {"charts.doubt": DOUBT})
 
 
 def plan_of(folder: Path, source: str = "props") -> Plan:
@@ -52,9 +50,8 @@ def plan_of(folder: Path, source: str = "props") -> Plan:
 
 def run(folder: Path, source: str = "props", **options: object) -> RunResult:
     job = case.make_job(folder)
-    background = job.render.background
-    plan = plan_of(folder, source)
-    return run_plan(plan, job.outputs, background, worker_command=case.command(folder), **options)  # type: ignore[arg-type]
+    options["worker_command"] = case.command(folder)
+    return run_plan(plan_of(folder, source), job.outputs, job.render.background, **options)  # type: ignore[arg-type]
 
 
 def test_props_are_rendered_once_for_each_place_of_the_light(finished: Path, tmp_path: Path) -> None:
@@ -104,13 +101,10 @@ def test_pictures_wait_for_props_that_failed(tmp_path: Path) -> None:
     result = run(tmp_path)
     assert [failure.name for failure in result.failures] == ["charts/city/element.0001"]
     folder = tmp_path / "out/gold/city"
-    assert (folder / "element.0001.exr").exists()
-    assert not (folder / "element.0001.png").exists()
-    assert not (folder / "element.sheet.png").exists()
-    assert (folder / "lighting.0002.png").exists()
+    names = ("element.0001.exr", "lighting.0002.png", "element.0001.png", "element.sheet.png")
+    assert [(folder / name).exists() for name in names] == [True, True, False, False]
     assert run(tmp_path).exit_code == 0
-    assert (folder / "element.0001.png").exists()
-    assert (folder / "element.sheet.png").exists()
+    assert all((folder / name).exists() for name in names)
 
 
 def test_a_frame_that_is_chosen_brings_its_props(tmp_path: Path) -> None:

@@ -97,23 +97,20 @@ def test_a_frame_has_its_origin_and_the_error_of_its_pixels_exposed_as_they_are(
     assert read_layer(task.files[0], "raw") is None
 
 
-def test_a_second_run_does_nothing(finished: Path) -> None:
+def test_a_second_run_does_nothing_unless_all_is_rendered_again_by_force(finished: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in frames_folder(finished).iterdir()}
     events: list[Event] = []
     result = case.run(finished, report=events.append)
     assert (result.done, result.rendered, result.exit_code) == (6, 0, 0)
-    assert len(case.requests(finished)) == 6
-    assert len(case.worker_pids(finished)) == 1
+    assert (len(case.requests(finished)), len(case.worker_pids(finished))) == (6, 1)
     assert of_kind(RunStarted, events) == [RunStarted(total=6, pending=0)]
     assert [type(event) for event in events] == [RunJoined, RunStarted]
     assert {path: path.stat().st_mtime_ns for path in frames_folder(finished).iterdir()} == before
-
-
-def test_force_renders_everything_again(finished: Path) -> None:
-    sheet = (frames_folder(finished) / "element.sheet.png").stat()
+    sheet = frames_folder(finished) / "element.sheet.png"
+    inode = sheet.stat().st_ino
     assert case.run(finished, force=True).rendered == 6
     assert len(case.requests(finished)) == 12
-    assert (frames_folder(finished) / "element.sheet.png").stat().st_ino != sheet.st_ino
+    assert sheet.stat().st_ino != inode
 
 
 def altered(place_from_end: int) -> Callable[[bytes], bytes]:
@@ -128,6 +125,9 @@ def cut(size: int) -> Callable[[bytes], bytes]:
     return lambda content: content[:size]
 
 
+PICTURES = ("element.0001.png", "element.sheet.png")
+
+
 @pytest.mark.parametrize(
     ("name", "harm"),
     [
@@ -136,11 +136,7 @@ def cut(size: int) -> Callable[[bytes], bytes]:
         *(("element.0003.exr", altered(place_from_end)) for place_from_end in (1, 30, 300)),
         ("lighting.0001.png", None),
         ("element.sheet.png", None),
-        *(
-            (name, harm)
-            for name in ("element.0001.png", "element.sheet.png")
-            for harm in (cut(0), cut(100), altered(20))
-        ),
+        *((name, harm) for name in PICTURES for harm in (cut(0), cut(100), altered(20))),
     ],
 )
 def test_what_is_lost_or_damaged_is_made_again_and_no_other_frame(
@@ -192,8 +188,7 @@ def test_another_view_or_background_makes_pictures_again_without_rendering(
 def test_fewer_frames_that_are_all_done_make_a_new_sheet(finished: Path) -> None:
     sheet = frames_folder(finished) / "element.sheet.png"
     before = pixels(sheet).shape
-    case.run(finished, case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 1\n'))
-    assert len(case.requests(finished)) == 6
+    assert case.run(finished, case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 1\n')).rendered == 0
     assert pixels(sheet).shape[1] < before[1]
 
 
@@ -316,30 +311,6 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
     assert not list((tmp_path / "out" / ".lookdev").glob("scratch-*"))
 
 
-@pytest.mark.proof  # one kill is above; at each moment of a run, here
-def test_a_batch_killed_again_and_again_completes(tmp_path: Path) -> None:
-    case.misbehave(tmp_path, **{name.replace(".", "_"): ["slow"] for name in FRAMES})
-    kills = 0
-    while True:
-        with start_batch(tmp_path) as process:
-            try:
-                # Later and later, so that kills fall into start, rendering and writing, and it ends at last.
-                output, errors = process.communicate(timeout=0.5 + 0.13 * kills)
-                break
-            except subprocess.TimeoutExpired:
-                process.kill()
-                kills += 1
-    assert (process.returncode, errors) == (0, "")
-    assert "6 of 6 frames are done" in output
-    assert kills > 0
-    assert len(case.requests(tmp_path)) <= len(FRAMES) + kills
-    for name in FILES:
-        assert (read_frame(frames_folder(tmp_path) / f"{name}.exr")[0] == 0.25).all()
-    assert names(tmp_path, ".png") == sorted([*FILES, *SHEETS])
-    assert not list(frames_folder(tmp_path).glob(".*"))
-    assert case.run(tmp_path).rendered == 0
-
-
 def test_a_run_of_another_version_of_the_job_is_refused(tmp_path: Path, render_file: RenderFile) -> None:
     with Run(tmp_path / "out") as run:
         run.renders("another plan")
@@ -393,19 +364,13 @@ def test_render_job_reports_faults_before_it_makes_anything(tmp_path: Path) -> N
     assert [path.name for path in tmp_path.iterdir()] == ["job.toml"]
 
 
-@pytest.mark.parametrize(("value", "color"), [('"black"', [0, 0, 0]), ("[0.5, 0.25, 0.0]", [0.5, 0.25, 0])])
-def test_the_background_is_that_of_the_job(tmp_path: Path, value: str, color: list[float]) -> None:
-    job = case.make_job(tmp_path, render=f"[render]\nbackground = {value}\n")
-    task = case.make_plan(job).frames[0].task
-    assert background_light(job.render.background)(task).tolist() == color
-
-
 def test_pictures_lie_over_the_given_background_and_a_doubtful_frame_is_kept_and_noted(tmp_path: Path) -> None:
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[0] = 1.0
     case.misbehave(tmp_path, element_0003=["empty"])
     events: list[Event] = []
     assert case.run(tmp_path, behind=lambda task: behind, report=events.append).exit_code == 0
+    assert background_light("black")(case.make_plan(case.make_job(tmp_path)).frames[0].task).tolist() == [0, 0, 0]
     shown = pixels(frames_folder(tmp_path) / "element.0002.png")
     assert (shown[0] == 191).all()  # 0.25 + 0.5 * 1
     assert (shown[1:] == 64).all()  # 0.25
@@ -415,11 +380,10 @@ def test_pictures_lie_over_the_given_background_and_a_doubtful_frame_is_kept_and
 
 
 def test_an_output_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
-    job = case.make_job(tmp_path)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "gold").write_text("a file where a folder should be")
     with pytest.raises(OutputError, match="gold"):
-        case.run(tmp_path, job)
+        case.run(tmp_path)
 
 
 def test_a_broken_pipe_of_the_report_is_not_an_output_error(tmp_path: Path) -> None:

@@ -119,13 +119,9 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, pla
     assert (frames[0].labels["pose.element"], frames[0].labels["pose.lighting"]) == ("0.0", "330.0")
     assert frames[0].labels["turntable"] == "element, lighting"
     # Every file of a job is in its plan, once.
-    assert sorted(path for task in frames for path in task.files) == sorted(
-        path
-        for look in job.look
-        for ibl in job.ibl
-        for turntable in job.turntable
-        for path in Turns(job.turntable, job.output).files(look.name, ibl.name, turntable)
-    )
+    rows = [(look.name, ibl.name, turntable) for look in job.look for ibl in job.ibl for turntable in job.turntable]
+    files = [path for row in rows for path in Turns(job.turntable, job.output).files(*row)]
+    assert sorted(path for task in frames for path in task.files) == sorted(files)
 
 
 def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
