@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, STACK, disney, expression, look, stack, write_preset
+from look_files import BASE, LAYER1, STACK, disney, expression, look, over, selecting, stack, variants, write_preset
 from pxr import Usd
 
 from lookdev.errors import LookdevError, LookError
@@ -22,6 +22,7 @@ from lookdev.material.usd import read_look
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 Take = Callable[[str], Preset]
+NEW = {"Layers", "Base", "Preview"}
 
 
 @pytest.fixture
@@ -58,6 +59,18 @@ def children(file: Path) -> set[str]:
     return {prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()}
 
 
+def node_of(file: Path) -> dict[str, object]:
+    """Return the inputs of the expression of Rubber's mask: values, or types and sources."""
+    stage = Usd.Stage.Open(str(file))
+    node = stage.GetPrimAtPath("/Paint/RubberMask")
+    assert node.GetAttribute("info:id").Get() == "LookdevExpression"
+    return {
+        each.GetBaseName(): (str(each.GetTypeName()), str(paths[0])) if (paths := each.GetConnections()) else each.Get()
+        for each in node.GetAttributes()
+        if each.GetNamespace() == "inputs"
+    }
+
+
 def refused(edit: Callable[[], object], file: Path) -> str:
     """Return the message of an edit that is refused, and check that nothing was written."""
     before = {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()}
@@ -75,7 +88,7 @@ def test_a_new_look_is_a_preset_by_reference(paint: Path) -> None:
     (base,) = read_look(paint).layers
     assert (base.name, base.model) == ("Base", "disney")
     assert base.inputs == {"baseColor": (1.0, 0.75, 0.25), "metallic": 1.0}
-    assert children(paint) == {"Layers", "Base", "Preview"}
+    assert children(paint) == NEW
 
 
 def test_a_reference_is_relative_to_the_look(tmp_path: Path, take: Take) -> None:
@@ -110,22 +123,19 @@ def test_a_layer_is_added_with_any_mask(paint: Path, take: Take, typed: str, exp
     base, rubber, again = read_look(paint).layers
     assert (base.name, rubber.name, again.name) == ("Base", "Rubber", "Rubber2")
     if isinstance(expected, Texture):
-        assert isinstance(rubber.mask, Texture)
-        assert rubber.mask == Texture(paint.parent / expected.file, expected.channel, "raw")
+        expected = Texture(paint.parent / expected.file, expected.channel, "raw")
         assert "@./dirt.png@" in paint.read_text()
-    else:
-        assert rubber.mask == expected
-    assert again.mask == 1.0
+    assert (rubber.mask, again.mask) == (expected, 1.0)
 
 
 def test_masks_share_their_reader_of_coordinates(paint: Path, take: Take) -> None:
     add_layer(paint, take("rubber"), parse_mask("dirt.png"))
     add_layer(paint, take("gold"), parse_mask("dirt.png:g"))
-    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "Gold", "GoldMask", "St"}
+    assert children(paint) == NEW | {"Rubber", "RubberMask", "Gold", "GoldMask", "St"}
     remove_layer(paint, "Rubber")
-    assert children(paint) == {"Layers", "Base", "Preview", "Gold", "GoldMask", "St"}
+    assert children(paint) == NEW | {"Gold", "GoldMask", "St"}
     set_mask(paint, "Gold", parse_mask("1"))
-    assert children(paint) == {"Layers", "Base", "Preview", "Gold"}
+    assert children(paint) == NEW | {"Gold"}
 
 
 def test_a_single_layer_gets_a_stack(take: Take, shipped: Callable[[str], Path]) -> None:
@@ -155,7 +165,7 @@ def test_a_layer_is_removed_from_every_variant(car: Path) -> None:
     assert "Car paint in three layers" in car.read_text(), "the rest of the file is kept"
     assert remove_layer(car, "Dust") == (1, "Dust", True)
     assert layers(car, wear="dusty") == ["Base"]
-    assert children(car) == {"Layers", "Base", "Preview"}
+    assert children(car) == NEW
 
 
 def test_a_node_that_an_unselected_variant_uses_stays(car: Path) -> None:
@@ -173,11 +183,8 @@ def test_a_node_that_an_unselected_variant_uses_stays(car: Path) -> None:
 def borrowed(tmp_path: Path, take: Take, car: Path) -> Path:
     """Return a look that is the car paint by reference, dusty."""
     file = tmp_path / "shot.usda"
-    file.write_text(
-        '#usda 1.0\n(\n defaultPrim = "Mine"\n)\n'
-        'def "Mine" (\n references = @./car_paint.usda@</CarPaint>\n'
-        ' variants = {\n  string wear = "dusty"\n }\n)\n{\n}\n'
-    )
+    head = '#usda 1.0\n(\n defaultPrim = "Mine"\n)\ndef "Mine" (\n references = @./car_paint.usda@</CarPaint>\n'
+    file.write_text(head + ' variants = {\n  string wear = "dusty"\n }\n)\n{\n}\n')
     return file
 
 
@@ -211,28 +218,18 @@ def test_an_expression_keeps_the_sources_of_its_names(paint: Path, take: Take, m
     monkeypatch.setattr("lookdev.material.library.edit.read_look", lambda *_: None)
     inputs = ["dirt=dirt.png:g", "edge=primvar:edge", "tint=dirt.png:rgb", "amount=2"]
     add_layer(paint, take("rubber"), parse_mask("dirt * edge * amount * tint[0]", inputs))
-    stage = Usd.Stage.Open(str(paint))
-    node = stage.GetPrimAtPath("/Paint/RubberMask")
-    assert node.GetAttribute("info:id").Get() == "LookdevExpression"
-    assert node.GetAttribute("inputs:expression").Get() == "dirt * edge * amount * tint[0]"
-    sources = {name: node.GetAttribute(f"inputs:{name}").GetConnections() for name in ("dirt", "edge", "tint")}
-    assert {name: str(paths[0]) for name, paths in sources.items()} == {
-        "dirt": "/Paint/RubberMask_dirt.outputs:g",
-        "edge": "/Paint/RubberMask_edge.outputs:result",
-        "tint": "/Paint/RubberMask_tint.outputs:rgb",
+    sources = {name: f"/Paint/RubberMask_{name}.outputs:" for name in ("dirt", "edge", "tint")}
+    assert node_of(paint) == {
+        "expression": "dirt * edge * amount * tint[0]",
+        "dirt": ("float", sources["dirt"] + "g"),
+        "edge": ("float", sources["edge"] + "result"),
+        "tint": ("color3f", sources["tint"] + "rgb"),
+        "amount": 2.0,
     }
-    assert node.GetAttribute("inputs:tint").GetTypeName() == "color3f"
-    assert node.GetAttribute("inputs:amount").Get() == 2.0
-    del stage, node
     set_mask(paint, "Rubber", parse_mask("1 - dirt * amount", ["amount=3"]))
-    stage = Usd.Stage.Open(str(paint))
-    node = stage.GetPrimAtPath("/Paint/RubberMask")
-    assert [str(path) for path in node.GetAttribute("inputs:dirt").GetConnections()] == [
-        "/Paint/RubberMask_dirt.outputs:g"
-    ]
-    assert node.GetAttribute("inputs:amount").Get() == 3.0
-    assert not node.GetAttribute("inputs:edge")
-    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "RubberMask_dirt", "St"}
+    changed = {"expression": "1 - dirt * amount", "dirt": ("float", sources["dirt"] + "g"), "amount": 3.0}
+    assert node_of(paint) == changed
+    assert children(paint) == NEW | {"Rubber", "RubberMask", "RubberMask_dirt", "St"}
 
 
 def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None:
@@ -241,23 +238,24 @@ def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None
     mask = read_look(paint).layers[1].mask
     assert isinstance(mask, Formula)
     assert mask.inputs == {"p": Coordinates("st"), "dirt": Texture(paint.parent / "dirt.png", "r", "raw")}
-    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "RubberMask_dirt", "St"}
+    assert children(paint) == NEW | {"Rubber", "RubberMask", "RubberMask_dirt", "St"}
 
 
 def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
+    def inputs_of_mask() -> object:
+        mask = read_look(paint).layers[1].mask
+        assert isinstance(mask, Formula)
+        return mask.inputs
+
     add_layer(paint, take("rubber"), parse_mask("smoothstep(1 - view, 0, 1)"))
-    mask = read_look(paint).layers[1].mask
-    assert isinstance(mask, Formula)
-    assert mask.inputs == {"view": View()}
+    assert inputs_of_mask() == {"view": View()}
     declared = "float inputs:view\n        string inputs:expression"
     paint.write_text(paint.read_text().replace("string inputs:expression", declared))
     set_mask(paint, "1", parse_mask("view ^ 2"))
     assert "inputs:view" not in paint.read_text()
     set_mask(paint, "1", parse_mask("view", ["view=0.5"]))
     set_mask(paint, "1", parse_mask("view * 2"))  # a name without a new source keeps its own
-    mask = read_look(paint).layers[1].mask
-    assert isinstance(mask, Formula)
-    assert mask.inputs == {"view": 0.5}
+    assert inputs_of_mask() == {"view": 0.5}
 
 
 @pytest.mark.parametrize(
@@ -308,23 +306,27 @@ def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take)
     assert layers(paint) == ["Base", "Rubber"], "the other layer still uses it"
 
 
-def test_what_is_no_look_to_edit(tmp_path: Path, take: Take) -> None:
-    gold = take("gold")
-    missing = tmp_path / "missing.usda"
-    assert "no such file" in refused(lambda: add_layer(missing, gold), missing)
-    bare = tmp_path / "bare.usda"
-    bare.write_text('#usda 1.0\ndef Material "M" {}\n')
-    assert "is not connected to layers" in refused(lambda: add_layer(bare, gold), bare)
-    assert "no such prim (known: /M)" in refused(lambda: add_layer(bare, gold, prim="/N"), bare)
-    empty = tmp_path / "empty.usda"
-    empty.write_text("#usda 1.0\n")
-    assert "holds no material" in refused(lambda: add_layer(empty, gold), empty)
-    broken = tmp_path / "broken.usda"
-    broken.write_text("#usda 1.0\ndef {")
-    assert "USD cannot open it" in refused(lambda: add_layer(broken, gold), broken)
+@pytest.mark.parametrize(
+    ("text", "prim", "what"),
+    [
+        (None, None, "no such file"),
+        ('def Material "M" {}\n', None, "is not connected to layers"),
+        ('def Material "M" {}\n', "/N", "no such prim (known: /M)"),
+        ("", None, "holds no material"),
+        ("def {", None, "USD cannot open it"),
+    ],
+)
+def test_what_is_no_look_to_edit(tmp_path: Path, take: Take, text: str | None, prim: str | None, what: str) -> None:
+    file = tmp_path / "bare.usda"
+    if text is not None:
+        file.write_text(f"#usda 1.0\n{text}")
+    assert what in refused(lambda: add_layer(file, take("gold"), prim=prim), file)
+
+
+def test_a_link_is_not_edited(tmp_path: Path, paint: Path, take: Take) -> None:
     link = tmp_path / "link.usda"
-    link.symlink_to(bare)
-    assert f"edit {bare} itself" in refused(lambda: add_layer(link, gold), link)
+    link.symlink_to(paint)
+    assert f"edit {paint} itself" in refused(lambda: add_layer(link, take("gold")), link)
 
 
 def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: Take) -> None:
@@ -369,6 +371,7 @@ def test_an_input_with_a_source_is_no_constant(shipped: Callable[[str], Path]) -
     assert file.read_text() == text
 
 
+WEAR = {"old": 0.2, "new": 0.9}
 SHARED = look(
     'float inputs:rough = 0.4 ( doc = "Of both." )\nfloat inputs:shine = 0.8 ( doc = "Of the coat alone." )\n'
     + stack(
@@ -377,16 +380,9 @@ SHARED = look(
         disney("Coat", "float roughness <- .rough\nfloat clearcoatGloss <- .shine"),
         expression("amount * view", "float amount = 0.5", "Fade"),
     )
-    + """variantSet "wear" = {
-        "old" {
-            over "Base" { color3f inputs:baseColor = (0.2, 0.1, 0.1); }
-        }
-        "new" {
-            over "Base" { color3f inputs:baseColor = (0.9, 0.1, 0.1); }
-        }
-    }""",
+    + variants("wear", **{name: over("Base", f"color3f baseColor = ({red}, 0.1, 0.1)") for name, red in WEAR.items()}),
     STACK,
-    '(\n variants = { string wear = "old" }\n prepend variantSets = "wear"\n)',
+    selecting(wear="old"),
 )
 NAMES = {
     "Coat.clearcoatGloss": (0.3,),
