@@ -14,9 +14,7 @@ from lookdev.errors import ContentError, OutputError
 
 
 @pytest.mark.parametrize("name", ['a"b', "a\nb", "a\\b", "a\x1bb", "a\udcffb"])
-def test_a_cache_that_shaders_cannot_be_loaded_from_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_cache_that_shaders_cannot_be_loaded_from_is_refused(tmp_path, monkeypatch, name):
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / name))
     with pytest.raises(OutputError, match="quotation mark") as caught:
         cache_dir("osl")
@@ -24,7 +22,7 @@ def test_a_cache_that_shaders_cannot_be_loaded_from_is_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     final = tmp_path / "frame.exr"
 
     def fail_half_way() -> None:
@@ -44,12 +42,12 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     return cache_dir()
 
 
-def test_a_file_is_known_by_its_content(cache: Path, tmp_path: Path) -> None:
+def test_a_file_is_known_by_its_content(cache, tmp_path):
     files = [tmp_path / name for name in ("a.exr", "b.exr", "c.exr")]
     for file, text in zip(files, ("same", "same", "other"), strict=True):
         file.write_text(text)
@@ -62,7 +60,7 @@ def test_a_file_is_known_by_its_content(cache: Path, tmp_path: Path) -> None:
     assert one.path.read_text() == "same"
 
 
-def test_another_content_under_the_same_name_is_noticed(cache: Path) -> None:
+def test_another_content_under_the_same_name_is_noticed(cache):
     file = cache / "a.exr"
     for text in ("one", "other"):
         with atomic_path(file) as temporary:
@@ -70,7 +68,7 @@ def test_another_content_under_the_same_name_is_noticed(cache: Path) -> None:
         assert Content.of(file).path.read_text() == text
 
 
-def test_content_that_the_store_lacks_is_named(cache: Path) -> None:
+def test_content_that_the_store_lacks_is_named(cache):
     with pytest.raises(ContentError, match=rf"{cache}/content lacks the file 0123\.exr"):
         _ = Content("0123", ".exr").path
 
@@ -99,7 +97,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("room", ["content", "stuff"])
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_what_is_damaged_is_made_again_with_a_note(cache: Path, damage: str, room: str) -> None:
+def test_what_is_damaged_is_made_again_with_a_note(cache, damage, room):
     made: list[int] = []
 
     def make() -> tuple[Content, ...]:
@@ -120,7 +118,7 @@ def test_what_is_damaged_is_made_again_with_a_note(cache: Path, damage: str, roo
     assert take_notes() == ()
 
 
-def test_what_is_gone_is_made_again_without_a_note(cache: Path) -> None:
+def test_what_is_gone_is_made_again_without_a_note(cache):
     (file,) = derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),))
     file.path.unlink()
     assert derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),)) == (file,)
@@ -128,7 +126,7 @@ def test_what_is_gone_is_made_again_without_a_note(cache: Path) -> None:
     assert take_notes() == ()
 
 
-def test_a_value_of_another_key_is_damaged(cache: Path) -> None:
+def test_a_value_of_another_key_is_damaged(cache):
     keep("stuff", "a", [1])
     keep("stuff", "b", [2])
     (cache / "stuff" / "a.json").write_bytes((cache / "stuff" / "b.json").read_bytes())
@@ -138,14 +136,14 @@ def test_a_value_of_another_key_is_damaged(cache: Path) -> None:
     assert take_notes() == (f"{cache}/stuff/a.json: was damaged, and is made again",)
 
 
-def test_a_cache_that_is_no_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_is_no_folder_is_named(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "file" / "cache"))
     with pytest.raises(OutputError, match=rf"the cache cannot be written: {tmp_path}/file/cache/osl: Not a directory"):
         cache_dir("osl")
 
 
-def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path: Path) -> None:
+def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path):
     (tmp_path / "full").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left"), from_memory(tmp_path / "full") as memory:
         Path(memory).write_bytes(b"a few bytes")
@@ -155,7 +153,7 @@ def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("place", [Path(), Path("/"), Path("..")])
-def test_a_folder_is_no_file_to_write(place: Path) -> None:
+def test_a_folder_is_no_file_to_write(place):
     with pytest.raises(IsADirectoryError, match="is a folder"), atomic_path(place):
         pass
 
@@ -166,7 +164,7 @@ def _write_twice(file: Path) -> None:
         stream.write(bytes(2000))
 
 
-def test_a_full_disk_is_named(cache: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_named(cache, tmp_path):
     """By a limit of the size of files, beyond which a write fails as on a full disk."""
     before, ignored = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))

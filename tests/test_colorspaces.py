@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import MaterialX as mx
 import numpy as np
 import OpenImageIO as oiio
@@ -27,12 +25,12 @@ from lookdev.stage.colorspaces import colorspace_named, to_linear_rec709
         ("my_space", None),
     ],
 )
-def test_names(name: str, expected: str | None) -> None:
+def test_names(name, expected):
     assert colorspace_named(name) == expected
 
 
 @pytest.mark.parametrize("name", ["acescg", "lin_adobergb", "lin_displayp3"])
-def test_primaries_are_those_of_the_materialx_library(name: str) -> None:
+def test_primaries_are_those_of_the_materialx_library(name):
     library = mx.createDocument()
     mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find("libraries/cmlib/cmlib_ng.mtlx"))
     graph = library.getNodeGraph(f"NG_{name}_to_lin_rec709_color3")
@@ -45,21 +43,21 @@ def test_primaries_are_those_of_the_materialx_library(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "gamma"), [("g18_rec709", 1.8), ("g22_rec709", 2.2), ("rec709_display", 2.4)])
-def test_curves(name: str, gamma: float) -> None:
+def test_curves(name, gamma):
     space = colorspace_named(name)
     assert space is not None
     color = np.array([[0.2, 0.5, 1.0], [0.0, 0.1, 0.9]])
     np.testing.assert_allclose(to_linear_rec709(color, space), color**gamma, rtol=1e-6, atol=1e-6)
 
 
-def test_white_is_white_in_every_space() -> None:
+def test_white_is_white_in_every_space():
     for name in ("acescg", "lin_displayp3", "srgb_displayp3", "adobergb", "srgb_texture", "g22_ap1"):
         space = colorspace_named(name)
         assert space is not None
         np.testing.assert_allclose(to_linear_rec709([1.0, 1.0, 1.0], space), 1.0, atol=1e-5)
 
 
-def test_images_are_converted_before_filtering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_images_are_converted_before_filtering(tmp_path, monkeypatch):
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     pixels = np.array([[[1.0, 0.0, 0.0, 0.5], [0.0, 0.25, 0.0, 1.0]]], np.float32)
     assert oiio.ImageBuf(pixels).write(str(tmp_path / "a.exr"))
@@ -79,9 +77,7 @@ def test_images_are_converted_before_filtering(tmp_path: Path, monkeypatch: pyte
         ("float", 3, None, False),
     ],
 )
-def test_auto_follows_the_tag_of_a_file_then_its_depth(
-    tmp_path: Path, kind: str, channels: int, tag: int | None, expected: bool
-) -> None:
+def test_auto_follows_the_tag_of_a_file_then_its_depth(tmp_path, kind, channels, tag, expected):
     spec = oiio.ImageSpec(2, 2, channels, kind)
     if tag is not None:
         spec["Exif:ColorSpace"] = tag

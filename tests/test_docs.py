@@ -184,7 +184,7 @@ def slugs(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("text", blocks("toml"))
-def test_an_example_job_is_valid(text: str) -> None:
+def test_an_example_job_is_valid(text):
     given = tomllib.loads(text)
     pieces = [piece for name, piece in _JOB.items() if name not in given]
     # An example's own top-level keys come first: behind a table they would be that table's.
@@ -193,12 +193,12 @@ def test_an_example_job_is_valid(text: str) -> None:
 
 
 @pytest.mark.parametrize("file", JOBS, ids=lambda file: file.stem)
-def test_a_shipped_job_is_valid(file: Path) -> None:
+def test_a_shipped_job_is_valid(file):
     assert load_job(file).output == ROOT / "out" / file.stem
 
 
 @pytest.mark.parametrize("text", blocks("usda", [page for page in PAGES if page != LIGHTS]))
-def test_an_example_look_is_valid(text: str, tmp_path: Path) -> None:
+def test_an_example_look_is_valid(text, tmp_path):
     for folder in ("presets", "textures"):
         (tmp_path / folder).symlink_to(ROOT / "materials" / folder)
     (tmp_path / "look.usda").write_text(text)
@@ -206,26 +206,26 @@ def test_an_example_look_is_valid(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", blocks("usda", [LIGHTS]))
-def test_an_example_rig_is_valid(text: str, tmp_path: Path) -> None:
+def test_an_example_rig_is_valid(text, tmp_path):
     (tmp_path / "rig.usda").write_text(text)
     rig = load_rig(tmp_path / "rig.usda", sampled=False)
     assert len(rig.lights) == 2
     assert rig.notes == ()
 
 
-def test_every_attribute_of_ours_is_documented() -> None:
+def test_every_attribute_of_ours_is_documented():
     rows = re.findall(r"^\| `lookdev:([\w:]+)` \| (\w+) \|", LIGHTS.read_text(), re.MULTILINE)
     assert dict(rows) == OURS
     assert {name for kind in KINDS.values() for name in kind.ours} == set(OURS)
 
 
-def test_tables_are_what_the_code_says() -> None:
+def test_tables_are_what_the_code_says():
     found = {match["name"]: match["rows"] for page in PAGES for match in _TABLE.finditer(page.read_text())}
     assert found == tables(), "run: python tests/test_docs.py"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_exist(page: Path) -> None:
+def test_commands_exist(page):
     verbs = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     for text in code(page):
         for match in _COMMAND.finditer(text):
@@ -237,13 +237,13 @@ def test_commands_exist(page: Path) -> None:
             assert {word for word in words if word.startswith("--")} <= known, match[0]
 
 
-def test_every_verb_is_in_the_readme() -> None:
+def test_every_verb_is_in_the_readme():
     shown = {match["verb"] for text in code(README) for match in _COMMAND.finditer(text)}
     assert shown == set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere(page):
     for target in _LINK.findall(page.read_text()):
         if target.startswith("https://"):
             continue
@@ -254,19 +254,19 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_files_named_are_there(page: Path) -> None:
+def test_files_named_are_there(page):
     for text in code(page):
         for path in _PATH.findall(text if re.fullmatch(_PATH, text) else ""):
             assert (ROOT / path).exists(), path
 
 
-def test_every_room_of_the_house_is_told() -> None:
+def test_every_room_of_the_house_is_told():
     rooms = {file.parent.name for file in (ROOT / "lookdev").glob("*/__init__.py")}
     told = set(re.findall(r"^ +(\w+)/ ", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE))
     assert rooms <= told
 
 
-def test_the_order_of_imports_is_the_contract() -> None:
+def test_the_order_of_imports_is_the_contract():
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     (layers,) = (contract["layers"] for contract in contracts if contract["type"] == "layers")
     order = " > ".join(layers).replace("lookdev.", "").replace(" |", ",")
@@ -274,23 +274,23 @@ def test_the_order_of_imports_is_the_contract() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_marks_exist(page: Path, pytestconfig: pytest.Config) -> None:
+def test_marks_exist(page, pytestconfig):
     known = {line.partition(":")[0] for line in pytestconfig.getini("markers")}
     for marks in re.findall(r"pytest -m (\w+|\"[^\"]+\")", page.read_text()):
         assert set(re.findall(r"\w+", marks)) - {"and", "or", "not"} <= known, marks
 
 
-def test_the_readme_installs_what_blender_needs() -> None:
+def test_the_readme_installs_what_blender_needs():
     (line,) = re.findall(r"^sudo apt-get install (.*)$", README.read_text(), re.MULTILINE)
     assert set(line.split()) == {"python3-venv", *SYSTEM_LIBRARIES.values()}
 
 
-def test_the_gate_runs_the_test_command_of_the_readme() -> None:
+def test_the_gate_runs_the_test_command_of_the_readme():
     (command,) = re.findall(r"\.venv/bin/python( -m pytest.*)$", README.read_text(), re.MULTILINE)
     assert f'"$venv/bin/python"{command} "$@"\n' in (ROOT / ".ci" / "run").read_text()
 
 
-def test_pictures_stay_small() -> None:
+def test_pictures_stay_small():
     pictures = list((ROOT / "docs" / "images").iterdir())
     assert pictures
     assert all(picture.stat().st_size <= 150_000 for picture in pictures)

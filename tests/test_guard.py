@@ -14,6 +14,8 @@ import pytest
 
 from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
 
+pytestmark = pytest.mark.both_pythons
+
 _PROGRAM = """
 import ctypes, os, signal, sys, time
 from pathlib import Path
@@ -51,7 +53,7 @@ def outcome(body: str, **variables: str) -> str:
         ("sys.stderr.close(); raise ValueError", "code 1\n"),
     ],
 )
-def test_a_program_ends_as_it_would_alone(body: str, expected: str) -> None:
+def test_a_program_ends_as_it_would_alone(body, expected):
     assert outcome(body) == expected
 
 
@@ -73,11 +75,11 @@ def test_a_program_ends_as_it_would_alone(body: str, expected: str) -> None:
         ),
     ],
 )
-def test_a_signal_while_a_file_is_read_names_the_file(body: str, message: str) -> None:
+def test_a_signal_while_a_file_is_read_names_the_file(body, message):
     assert outcome(body) == message
 
 
-def test_a_signal_at_another_time_is_a_defect_with_its_place() -> None:
+def test_a_signal_at_another_time_is_a_defect_with_its_place():
     text = outcome("with reading(Path('a.usd')): pass\nos.abort()")
     assert text.startswith("NativeCrash SIGABRT\n")
     assert 'File "<string>", line 8 in program' in text
@@ -97,9 +99,7 @@ _SWELLS = "held = b'x' * (64 << 20)"
     ],
     ids=["swells", "inside", "before", "large", "layer"],
 )
-def test_memory_is_bounded_by_the_size_of_what_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, whole: bool
-) -> None:
+def test_memory_is_bounded_by_the_size_of_what_is_read(tmp_path, monkeypatch, body, whole):
     monkeypatch.chdir(tmp_path)
     Path("large").write_bytes(bytes(1 << 20))
     started = time.monotonic()
@@ -120,18 +120,18 @@ def test_memory_is_bounded_by_the_size_of_what_is_read(
     ],
     ids=["computes", "waits"],
 )
-def test_time_is_bounded(body: str, ends: bool) -> None:
+def test_time_is_bounded(body, ends):
     text = outcome(body, **{SECONDS_VARIABLE: "1"})
     assert (text == "code 0\n") == ends
     assert ends or text.startswith("ReadingError a.usd: reading it takes more than 1 s; ")
 
 
-def test_a_limit_that_is_no_number_is_refused() -> None:
+def test_a_limit_that_is_no_number_is_refused():
     text = outcome("pass", **{MEMORY_VARIABLE: "2 GiB"})
     assert text == f"LookdevError {MEMORY_VARIABLE} is '2 GiB'; a whole number from 1 to 999999999 is needed\n"
 
 
-def test_the_first_signal_counts() -> None:
+def test_the_first_signal_counts():
     """Ctrl-C comes from the terminal and from the parent: what it starts to remove is removed nevertheless."""
     body = """
     with ending_at_signals():
@@ -145,7 +145,7 @@ def test_the_first_signal_counts() -> None:
     assert outcome(body) == "removed\ncode 130\n"
 
 
-def test_signals_that_come_together_interrupt_once() -> None:
+def test_signals_that_come_together_interrupt_once():
     """The second may come at any instruction of what the first runs, and waits for nothing that the first holds."""
     body = """
     def again(*_):
@@ -167,7 +167,7 @@ def test_signals_that_come_together_interrupt_once() -> None:
     assert outcome(body) == "59\ncode 0\n"
 
 
-def test_a_signal_is_repeated_until_it_is_raised() -> None:
+def test_a_signal_is_repeated_until_it_is_raised():
     """One that comes just before a wait begins does not end it."""
     body = """
     with ending_at_signals() as interruption:
@@ -179,23 +179,3 @@ def test_a_signal_is_repeated_until_it_is_raised() -> None:
         except KeyboardInterrupt:
             print("raised")"""
     assert outcome(body) == "raised\ncode 0\n"
-
-
-def test_the_command_line_names_a_file_of_endless_references(tmp_path: Path) -> None:
-    levels = ['def Xform "L0" {\n}']
-    for level in range(1, 10):
-        inner = "".join(f'def "c{i}" (references = </L{level - 1}>) {{\n}}\n' for i in range(10))
-        levels.append(f'def Xform "L{level}" {{\n{inner}}}')
-    file = tmp_path / "bomb.usda"
-    file.write_text('#usda 1.0\n(defaultPrim = "L9")\n' + "\n".join(levels))
-    done = subprocess.run(
-        (sys.executable, "-m", "lookdev", "inspect", str(file), "--json"),
-        env=os.environ | {MEMORY_VARIABLE: "200"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60.0,
-    )
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"lookdev: {file}: reading it takes more than 200 MiB of memory")
-    assert done.stderr.count("\n") == 1

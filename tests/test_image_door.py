@@ -19,6 +19,8 @@ import pytest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import DEFAULT_PIXELS, PIXELS_VARIABLE, check_file, open_image, whole_image
 
+pytestmark = pytest.mark.both_pythons
+
 
 def write(file: Path, pixels: np.ndarray, **options: object) -> Path:
     height, width, channels = pixels.shape
@@ -45,18 +47,14 @@ def read(file: Path) -> np.ndarray:
     [{}, {"tile_width": 32, "tile_height": 16}, {"x": 3, "y": -2}, {"tile_width": 16, "tile_height": 16, "y": 9}],
 )
 @pytest.mark.parametrize("strip", [70, 1 << 20])
-def test_pixels_are_read_in_strips(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, int], strip: int
-) -> None:
+def test_pixels_are_read_in_strips(tmp_path, monkeypatch, options, strip):
     monkeypatch.setattr("lookdev.images._STRIP", strip)
     pixels = np.random.default_rng(1).random((37, 50, 3)).astype(np.float32)
     np.testing.assert_array_equal(read(write(tmp_path / "a.exr", pixels, **options)), pixels)
 
 
 @pytest.mark.parametrize("options", [{}, {"tile_width": 32, "tile_height": 16}, {"tile_width": 64, "tile_height": 64}])
-def test_the_first_block_of_dwa_is_decoded_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, int]
-) -> None:
+def test_the_first_block_of_dwa_is_decoded_alone(tmp_path, monkeypatch, options):
     monkeypatch.setattr("lookdev.images._dwa_decoded", False)
     pixels = np.random.default_rng(1).random((37, 50, 3))
     file = write(tmp_path / "a.exr", pixels, compression="dwab", **options)
@@ -85,7 +83,7 @@ def test_the_first_block_of_dwa_is_decoded_alone(
 
 
 @pytest.mark.proof
-def test_all_processes_read_a_dwa_map_alike() -> None:
+def test_all_processes_read_a_dwa_map_alike():
     program = "from lookdev.light import load_environment; print(load_environment(builtin='sunset').digest)"
     found = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(250)}
     assert len(found) == 1
@@ -134,7 +132,7 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_must_not_be_read_is_refused_by_name(tmp_path: Path, name: str) -> None:
+def test_what_must_not_be_read_is_refused_by_name(tmp_path, name):
     make, message = REFUSED[name]
     file = tmp_path / f"image.{'hdr' if name == 'hdr' else 'png'}"
     make(file)
@@ -147,7 +145,7 @@ def test_what_must_not_be_read_is_refused_by_name(tmp_path: Path, name: str) -> 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg", ".exr"])
 @pytest.mark.parametrize("part", [0.99, 0.7])
-def test_an_image_that_is_cut_off_is_refused(tmp_path: Path, suffix: str, part: float) -> None:
+def test_an_image_that_is_cut_off_is_refused(tmp_path, suffix, part):
     """Readers of some kinds fill what is missing."""
     file = write(tmp_path / f"a{suffix}", np.random.default_rng(1).random((64, 64, 3)))
     assert read(file).shape == (64, 64, 3)
@@ -156,7 +154,7 @@ def test_an_image_that_is_cut_off_is_refused(tmp_path: Path, suffix: str, part: 
         read(file)
 
 
-def test_a_changed_byte_of_a_png_is_seen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_changed_byte_of_a_png_is_seen(tmp_path, capfd):
     file = write(tmp_path / "a.png", np.random.default_rng(1).random((64, 64, 3)))
     data = bytearray(file.read_bytes())
     for place in range(8, len(data), 97):
@@ -168,7 +166,7 @@ def test_a_changed_byte_of_a_png_is_seen(tmp_path: Path, capfd: pytest.CaptureFi
     assert capfd.readouterr().err == ""
 
 
-def test_the_limit_is_an_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_limit_is_an_option(tmp_path, monkeypatch):
     file = write(tmp_path / "a.exr", np.zeros((30, 40, 3)))
     monkeypatch.setenv(PIXELS_VARIABLE, "1199")
     with pytest.raises(TextureError, match=f"at most {PIXELS_VARIABLE} = 1199 pixels"):

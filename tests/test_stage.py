@@ -11,6 +11,8 @@ from lookdev.errors import LookError, OutputError, StageError
 from lookdev.stage import Composition, compose
 from lookdev.stage.files import DEFAULT_BYTES
 
+pytestmark = pytest.mark.both_pythons
+
 CAR = """#usda 1.0
 (
     defaultPrim = "Car"

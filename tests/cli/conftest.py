@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -18,12 +17,9 @@ from lookdev.cli import run
 from lookdev.job import Job, load_job
 from lookdev.render.backends import BACKENDS
 
-Command = Callable[..., tuple[int, str, str]]
-Provide = Callable[..., None]
-
 
 @pytest.fixture
-def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+def run_cli(monkeypatch, capsys):
     """Return a function that runs the command line and returns its exit code, stdout and stderr."""
 
     def run_with(*arguments: object) -> tuple[int, str, str]:
@@ -36,7 +32,7 @@ def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.fixture
-def provide(monkeypatch: pytest.MonkeyPatch) -> Provide:
+def provide(monkeypatch):
     """Return a function that puts another module in the place of one."""
 
     def put(name: str, **members: object) -> None:
@@ -48,7 +44,7 @@ def provide(monkeypatch: pytest.MonkeyPatch) -> Provide:
 
 
 @pytest.fixture
-def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) -> Path:
+def job_file(tmp_path, monkeypatch, provide):
     """Return a job whose preparation and worker are fakes."""
     case.make_job(tmp_path)
     path = tmp_path / "job.toml"
@@ -63,7 +59,7 @@ def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) 
 
 
 @pytest.fixture
-def plant(provide: Provide, job_file: Path) -> Callable[[BaseException], None]:
+def plant(provide, job_file):
     """Return a function that lets the preparation of a job raise an exception."""
 
     def fail(error: BaseException) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,11 +17,10 @@ from lookdev.batch.crash import DISTRIBUTIONS
 from lookdev.batch.doctor import Finding
 from lookdev.errors import AssetError
 
-Command = Callable[..., tuple[int, str, str]]
-Plant = Callable[[BaseException], None]
+ROOT = Path(__file__).parents[2]
 
 
-def test_version_and_help(run_cli: Command) -> None:
+def test_version_and_help(run_cli):
     assert run_cli("--version") == (0, f"lookdev {lookdev.__version__}\n", "")
     code, shown, _ = run_cli("--help")
     assert code == 0
@@ -31,12 +30,66 @@ def test_version_and_help(run_cli: Command) -> None:
     assert "Did you mean 'render'?" in errors
 
 
-def test_help_loads_nothing_heavy() -> None:
+def test_help_loads_nothing_heavy():
     program = "import lookdev.cli\ntry: lookdev.cli.app(['--help'])\nfinally:\n import sys; print(*sys.modules)"
     loaded = subprocess.run((sys.executable, "-c", program), capture_output=True, text=True, check=True)
     assert {"typer", "lookdev.cli"} <= set(loaded.stdout.split())
     heavy = {"numpy", "pydantic", "scipy", "pxr", "OpenEXR", "OpenImageIO", "MaterialX", "bpy", "importlib.metadata"}
     assert not heavy & set(loaded.stdout.split())
+
+
+CARD = '#usda 1.0\ndef Mesh "Card" {}\n'
+LAMP = '#usda 1.0\ndef SphereLight "Lamp" {}\n'
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("inspect card.usda --purpose hero", "'hero' is not one of"),
+        ("inspect card.usda --prim /Cart", "/Cart: there is no such prim"),
+        ("inspect card.usda --variants size=big", "has no variant set 'size'"),
+        ("inspect card.usda --layer looks.usda", "looks.usda: no such file"),
+        ("inspect nowhere.usda", "nowhere.usda: no such file"),
+        ("inspect tree_point", "no such file or built-in rig (did you mean 'three_point'?)"),
+        ("inspect lamp.usda --time 3", "is a rig, for which --png, --time and --purpose have no meaning"),
+        ("bench --out out --scenes shaderbal", "there is no scene 'shaderbal' (did you mean 'shaderball'?)"),
+        ("bench --out out --looks plastic,carpaint", "there is no look 'carpaint' (did you mean 'car_paint'?)"),
+        ("bench --out out --samples 4,5", "5 samples: counts are powers of two"),
+        ("bench --out out --samples '4;16'", "'4;16' is no whole number"),
+        ("bench --out out --repeats 0", "0 repeats"),
+        ("bench --out out --sequence --scenes sphere,suzanne", "the sequence is of one scene and one look"),
+        ("bench --out out --sequence --looks stack", "no plain script of stack"),
+        ("bench --scale --sequence", "one kind of benchmark at a time, not --sequence and --scale"),
+        ("check leaf.usda --only point", "there is no check 'point' (did you mean 'points'?)"),
+        ("check leaf.usda --depth deep", "'deep' is not one of 'quick', 'default', 'full'"),
+        ("check leaf.usda --variants wear", "SET=VARIANT is needed"),
+        ("check leaf.usda --backend node", "there is no backend 'node' (did you mean 'nodes'?)"),
+        ("check", "a job or a look is needed"),
+        ("check none.usda", "none.usda"),
+        ("export blend suzanne.toml", "Missing option '-o' / '--out'"),
+        ("export blend suzanne.toml -o look.usd", "look.blend would be right"),
+        ("export blend none.toml -o look.blend", "none.toml"),
+        ("export mitsuba none.toml -o scenes", "none.toml"),
+        ("export blnd suzanne.toml -o look.blend", "No such command 'blnd'"),
+        ("export blend suzanne.toml -o look.blend --packed", "No such option: --packed"),
+        ("plot retor lambert -o plot.png", "unknown plot 'retor' (did you mean 'retro'?)"),
+        ("plot retro lamber -o plot.png", "did you mean 'lambert'"),
+        ("plot retro lambert --theta 20 -o plot.png", "retro has no --theta"),
+        ("example frist", "there is no example 'frist' (did you mean 'first'?)"),
+    ],
+)
+def test_what_is_wrong_with_arguments_leaves_with_2_and_writes_nothing(run_cli, tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    Path("card.usda").write_text(CARD)
+    Path("lamp.usda").write_text(LAMP)
+    Path("leaf.usda").symlink_to(ROOT / "materials" / "leaf.usda")
+    Path("suzanne.toml").symlink_to(ROOT / "jobs" / "suzanne.toml")
+    before = set(tmp_path.rglob("*"))
+    code, output, errors = run_cli(*shlex.split(words))
+    assert (code, output) == (2, "")
+    assert message in " ".join(errors.replace("│", " ").split())
+    assert "Traceback" not in errors
+    assert set(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize(
@@ -53,17 +106,13 @@ def test_help_loads_nothing_heavy() -> None:
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
 )
 @pytest.mark.parametrize("verb", ["render", "plan"])
-def test_an_error_is_a_line_and_an_exit_code(
-    run_cli: Command, job_file: Path, plant: Plant, error: BaseException, code: int, message: str, verb: str
-) -> None:
+def test_an_error_is_a_line_and_an_exit_code(run_cli, job_file, plant, error, code, message, verb):
     plant(error)
     assert run_cli(verb, job_file) == (code, "", message)
 
 
 @pytest.mark.parametrize("blocked", [(), ("cache",), ("cache", "temporary")], ids=["cache", "temporary", "stderr"])
-def test_a_defect_is_one_line_and_a_report(
-    run_cli: Command, job_file: Path, plant: Plant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, blocked: tuple
-) -> None:
+def test_a_defect_is_one_line_and_a_report(run_cli, job_file, plant, tmp_path, monkeypatch, blocked):
     for name in blocked:
         (tmp_path / name).write_text("a file where a folder should be")
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
@@ -89,7 +138,7 @@ def test_a_defect_is_one_line_and_a_report(
     assert [text for text in expected if text not in report] == []
 
 
-def test_a_closed_pipe_ends_quietly() -> None:
+def test_a_closed_pipe_ends_quietly():
     command = (sys.executable, "-m", "lookdev", "schema")
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -100,7 +149,7 @@ def test_a_closed_pipe_ends_quietly() -> None:
 
 
 @pytest.mark.parametrize(("good", "code"), [(True, 0), (False, 1)])
-def test_doctor(run_cli: Command, monkeypatch: pytest.MonkeyPatch, good: bool, code: int) -> None:
+def test_doctor(run_cli, monkeypatch, good, code):
     findings = [Finding("Python", "3.11", good=True), Finding("bpy (Blender)", "4.5", good=good)]
     monkeypatch.setattr("lookdev.batch.doctor.examine", lambda: iter(findings))
     left, shown, _ = run_cli("doctor")
@@ -109,14 +158,14 @@ def test_doctor(run_cli: Command, monkeypatch: pytest.MonkeyPatch, good: bool, c
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
-def test_closed_streams_are_no_defect(closed: str) -> None:
+def test_closed_streams_are_no_defect(closed):
     command = f"{sys.executable} -m lookdev plan gone.toml {closed}"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert ("gone.toml" in done.stderr) == ("2>&-" not in closed)
 
 
-def test_a_terminal_without_unicode_is_no_defect() -> None:
+def test_a_terminal_without_unicode_is_no_defect():
     done = subprocess.run(
         (sys.executable, "-m", "lookdev", "plan", "漢.toml"),
         env=os.environ | {"PYTHONIOENCODING": "latin-1"},

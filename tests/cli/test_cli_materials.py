@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -12,8 +11,6 @@ import pytest
 
 from lookdev.batch.run import run_plan
 from lookdev.material.usd import read_look
-
-Command = Callable[..., tuple[int, str, str]]
 
 PRESET = """#usda 1.0
 ( defaultPrim = "Preset" )
@@ -30,7 +27,7 @@ def Shader "Preset" (
 
 
 @pytest.fixture
-def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Command) -> Command:
+def materials(tmp_path, monkeypatch, run_cli):
     """Run ``lookdev materials`` in a folder with a library of three; return exit code, stdout and stderr."""
     library = tmp_path / "materials" / "presets"
     library.mkdir(parents=True)
@@ -43,7 +40,7 @@ def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Command)
 
 
 @pytest.mark.parametrize("verb", [(), ("list",)])
-def test_the_library_is_listed(materials: Command, verb: tuple[str, ...]) -> None:
+def test_the_library_is_listed(materials, verb):
     code, output, errors = materials(*verb)
     assert (code, errors) == (0, "")
     assert output.splitlines() == [
@@ -56,7 +53,7 @@ def test_the_library_is_listed(materials: Command, verb: tuple[str, ...]) -> Non
     assert [line.split()[0] for line in output.splitlines()] == ["name", "clay"]
 
 
-def test_a_broken_preset_is_a_note(materials: Command) -> None:
+def test_a_broken_preset_is_a_note(materials):
     Path("materials/presets/broken.usda").write_text("not USD")
     code, output, errors = materials()
     assert code == 0
@@ -65,7 +62,7 @@ def test_a_broken_preset_is_a_note(materials: Command) -> None:
     assert "broken.usda" in errors
 
 
-def test_a_stack_is_made_and_edited(materials: Command) -> None:
+def test_a_stack_is_made_and_edited(materials):
     assert materials("new", "look.usda", "gold", "--name", "Paint") == (0, "look.usda: /Paint is gold\n", "")
     assert materials("add", "look.usda", "Rust", "--mask", "primvar:wear") == (0, "look.usda: layer 1 is Preset\n", "")
     code, output, _ = materials("add", "look.usda", "materials/presets/clay.usda", "--prim", "/Paint")
@@ -87,9 +84,7 @@ def test_a_stack_is_made_and_edited(materials: Command) -> None:
         (("mask", "look.usda", "1", "a *"), "\n    a *\n       ^"),
     ],
 )
-def test_what_is_wrong_is_exit_code_2_and_no_traceback(
-    materials: Command, tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
+def test_what_is_wrong_is_exit_code_2_and_no_traceback(materials, tmp_path, arguments, message):
     code, output, errors = materials(*arguments)
     assert (code, output) == (2, "")
     assert message.format(library=tmp_path / "materials" / "presets") in errors
@@ -97,7 +92,7 @@ def test_what_is_wrong_is_exit_code_2_and_no_traceback(
     assert "Traceback" not in errors
 
 
-def test_every_verb_has_help(materials: Command) -> None:
+def test_every_verb_has_help(materials):
     code, output, _ = materials("--help")
     assert code == 0
     for verb in ("list", "new", "add", "remove", "mask", "preview"):
@@ -105,9 +100,7 @@ def test_every_verb_has_help(materials: Command) -> None:
         assert materials(verb, "--help")[0] == 0
 
 
-def test_a_sheet_is_rendered_once(
-    materials: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_sheet_is_rendered_once(materials, tmp_path, monkeypatch, tmp_path_factory):
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path_factory.mktemp("cache")))
     worker = tmp_path / "worker"
     worker.mkdir()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,10 +12,8 @@ import pytest
 sys.path.append(str(Path(__file__).parents[1] / "output"))
 import review_case
 
-Command = Callable[..., tuple[int, str, str]]
 
-
-def test_a_page_is_written_and_kept(run_cli: Command, tmp_path: Path) -> None:
+def test_a_page_is_written_and_kept(run_cli, tmp_path):
     out = review_case.write_job(tmp_path / "out", ["gold"], ["city"], {"element": 2})
     code, output, errors = run_cli("review", out, "-o", tmp_path / "page")
     assert (code, errors) == (0, "")
@@ -26,7 +23,7 @@ def test_a_page_is_written_and_kept(run_cli: Command, tmp_path: Path) -> None:
     assert (code, "0 files made" in output) == (0, True)
 
 
-def test_damaged_frames_are_notes_and_a_folder_without_frames_is_exit_code_1(run_cli: Command, tmp_path: Path) -> None:
+def test_damaged_frames_are_notes_and_a_folder_without_frames_is_exit_code_1(run_cli, tmp_path):
     out = review_case.write_job(tmp_path / "out", ["gold"], ["city"], {"element": 2})
     damaged = out / "gold" / "city" / "element.0002.exr"
     os.truncate(damaged, 300)
@@ -40,7 +37,7 @@ def test_damaged_frames_are_notes_and_a_folder_without_frames_is_exit_code_1(run
     assert (code, "did you mean 'Raw'" in errors) == (1, True)
 
 
-def test_render_writes_a_manifest_that_is_verified(run_cli: Command, job_file: Path, tmp_path: Path) -> None:
+def test_render_writes_a_manifest_that_is_verified(run_cli, job_file, tmp_path):
     assert run_cli("render", job_file)[0] == 0
     out = tmp_path / "out"
     code, output, errors = run_cli("manifest", out)
@@ -62,6 +59,6 @@ def test_render_writes_a_manifest_that_is_verified(run_cli: Command, job_file: P
 
 
 @pytest.mark.parametrize("options", [(), ("--verify",)])
-def test_no_manifest_is_exit_code_1(run_cli: Command, tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_no_manifest_is_exit_code_1(run_cli, tmp_path, options):
     code, _, errors = run_cli("manifest", tmp_path, *options)
     assert (code, "'lookdev render' of the job writes" in errors) == (1, True)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.both_pythons
+
 # Its children write their number to a file.
 _CHILD = """import os, pathlib, time
 from lookdev.lifetime import end_with_parent

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,13 +14,10 @@ import lookdev.cli
 from lookdev.cli.assets import inspect
 from lookdev.cli.options import say, say_json
 
-Command = Callable[..., tuple[int, str, str]]
-Provide = Callable[..., None]
-
 CONTROLS = "\x00 \x07 \x1b[31m \x1b]0;title\x07 \x7f \x9b2J \t \r \u202e \u2066 \ud800"
 
 
-def test_nothing_printed_controls_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_printed_controls_the_terminal(capsys):
     say(f"one{CONTROLS}\ntwo é 日本")
     say(CONTROLS, err=True)
     shown, errors = capsys.readouterr()
@@ -31,21 +27,21 @@ def test_nothing_printed_controls_the_terminal(capsys: pytest.CaptureFixture[str
         assert "\u202e" not in text
 
 
-def test_every_verb_prints_by_one_function() -> None:
+def test_every_verb_prints_by_one_function():
     modules = Path(lookdev.cli.__file__).parent.glob("*.py")
     verbs = {module.name: module.read_text() for module in modules if module.name not in ("__init__.py", "options.py")}
     assert "jobs.py" in verbs
     assert [name for name, text in verbs.items() if re.search(r"typer\.echo|\bprint\(", text)] == []
 
 
-def test_a_document_has_no_numbers_that_json_lacks(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_document_has_no_numbers_that_json_lacks(capsys):
     say_json({"size": (1.5, float("nan"), [float("-inf")]), "path": "a\udcff\x1b\u202e", "deep": {"x": float("inf")}})
     shown = capsys.readouterr().out
     assert json.loads(shown) == {"size": [1.5, None, [None]], "path": "a\udcff\x1b\u202e", "deep": {"x": None}}
     assert shown.replace("\n", "").isprintable()
 
 
-def test_what_a_library_prints_is_not_in_the_document(provide: Provide, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_a_library_prints_is_not_in_the_document(provide, capfd):
     def inspect_file(*given: object, **options: object) -> tuple[SimpleNamespace, None]:
         os.write(1, b"a warning of a library\n")
         return SimpleNamespace(data=lambda: {"parts": []}), None
@@ -58,7 +54,7 @@ def test_what_a_library_prints_is_not_in_the_document(provide: Provide, capfd: p
 
 
 @pytest.mark.parametrize("verb", ["inspect", "plan"])
-def test_after_an_error_there_is_no_document(run_cli: Command, tmp_path: Path, verb: str) -> None:
+def test_after_an_error_there_is_no_document(run_cli, tmp_path, verb):
     code, shown, errors = run_cli(verb, tmp_path / "none\x1b[31m\udcff", "--json")
     assert (code, shown) == (2, "")
     assert errors.replace("\n", "").isprintable()
