@@ -62,82 +62,60 @@ def pair(file):
     return file
 
 
-APPLE_ZEBRA = collect("/W", "zebra", "Zebra", "/W"), collect("/W", "apple", "Apple", "/W/A")
-# What is bound, and the materials of /W/A/Cube and /W/B/Cube.
+TOP, STRONG_TOP = bind("/W", "Top"), bind("/W", "Top", STRONGER)
+MIDDLE, NEAR, OTHER = bind("/W/A", "Middle"), bind("/W/A/Cube", "Near"), bind("/W/B/Cube", "Other")
+PREVIEWED, FULL_TOP = bind("/W/A/Cube", "Preview", purpose=PREVIEW), bind("/W", "Full", purpose=FULL)
+RED = collect("/W", "red", "Red", "/W/B")
+ZEBRA, APPLE = collect("/W", "zebra", "Zebra", "/W"), collect("/W", "apple", "Apple", "/W/A")
+LID, LID_BOUND = subsets(lid=[5]), bind("/W/A/Cube/lid", "Lid")
+# What is bound, and the materials of the parts, Near of /W/A/Cube and so on.
 RULES = {
-    "nothing is bound": ([], (None, None)),
-    "the nearest direct binding wins": ([bind("/W", "Top"), bind("/W/A/Cube", "Near")], ("Near", "Top")),
-    "a binding stronger than descendants wins": (
-        [bind("/W", "Top", STRONGER), bind("/W/A", "Middle"), bind("/W/A/Cube", "Near")],
-        ("Top", "Top"),
+    "nothing": ([], None, None),
+    "the nearest direct binding": ([TOP, NEAR], "Near", "Top"),
+    "a binding stronger than descendants": ([STRONG_TOP, MIDDLE, NEAR], "Top", "Top"),
+    "the upper one of two strong bindings": ([STRONG_TOP, bind("/W/A", "Middle", STRONGER)], "Top", "Top"),
+    "the full purpose, even from above": ([FULL_TOP, NEAR, bind("/W/B/Cube", "P", purpose=PREVIEW)], "Full", "Full"),
+    "not the preview purpose": ([TOP, PREVIEWED], "Top", "Top"),
+    "a collection of its members": ([RED], None, "Red"),
+    "a collection without what it excludes": ([collect("/W", "red", "Red", "/W", ["/W/A"])], None, "Red"),
+    "a collection before a direct binding on one prim": ([TOP, RED], "Top", "Red"),
+    "the first by name of collections on one prim": ([ZEBRA, APPLE], "Apple", "Zebra"),
+    "the first in order of collections on one prim": ([ZEBRA, APPLE, order("zebra", "apple")], "Zebra", "Zebra"),
+    "a nearer direct binding before a collection above": ([NEAR, OTHER, RED, APPLE], "Near", "Other"),
+    "a stronger collection above before a nearer direct binding": (
+        [NEAR, OTHER, collect("/W", "strong", "Strong", "/W/B", strength=STRONGER)],
+        "Near",
+        "Strong",
     ),
-    "of two strong bindings the upper one wins": (
-        [bind("/W", "Top", STRONGER), bind("/W/A", "Middle", STRONGER)],
-        ("Top", "Top"),
-    ),
-    "the full purpose comes before all purposes even from above": (
-        [bind("/W", "Full", purpose=FULL), bind("/W/A/Cube", "All"), bind("/W/B/Cube", "Preview", purpose=PREVIEW)],
-        ("Full", "Full"),
-    ),
-    "the preview purpose is not that of renders": (
-        [bind("/W", "All"), bind("/W/A/Cube", "Preview", purpose=PREVIEW)],
-        ("All", "All"),
-    ),
-    "a collection binds its members": ([collect("/W", "red", "Red", "/W/B")], (None, "Red")),
-    "a collection can exclude": ([collect("/W", "red", "Red", "/W", ["/W/A"])], (None, "Red")),
-    "on one prim a collection comes before a direct binding": (
-        [bind("/W", "Direct"), collect("/W", "red", "Red", "/W/B")],
-        ("Direct", "Red"),
-    ),
-    "of collections on one prim the first by name wins": (APPLE_ZEBRA, ("Apple", "Zebra")),
-    "of collections on one prim the first in order wins": (
-        [*APPLE_ZEBRA, order("zebra", "apple")],
-        ("Zebra", "Zebra"),
-    ),
-    "a nearer direct binding comes before a collection above unless that is stronger": (
-        [
-            bind("/W/A/Cube", "NearA"),
-            bind("/W/B/Cube", "NearB"),
-            collect("/W", "weak", "Weak", "/W/A"),
-            collect("/W", "strong", "Strong", "/W/B", strength=STRONGER),
-        ],
-        ("NearA", "Strong"),
-    ),
-    "a collection of the full purpose comes before direct bindings of all": (
-        [bind("/W/A/Cube", "All"), collect("/W", "red", "Red", "/W/A", purpose=FULL)],
-        ("Red", None),
+    "a collection of the full purpose before direct bindings of all": (
+        [NEAR, collect("/W", "red", "Red", "/W/A", purpose=FULL)],
+        "Red",
+        None,
     ),
 }
 
 
-@pytest.mark.parametrize(("bindings", "materials"), RULES.values(), ids=RULES)
-def test_which_binding_wins(pair, bindings, materials):
+@pytest.mark.parametrize(("bindings", "a", "b"), RULES.values(), ids=RULES)
+def test_which_binding_wins(pair, bindings, a, b):
     for apply in bindings:
         apply(pair)
-    check(pair, dict(zip(("A/Cube", "B/Cube"), materials, strict=True)))
+    check(pair, {"A/Cube": a, "B/Cube": b})
 
 
-SUBSETS = {
-    "a subset inherits and overrides": (
-        [bind("/W/A", "Whole"), subsets(lid=[5], sides=[0, 1]), bind("/W/A/Cube/lid", "Lid")],
-        {"A/Cube": "Whole", "A/Cube/lid": "Lid", "A/Cube/sides": "Whole"},
-    ),
-    "a collection binds a subset": (
-        [subsets(lid=[5]), collect("/W", "lids", "Red", "/W/A/Cube/lid")],
-        {"A/Cube": None, "A/Cube/lid": "Red"},
-    ),
-    "a mesh whose faces are all in subsets has no slot of its own": (
-        [subsets(front=[0, 1, 2], back=[3, 4, 5]), bind("/W/A/Cube/back", "Back")],
-        {"A/Cube/front": None, "A/Cube/back": "Back"},
-    ),
-}
-
-
-@pytest.mark.parametrize(("bindings", "materials"), SUBSETS.values(), ids=SUBSETS)
-def test_bindings_of_subsets(pair, bindings, materials):
+@pytest.mark.parametrize(
+    ("bindings", "whole", "parts"),
+    [
+        ([MIDDLE, subsets(lid=[5], sides=[0]), LID_BOUND], "Middle", {"lid": "Lid", "sides": "Middle"}),
+        ([LID, collect("/W", "lids", "Red", "/W/A/Cube/lid")], None, {"lid": "Red"}),
+        # A mesh whose faces are all in subsets has no slot of its own.
+        ([subsets(lid=[0, 1, 2], rest=[3, 4, 5]), LID_BOUND], "", {"lid": "Lid", "rest": None}),
+    ],
+)
+def test_subsets_inherit_and_override(pair, bindings, whole, parts):
     for apply in bindings:
         apply(pair)
-    check(pair, {**materials, "B/Cube": None})
+    mesh = {} if whole == "" else {"A/Cube": whole}
+    check(pair, {**mesh, **{f"A/Cube/{name}": part for name, part in parts.items()}, "B/Cube": None})
 
 
 def test_instances_are_bound_from_outside_and_share_their_arrays(file):

@@ -97,13 +97,10 @@ def rig():
     return Rig()
 
 
-def test_a_bent_knee_linearly(rig):
+def test_a_bent_knee_linearly_and_by_dual_quaternions(rig):
     # About the knee, (0, 0, 1): (x, y, z) becomes (x, -z, y). The last point is the mean of staying and turning.
     np.testing.assert_allclose(rig.world(), [(0, 0, 0), (0, 0, 1), (0, -1, 1), (1, -0.5, 1.5)], atol=1e-6)
-
-
-def test_a_bent_knee_by_dual_quaternions(rig):
-    rig.api(rig.mesh).CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
+    dual(rig)
     # Half of the way is half of the angle, which keeps the length.
     np.testing.assert_allclose(rig.world()[2:], [(0, -1, 1), (1, -HALF, 1 + HALF)], atol=1e-6)
 
@@ -178,22 +175,11 @@ def blended(rig):
     rig.weigh(["Other", "Tip", "Bulge"], [0.9, 0.7, 0.3], 10.0)
 
 
-@pytest.mark.parametrize(
-    "ways",
-    [
-        (placed,),
-        (reordered,),
-        (rigid, placed),
-        (inherited, placed),
-        (sparse_animation,),
-        (still,),
-        (blended,),
-        (blended, placed),
-        (dual, placed),
-        (dual, blended, reordered),
-    ],
-    ids=lambda ways: "-".join(way.__name__ for way in ways),
-)
+WAYS = [(placed,), (reordered,), (rigid, placed), (inherited, placed), (sparse_animation,), (still,), (blended,)]
+WAYS += [(blended, placed), (dual, placed), (dual, blended, reordered)]
+
+
+@pytest.mark.parametrize("ways", WAYS, ids=lambda ways: "-".join(way.__name__ for way in ways))
 def test_as_usd_bakes_it(rig, ways):
     for way in ways:
         way(rig)
@@ -268,14 +254,15 @@ def test_blend_shapes_come_before_the_skeleton_and_their_weights_are_animated(ri
 
 
 def test_normals_turn_with_the_points(rig):
-    normals = [(0, 1, 0)] * 4
-    vertex = rig.deformed().normals(Attribute("normals", np.array(normals), "vertex"), np.array([0, 3, 2, 1]))
+    def turned(interpolation, count=4):
+        normals = Attribute("normals", np.array([(0, 1, 0)] * count), interpolation)
+        return rig.deformed().normals(normals, np.array([0, 3, 2, 1]))
+
+    vertex, corner = turned("vertex"), turned("faceVarying")
     np.testing.assert_allclose(vertex.values, [(0, 1, 0), (0, 1, 0), (0, 0, 1), (0, HALF, HALF)], atol=1e-6)
-    corner = rig.deformed().normals(Attribute("normals", np.array(normals), "faceVarying"), np.array([0, 3, 2, 1]))
     np.testing.assert_allclose(corner.values, [(0, 1, 0), (0, HALF, HALF), (0, 0, 1), (0, 1, 0)], atol=1e-6)
     assert corner.interpolation == "faceVarying"
-    uniform = Attribute("normals", np.array([(0, 1, 0)]), "uniform")
-    assert rig.deformed().normals(uniform, np.array([0, 3, 2, 1])) is None
+    assert turned("uniform", 1) is None
 
 
 def test_normals_of_a_squashed_limb_are_those_of_its_surface(rig):

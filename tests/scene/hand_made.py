@@ -17,17 +17,12 @@ def squares(name: str, slots: Sequence[int] = (0,), uvs: Sequence[str] = ("st",)
     z = np.tile([0.0, 0.0, 1.0, 1.0], len(slots))
     corners = len(x)
     st = np.stack([x, z], axis=1).astype(np.float32)
-    return Mesh(
-        name,
-        np.stack([x, np.zeros(corners), z], axis=1).astype(np.float32),
-        np.arange(corners, dtype=np.int32),
-        np.full(len(slots), 4, np.int32),
-        np.array(slots, np.int32),
-        np.tile(np.float32([0.0, -1.0, 0.0]), (corners, 1)),
-        np.tile(np.float32([1.0, 0.0, 0.0]), (corners, 1)),
-        {uv: st + np.float32(number) for number, uv in enumerate(uvs)},
-        default_uv=default_uv,
-    )
+    points = np.stack([x, np.zeros(corners), z], axis=1).astype(np.float32)
+    numbers, sizes = np.arange(corners, dtype=np.int32), np.full(len(slots), 4, np.int32)
+    normals, tangents = (np.tile(np.float32(axis), (corners, 1)) for axis in ([0, -1, 0], [1, 0, 0]))
+    sets = {uv: st + np.float32(number) for number, uv in enumerate(uvs)}
+    own = np.array(slots, np.int32)
+    return Mesh(name, points, numbers, sizes, own, normals, tangents, sets, default_uv=default_uv)
 
 
 def asset_of(meshes: Sequence[Mesh], placed: Sequence[tuple[int, str]], slots: Sequence[Slot]) -> Asset:

@@ -1,4 +1,4 @@
-"""Light links: which lights light which part, and where a mesh is split for it."""
+"""A scene: the look of every part, which lights light it, and where a mesh is split for them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, Emission, Light
+from lookdev.light import LIGHT_KINDS, Emission, Light, load_environment, prepare_light
 from lookdev.light.link import MOST_GROUPS, Link
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
@@ -20,7 +20,7 @@ from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.framing import frame_camera
 from lookdev.scene.linking import link_lights
 
-GREY = Look("grey", (Layer("l", "disney"),))
+GREY, RED = (Look(name, (Layer("l", "disney"),)) for name in ("grey", "red"))
 
 
 def three() -> Asset:
@@ -72,7 +72,7 @@ def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
     linked = link_lights(three(), {"/a/one": GREY}, lights)
     assert len(linked.asset.meshes) == 3
     assert linked.groups == {"/a/one": 0, "/a/two": 1, "/b": 2}
-    assert [each.emission.spared for each in linked.lights] == [(2,), (), (1, 2)]
+    assert [source.emission.spared for source in linked.lights] == [(2,), (), (1, 2)]
     assert not linked.lit
 
 
@@ -95,3 +95,14 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
     other = replace(task, lit=((0, 1), (0,)))
     one, two = (part_digests(each, Pose(0.0, 0.0), 0.0) for each in (task, other))
     assert [part for part in one if one[part] != two[part]] == ["ibl"]
+
+
+def test_looks_are_in_the_order_of_the_slots() -> None:
+    asset, white = load_asset(builtin="shaderball"), prepare_light(load_environment(builtin="white"))
+    body, base = (slot.path for slot in asset.slots)
+    camera, film = frame_camera(asset.center, asset.radius, (8, 4)), Film((8, 4))
+    assert Scene(asset, {base: RED, body: GREY}, (white,), camera, film).looks == (GREY, RED)
+    scene = Scene.of_look(asset, RED, white, (8, 4))
+    assert (scene.looks, scene.camera, scene.film) == ((RED, RED), camera, film)
+    with pytest.raises(ValueError, match=f"shaderball: no look for {base}$"):
+        Scene(asset, {body: RED}, (white,), camera, film)

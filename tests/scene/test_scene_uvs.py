@@ -23,6 +23,10 @@ def one(mesh: Mesh) -> Asset:
     return asset_of([mesh], [(0, "/A")], [Slot("/A")])
 
 
+def three(meshes: list[Mesh]) -> Asset:
+    return asset_of(meshes, [(0, "/A"), (1, "/B"), (2, "/C")], [Slot("/A"), Slot("/B"), Slot("/C")])
+
+
 def test_the_sets_of_a_look_are_those_of_all_that_varies_in_it() -> None:
     formula = Formula(parse("a * b[0]"), {"a": texture("e", "r"), "b": Coordinates("f")}, {"a": "float", "b": "color"})
     inputs = {"baseColor": texture("a"), "roughness": texture("b", "r"), "normal": Bump(texture("c", "r"))}
@@ -50,8 +54,7 @@ def test_the_default_set_stands_for_one_that_is_not_there(sets: tuple[str, ...],
 
 
 def test_a_note_counts_the_meshes() -> None:
-    meshes = [squares(f"/{name}", [slot], ("map1",), "map1") for slot, name in enumerate("ABC")]
-    asset = asset_of(meshes, [(0, "/A"), (1, "/B"), (2, "/C")], [Slot("/A"), Slot("/B"), Slot("/C")])
+    asset = three([squares(f"/{name}", [slot], ("map1",), "map1") for slot, name in enumerate("ABC")])
     x, y = look("x", baseColor=texture("st")), look("y", baseColor=texture("st"))
     _, notes = with_uvs(asset, {"/A": x, "/B": y, "/C": x})
     assert notes == ("/A and 2 more have no UV set 'st', which looks ask for: 'map1' is read",)
@@ -84,7 +87,7 @@ def test_primvars_that_meshes_lack_are_noted_once() -> None:
     formula = Formula(parse("a"), {"a": worn}, {"a": "float"})
     meshes = [replace(squares(f"/{name}", [slot]), primvars={}) for slot, name in enumerate("ABC")]
     meshes[1] = replace(meshes[1], primvars={"worn": np.zeros(meshes[1].corner_points.shape, np.float32)})
-    asset = asset_of(meshes, [(0, "/A"), (1, "/B"), (2, "/C")], [Slot("/A"), Slot("/B"), Slot("/C")])
+    asset = three(meshes)
     reads = look("x", baseColor=hue, roughness=formula)
     assert absent_primvars(asset, {"/A": reads, "/B": look("y", roughness=worn), "/C": reads}) == (
         "/A and 1 more have no primvar 'hue', which looks ask for: its fallback is read",

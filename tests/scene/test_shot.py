@@ -56,28 +56,27 @@ def test_it_orbits_the_axis_of_the_asset_and_sees_all_of_it() -> None:
 
 def test_depth_of_field_is_that_of_its_f_stop() -> None:
     assert shot_camera(SHOT, POINTS).lens == Lens(0.035 / 2.8, 4.0)
-    assert shot_camera(replace(SHOT, f_stop=0.0), POINTS).lens is None
-    assert shot_camera(replace(SHOT, focus_distance=0.0), POINTS).lens is None
+    for change in ({"f_stop": 0.0}, {"focus_distance": 0.0}):
+        assert shot_camera(replace(SHOT, **change), POINTS).lens is None
+
+
+WIDER = "its frame is 2 times as wide as high, that of the job 1.33 times: the widths agree, and more"
+CUT = "its clippingRange would cut the asset; it is not applied"
+BEHIND = {"position": (1.0, 1.0, -50.0), "frame": np.eye(3)}
 
 
 @pytest.mark.parametrize(
-    ("change", "resolution", "note"),
+    ("change", "height", "note"),
     [
-        ({}, (400, 200), None),
-        (
-            {},
-            (400, 300),
-            "its frame is 2 times as wide as high, that of the job 1.33 times: the widths agree, and more",
-        ),
-        ({}, (400, 100), "less is seen above and below"),
-        ({"clipping": (4.5, 100.0)}, (400, 200), "its clippingRange would cut the asset; it is not applied"),
-        ({"position": (1.0, 1.0, -50.0), "frame": np.eye(3)}, (400, 200), "the asset is behind it"),
+        ({}, 200, None),
+        ({}, 300, WIDER),
+        ({}, 100, "less is seen above and below"),
+        ({"clipping": (4.5, 100.0)}, 200, CUT),
+        (BEHIND, 200, "the asset is behind it"),
     ],
 )
-def test_what_differs_from_the_shot_is_a_note(
-    change: dict[str, object], resolution: tuple[int, int], note: str
-) -> None:
-    notes = list(shot_notes(replace(SHOT, **change), POINTS, resolution))
+def test_what_differs_from_the_shot_is_a_note(change: dict[str, object], height: int, note: str | None) -> None:
+    notes = list(shot_notes(replace(SHOT, **change), POINTS, (400, height)))
     assert notes[0] == "a note"
     assert len(notes) == 1 + (note is not None)
     assert note is None or note in notes[1]
