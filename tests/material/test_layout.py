@@ -142,15 +142,11 @@ def test_long_values_take_no_longer_than_their_length() -> None:
 
 
 def test_a_prim_that_is_made_anew_at_another_place_moves_with_its_comments() -> None:
-    def text(*names: str) -> str:
+    def text(names: str) -> str:
         prims = "".join(f'    # The {name}.\n    def Scope "{name}"\n    {{\n    }}\n\n' for name in names)
         return f'#usda 1.0\n\ndef Scope "Top"\n{{\n{prims}}}\n'
 
-    def plain(*names: str) -> str:
-        layer = Sdf.Layer.CreateAnonymous(".usda")
-        assert layer.ImportFromString(text(*names))
-        return str(layer.ExportToString())
-
-    merged = with_layout(text("A", "B", "C"), plain("A", "B", "C"), plain("B", "C", "A"))
+    before, after = (layer(text(names)).ExportToString() for names in ("ABC", "BCA"))
+    merged = with_layout(text("ABC"), before, after)
     assert merged is not None
-    assert [line for line in merged.splitlines() if line] == [line for line in text("B", "C", "A").splitlines() if line]
+    assert [line for line in merged.splitlines() if line] == [line for line in text("BCA").splitlines() if line]

@@ -85,7 +85,6 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
     assert [layer.name for layer in (base, coat, dust, again)] == ["Base", "Coat", "Dust", "Coat"]
     assert base.mask == coat.mask == 1.0
     assert coat.inputs == {"clearcoat": 1.0}
-    assert isinstance(dust.mask, Texture)
     assert dust.mask.channel == "g"
     assert again.mask == Primvar("worn", 0.5)
 
@@ -346,7 +345,6 @@ def test_a_parameter_may_be_an_expression(write) -> None:
 def test_the_view_needs_no_source(write, declared: str) -> None:
     file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
-    assert isinstance(mask, Formula)
     assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
     assert examine(file).findings == ()
 
@@ -387,7 +385,6 @@ def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
     mask = "float layer1Mask <- Tex.r\n"
     body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"))
     found = read_look(write(body, STACK)).layers[1].mask
-    assert isinstance(found, Texture)
     assert found.file.name == "dirt.<UDIM>.png"
     st = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [-0.5, 0.5]]
     np.testing.assert_allclose(sample_texture(found, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)
