@@ -45,6 +45,7 @@ def test_glass_refracts_by_snell_and_keeps_power(eta: float, outer: float, insid
     assert (refracted.direction[:, 2] < 0.0).tolist() == (~total).tolist()
     np.testing.assert_allclose(here * wo[~total, :2], -there * refracted.direction[~total, :2], rtol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(refracted.direction[~total], axis=-1), 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(reflected.direction, wo * (-1.0, -1.0, 1.0))
     # Power: radiance times the solid angle, which refraction changes by the square of the indices.
     np.testing.assert_allclose(reflected.value + refracted.value * (there / here) ** 2, 1.0, rtol=1e-12)
     np.testing.assert_array_equal(reflected.value[total], 1.0)

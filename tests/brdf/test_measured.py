@@ -21,7 +21,7 @@ from sample_density import jacobian, p_value
 
 from lookdev.brdf import Bsdf, complete_parameters, evaluate, evaluate_cosine, model_named, pdf, sample
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.measured import files, proposal
+from lookdev.brdf.measured import files, proposal, synthetic
 from lookdev.brdf.measured.files import MERL_SIZE, read_grid, write_anisotropic, write_merl
 from lookdev.brdf.measured.grids import Anisotropic, Isotropic
 from lookdev.brdf.measured.synthetic import anisotropic_samples, isotropic_samples, write_synthetic
@@ -152,6 +152,17 @@ def test_the_centre_of_a_cell_has_its_sample(small: None, name: str, tmp_path: P
         # The round trip through directions loses digits where theta_h or theta_d is small.
         samples = isotropic_samples(bsdf, SMALL)
         np.testing.assert_allclose(isotropic_samples(found, SMALL), samples, rtol=1e-6, atol=1e-9)
+
+
+def test_a_synthetic_measurement_is_of_the_format_of_its_name(
+    small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples = {"isotropic": _noise(SMALL) + 1.0, "anisotropic": np.full((*SIZE, 3), 0.5)}
+    for kind, values in samples.items():
+        monkeypatch.setattr(synthetic, f"{kind}_samples", lambda bsdf, values=values: values)
+    for name, kind in (("f.binary", "isotropic"), ("f.dat", "anisotropic")):
+        write_synthetic(tmp_path / name, known("plastic"))
+        np.testing.assert_allclose(read_grid(tmp_path / name).samples, samples[kind], rtol=1e-12)
 
 
 @pytest.mark.proof

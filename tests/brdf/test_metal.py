@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lookdev.brdf import complete_parameters, model_named
+from lookdev.brdf import complete_parameters, metal_fits, model_named
 from lookdev.brdf.conductor import METALS, metal_curve
 from lookdev.brdf.metal import INTERFACE, METAL_COLORS, METAL_TABLE, metal_fresnel, metal_index
 from lookdev.brdf.metal_fits import COSINES, bands, deviation, nearest
@@ -46,6 +46,16 @@ def test_no_index_beside_the_nearest_is_nearer() -> None:
     found = nearest(target)
     beside = found * (1.0 + 1e-3 * np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)))
     assert (deviation(beside, target) >= deviation(found, target)).all()
+
+
+def test_the_table_is_made_of_the_spectra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metal_fits, "METALS", ["brass"])
+    ((name, made),) = metal_fits.make_table().items()
+    for color in METAL_COLORS:
+        for key, value in TABLE[name][color].items():
+            # Five digits.
+            np.testing.assert_allclose(made[color][key], value, rtol=2e-5, err_msg=f"{color} {key}")
+    np.testing.assert_allclose(made["outside"], TABLE[name]["outside"], rtol=2e-5)
 
 
 def test_bands_are_weighted_means() -> None:

@@ -1,0 +1,69 @@
+"""What mixtures have besides f and pdf: the diffuse part, colours and normals without noise, other colour spaces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, stack_bsdf
+from lookdev.brdf.mixture import Mixture, evaluate_diffuse, middle_albedo, middle_normal, seen_along
+
+WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
+
+# The lobes of a model that are nearly constant, if not the diffuse one alone; all others are highlights.
+BROAD = {"pixar": ["diffuse", "diffuseTransmission"], "oren-nayar": ["diffuse", "retroreflection"], "measured": []}
+
+
+def lambert(grey: float, mask: float = 1.0, **given: Any) -> StackLayer:
+    return StackLayer("lambert", complete_parameters("lambert", {"reflectance": (grey,) * 3} | given), mask)
+
+
+@pytest.mark.parametrize("model", CONTINUOUS)
+def test_lobes_are_of_their_groups(model: str) -> None:
+    lobes = MODELS[model].bsdf(MODELS[model].complete(MODELS[model].probe)).lobes(WO)
+    assert {lobe.model for lobe in lobes} == {model}
+    broad = BROAD.get(model, ["diffuse"])
+    assert [lobe.name for lobe in lobes if lobe.broad] == broad
+    groups = dict.fromkeys(broad, "diffuse") | {"clearcoat": "clearcoat"}
+    assert [lobe.group for lobe in lobes] == [groups.get(lobe.name, "specular") for lobe in lobes]
+    through = ["diffuseTransmission", "specularTransmission", "refraction"] if model == "pixar" else []
+    assert [lobe.name for lobe in lobes if lobe.transmits] == through
+    assert [lobe.own_side for lobe in lobes] == [model == "pixar"] * len(lobes)
+
+
+def test_the_diffuse_part_and_the_rest_are_all() -> None:
+    given = {"clearcoat": 1.0, "sheen": 0.5, "roughness": 0.3}
+    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", given))
+    body = MODELS["disney"].bsdf(complete_parameters("disney", given | {"metallic": 0.0})).lobes(WO)[0]
+    (term,) = Mixture([body], WO).terms(WI)
+    np.testing.assert_allclose(evaluate_diffuse(bsdf, WO, WI), term.value, rtol=1e-12)
+    np.testing.assert_allclose(evaluate_cosine(bsdf, WO, WI), 0.8 * evaluate(bsdf, WO, WI), rtol=1e-12)
+    assert (evaluate_diffuse(bsdf, WO, WI) < evaluate_cosine(bsdf, WO, WI)).all()
+    np.testing.assert_array_equal(evaluate(seen_along(bsdf, WO), WO, WI), evaluate(bsdf, WO, WI))
+
+
+def test_a_blend_of_diffusers_has_the_mean_of_albedos_and_normals() -> None:
+    normal = (0.6, 0.0, 0.8)
+    ward = StackLayer("ward", complete_parameters("ward", {"diffuse": (0.5,) * 3, "specular": (0.0,) * 3}))
+    blend = stack_bsdf([ward, lambert(0.8, 0.25, normal=normal)])
+    mixture = Mixture([lobe for lobe in blend.lobes(WO) if lobe.name == "diffuse"], WO)
+    np.testing.assert_allclose(middle_albedo(mixture), 0.75 * 0.5 + 0.25 * 0.8, rtol=1e-12)
+    wanted = 0.375 * np.array([0.0, 0.0, 1.0]) + 0.2 * np.array(normal)
+    np.testing.assert_allclose(middle_normal(mixture), wanted / np.linalg.norm(wanted), rtol=1e-12)
+
+
+def test_f_is_converted_to_another_space() -> None:
+    matrix = np.array([[0.6, 0.3, 0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])
+    given = {"baseColor": (0.9, 0.4, 0.1), "sheen": 1.0}
+    disney = MODELS["disney"].bsdf(complete_parameters("disney", given))
+    np.testing.assert_allclose(
+        evaluate(disney.converted(matrix), WO, WI), matrix @ evaluate(disney, WO, WI), rtol=1e-12
+    )
+    plain, there = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.converted(matrix)))
+    directions = next(Mixture([plain], WO).terms(WI)).directions
+    np.testing.assert_allclose(there.parts["sheen"](directions), matrix @ plain.parts["sheen"](directions), rtol=1e-12)
+    mirror = MODELS["mirror"].bsdf(complete_parameters("mirror", {"metal": "gold"}))
+    (gold,), (blue,) = (bsdf.deltas(WO, np.array(False)) for bsdf in (mirror, mirror.converted(matrix)))
+    np.testing.assert_allclose(blue.value, matrix @ gold.value, rtol=1e-12)
