@@ -7,6 +7,7 @@ from pxr import Usd, UsdShade
 
 from lookdev.asset import Slot
 
+pytestmark = pytest.mark.both_pythons
 STRONGER, WEAKER = UsdShade.Tokens.strongerThanDescendants, UsdShade.Tokens.weakerThanDescendants
 ALL, FULL, PREVIEW = UsdShade.Tokens.allPurpose, UsdShade.Tokens.full, UsdShade.Tokens.preview
 

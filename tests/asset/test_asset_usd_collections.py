@@ -8,6 +8,7 @@ from pxr import Sdf, Usd
 from lookdev.asset.usd.collections import collection_members, is_collection
 from lookdev.errors import AssetError
 
+pytestmark = pytest.mark.both_pythons
 STAGE = """#usda 1.0
 def Xform "Car" (
     prepend apiSchemas = ["CollectionAPI:all", "CollectionAPI:named", "CollectionAPI:nested", "CollectionAPI:none",

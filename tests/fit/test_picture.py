@@ -137,6 +137,7 @@ def test_other_primaries_are_converted(tmp_path: Path) -> None:
     assert not read_photo(write(tmp_path / "plain.exr", pixels, chromaticities=REC709)).notes
 
 
+@pytest.mark.both_pythons
 def test_the_layer_error_is_the_noise_and_broken_pixels_do_not_count(tmp_path: Path) -> None:
     pixels = np.full((8, 8, 7), 0.5)
     pixels[..., 4:] = 0.01

@@ -220,6 +220,7 @@ def test_a_ray_never_meets_the_triangle_that_it_leaves(size, place):
     assert not scene.onward(places, outward)[0].any()
 
 
+@pytest.mark.both_pythons
 def test_hits_are_exact_to_float64():
     scene = box_scene()
     origin, ray = camera_rays(CAMERA, POSE, SIZE, *np.random.default_rng(2).uniform(20.0, 44.0, (2, 500)))
