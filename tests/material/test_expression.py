@@ -1,9 +1,15 @@
-"""Mask expressions: their values, their faults, and their traces."""
+"""Expressions: their values, their faults, their traces, and shaping functions.
+
+Those have SeExpr's formulas, values where those have none, and noise that float32 does not change.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +19,8 @@ import pytest
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.trace.graph import Graph, Node, reachable
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
-from lookdev.material.expression import ExpressionError, Kind, parse
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS, Function
+from lookdev.material.expression import ExpressionError, Kind, parse, shaping
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS
 from lookdev.material.expression.syntax import LONGEST
 
 PAGE = (Path(__file__).parents[2] / "docs" / "expressions.md").read_text(encoding="utf-8")
@@ -277,22 +283,20 @@ def _call(name: str, arguments: list[str]) -> str:
     return f"-{arguments[0]}" if name == "negative" else f" {name} ".join(arguments) if len(arguments) > 1 else "!a"
 
 
-def _cases(rng: np.random.Generator, function: Function, count: int) -> tuple[list[str], dict[str, Any]]:
-    names = list("abcde")[: len(function.parameters)]
-    return names, {name: rng.uniform(0.05, 1.95, count).astype(np.float32).astype(float) for name in names}
+def _traced(name: str, **given: Any) -> tuple[list[str], Any, list[Any]]:
+    """Return the arguments of a function, the expression that calls it, and its trace, with some arguments given."""
+    names, graph = list("abcde")[: len(_CALLS[name].parameters)], Graph()
+    expression = parse(_call(name, names))
+    values = {argument: given.get(argument, symbol(graph, argument)) for argument in names}
+    return names, expression, elements_of(expression.evaluate(values, dict.fromkeys(names, "float")))
 
 
 @pytest.mark.parametrize("name", _CALLS)
 def test_every_function_computes_the_same_when_traced(name: str) -> None:
-    rng = np.random.default_rng(7)
-    names, values = _cases(rng, _CALLS[name], 400)
-    types: dict[str, Kind] = dict.fromkeys(names, "float")
-    expression = parse(_call(name, names))
-    direct = expression.evaluate(values, types)
-    graph = Graph()
-    traced = elements_of(expression.evaluate({name: symbol(graph, name) for name in names}, types))
-    wanted = direct.reshape(len(direct), -1).T
-    for element, component in zip(traced, wanted, strict=True):
+    rng, (names, expression, elements) = np.random.default_rng(7), _traced(name)
+    values = {argument: rng.uniform(0.05, 1.95, 400).astype(np.float32).astype(float) for argument in names}
+    direct = expression.evaluate(values, dict.fromkeys(names, "float"))
+    for element, component in zip(elements, direct.reshape(len(direct), -1).T, strict=True):
         np.testing.assert_allclose(compute(element, values, np.float64), component, rtol=1e-13)
         # Float32 has 6e-8; pow and divisions magnify it by what they magnify their arguments, at worst 1e3 here.
         single = compute(element, values, np.float32)
@@ -306,47 +310,34 @@ _EXTREME = np.array([0.0, -0.0, 1e-40, 1e-19, 1e-9, 0.3, 0.5, 1.0, 2.0, 7.5, 100
 _EXTREMES = np.concatenate([_EXTREME, -_EXTREME])
 
 
-@pytest.mark.parametrize("kind", [np.float64, np.float32])
 @pytest.mark.parametrize("name", _CALLS)
-def test_every_result_is_finite(name: str, kind: Any) -> None:
-    names = list("abcde")[: len(_CALLS[name].parameters)]
-    rng = np.random.default_rng(8)
-    values = {given: rng.choice(_EXTREMES, 3000) for given in names}
-    graph = Graph()
-    types: dict[str, Kind] = dict.fromkeys(names, "float")
-    expression = parse(_call(name, names))
-    direct = expression.evaluate(values, types)
-    traced = elements_of(expression.evaluate({name: symbol(graph, name) for name in names}, types))
-    for result in (direct, *(compute(element, values, kind) for element in traced)):
+def test_every_result_is_finite(name: str) -> None:
+    rng, (names, expression, elements) = np.random.default_rng(8), _traced(name)
+    values = {argument: rng.choice(_EXTREMES, 3000) for argument in names}
+    direct = expression.evaluate(values, dict.fromkeys(names, "float"))
+    computed = [compute(element, values, kind) for element in elements for kind in (np.float64, np.float32)]
+    for result in (direct, *computed):
         assert np.isfinite(result).all()
         assert np.abs(result).max() <= 1e18 * (1.0 + 1e-7)
 
 
 @pytest.mark.parametrize("name", [name for name, function in _CALLS.items() if len(function.parameters) > 1])
 def test_every_constant_that_is_left_is_a_float32(name: str) -> None:
-    names = list("abcde")[: len(_CALLS[name].parameters)]
-    rng = np.random.default_rng(9)
-    for varying in range(len(names)):
+    rng, (names, _, _) = np.random.default_rng(9), _traced(name)
+    for varying in names:
         for _ in range(10):
-            graph = Graph()
-            values: dict[str, Any] = {given: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for given in names}
-            values[names[varying]] = symbol(graph, "x")
-            result = parse(_call(name, names)).evaluate(values, dict.fromkeys(names, "float"))
-            constants = [arg for node in reachable(elements_of(result)) for arg in node.args if isinstance(arg, float)]
+            others = (argument for argument in names if argument != varying)
+            given = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
+            nodes = reachable(_traced(name, **given)[2])
+            constants = [arg for node in nodes for arg in node.args if isinstance(arg, float)]
             assert all(abs(constant) <= 3.4e38 for constant in constants)
 
 
 def test_noise_is_the_same_in_float32_far_from_the_origin() -> None:
-    rng = np.random.default_rng(10)
-    graph = Graph()
-    names = list("xyz")
-    traced = parse("noise(x, y, z)").evaluate(
-        {name: symbol(graph, name) for name in names}, dict.fromkeys(names, "float")
-    )
-    (element,) = elements_of(traced)
+    rng, (names, noise, (element,)) = np.random.default_rng(10), _traced("noise")
     for size in (10.0, 1e3, 1e5):
         places = {name: rng.uniform(-size, size, 5000).astype(np.float32).astype(float) for name in names}
-        wanted = parse("noise(x, y, z)").evaluate(places, dict.fromkeys(names, "float"))
+        wanted = noise.evaluate(places, dict.fromkeys(names, "float"))
         # Places that float32 can hold leave an exact remainder: what is left are a hundred operations near 1.
         np.testing.assert_allclose(compute(element, places, np.float32), wanted, atol=5e-6)
 
@@ -367,12 +358,9 @@ def test_the_page_has_every_function() -> None:
     calls = [match["call"].replace("\\|", "|") for match in _ROW.finditer(PAGE)]
     assert sorted(call for call in calls if "(" in call) == sorted(f.signature(name) for name, f in FUNCTIONS.items())
     operators = [call for call in calls if "(" not in call]
-    wanted = {"-x", "!x", "c[n]", "a ? b : c"} | {
-        f"a {name} b" for name, f in OPERATORS.items() if len(f.parameters) == 2
-    }
-    assert sorted(operators) == sorted(wanted)
-    for name in CONSTANTS:
-        assert f"`{name}`" in PAGE
+    binary = [f"a {name} b" for name, f in OPERATORS.items() if len(f.parameters) == 2]
+    assert sorted(operators) == sorted(["-x", "!x", "c[n]", "a ? b : c", *binary])
+    assert all(f"`{name}`" in PAGE for name in CONSTANTS)
 
 
 @pytest.mark.parametrize("row", [pytest.param(match, id=match["example"]) for match in _ROW.finditer(PAGE)])
@@ -388,3 +376,186 @@ def test_the_fault_on_the_page_is_the_one_told() -> None:
     with pytest.raises(ExpressionError) as caught:
         parse("clamp(smothstep(dirt, .2, .6) * (1 - edge), 0, 1)")
     assert shown.rstrip() == str(caught.value)
+
+
+# A dozen operations at 2^-53 each, some of which lose a digit by cancellation.
+_RTOL = 1e-13
+
+
+def _boxstep(x: float, a: float) -> float:
+    return 0.0 if x < a else 1.0
+
+
+def _ramp(x: float, a: float, b: float, curve: Callable[[float], float]) -> float:
+    """Return a step with SeExpr's own branches; `curve` maps (0, 1) to (0, 1)."""
+    if a < b:
+        return 0.0 if x < a else 1.0 if x >= b else curve((x - a) / (b - a))
+    if a > b:
+        return 1.0 if x <= b else 0.0 if x > a else curve(1.0 - (x - b) / (a - b))
+    return _boxstep(x, a)
+
+
+_linear = partial(_ramp, curve=lambda t: t)
+_smooth = partial(_ramp, curve=lambda t: t * t * (3.0 - 2.0 * t))
+_gauss = partial(_ramp, curve=lambda t: 2.0 ** (-8.0 * (1.0 - t) ** 2))
+
+
+def _remap(x: float, source: float, span: float, falloff: float, interp: float) -> float:
+    if falloff == 0.0:
+        return float(abs(x - source) < abs(span))
+    side = 1.0 if x > source else -1.0
+    a = source + side * abs(span)
+    return (_linear, _smooth, _gauss)[min(int(interp), 2)](x, a + side * abs(falloff), a)
+
+
+def _bias(x: float, b: float) -> float:
+    return x ** (math.log(b) / math.log(0.5))
+
+
+def _contrast(x: float, c: float) -> float:
+    return 0.5 * _bias(1.0 - c, 2.0 * x) if x < 0.5 else 1.0 - 0.5 * _bias(1.0 - c, 2.0 - 2.0 * x)
+
+
+def _fit(x: float, a1: float, b1: float, a2: float, b2: float) -> float:
+    return (x * (b2 - a2) - a1 * b2 + b1 * a2) / (b1 - a1)
+
+
+def _saturate(r: float, g: float, b: float, amount: float) -> list[float]:
+    gray = 0.2126 * r + 0.7152 * g + 0.0722 * b
+    return [max(gray * (1.0 - amount) + channel * amount, 0.0) for channel in (r, g, b)]
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "count"),
+    [
+        ("bias", _bias, 2),
+        ("boxstep", _boxstep, 2),
+        ("contrast", _contrast, 2),
+        ("fit", _fit, 5),
+        ("gamma", lambda x, g: x ** (1.0 / g), 2),
+        ("gaussstep", _gauss, 3),
+        ("linearstep", _linear, 3),
+        ("mix", lambda a, b, alpha: a * (1.0 - alpha) + b * alpha, 3),
+        ("remap", lambda x, s, r, f, i: _remap(x, s, r, f, 3.0 * i), 5),
+        ("smoothstep", _smooth, 3),
+    ],
+)
+def test_formulas_are_those_of_seexpr(name: str, wanted: Callable[..., float], count: int) -> None:
+    rng = np.random.default_rng(4)
+    arguments = rng.uniform(0.01, 0.99, (count, 500))
+    given = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
+    expected = [wanted(*column) for column in arguments.T]
+    # Where a difference of arguments divides, its rounding counts as much as its value is small: fit, at worst 1000.
+    np.testing.assert_allclose(FUNCTIONS[name].evaluate(*given), expected, rtol=_RTOL, atol=1e-11)
+
+
+def test_saturate_is_that_of_seexpr() -> None:
+    given = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
+    got = np.stack(shaping.saturate(tuple(given[:3]), given[3]), axis=-1)
+    np.testing.assert_allclose(got, [_saturate(*column) for column in given.T], rtol=_RTOL, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "value"),
+    [
+        ("/", (1.0, 0.0), 0.0),
+        ("%", (3.5, 0.0), 0.0),
+        ("%", (-1.0, 3.0), 2.0),
+        ("^", (0.0, 0.0), 1.0),
+        ("^", (0.0, -1.0), 0.0),
+        ("^", (-8.0, 3.0), -512.0),
+        ("^", (-8.0, -2.0), 1.0 / 64.0),
+        ("^", (-8.0, 0.5), 0.0),
+        ("sqrt", (-1.0,), 0.0),
+        ("log", (0.0,), math.log(1e-18)),
+        ("log", (-5.0,), math.log(1e-18)),
+        ("fit", (0.3, 1.0, 1.0, 4.0, 5.0), 4.0),
+        ("linearstep", (1.0, 1.0, 1.0), 1.0),
+        ("smoothstep", (0.9, 1.0, 1.0), 0.0),
+        ("gaussstep", (1.0, 1.0, 2.0), 0.0),
+        ("remap", (0.5, 0.5, 0.0, 0.0, 0.0), 0.0),
+        ("contrast", (1.5, 0.7), 1.0),
+        ("contrast", (-0.5, 0.7), 0.0),
+        ("gamma", (-0.5, 2.2), 0.0),
+        ("round", (-2.5,), -3.0),
+        ("round", (2.5,), 3.0),
+        ("trunc", (-2.5,), -2.0),
+        ("ceil", (-2.5,), -2.0),
+        ("fract", (-0.25,), 0.75),
+    ],
+)
+def test_what_is_undefined_elsewhere_has_a_value(name: str, arguments: tuple[float, ...], value: float) -> None:
+    function = FUNCTIONS.get(name) or OPERATORS[name]
+    assert function.evaluate(*(np.array(argument) for argument in arguments)) == pytest.approx(value, rel=_RTOL)
+
+
+def test_whole_numbers_wrap_exactly_in_float32() -> None:
+    # The largest that a hash makes is of 289, the lattice point beyond 288; coordinates can be negative.
+    largest = (34 * 289 + 10) * 289
+    numbers = np.arange(-largest, largest + 1)
+    for period in (289, 12):
+        wrapped = shaping._wrapped(numbers.astype(np.float32), float(period))
+        assert wrapped.dtype == np.float32
+        np.testing.assert_array_equal(wrapped, numbers % period)
+
+
+def test_every_lattice_point_of_a_line_has_a_hash_of_its_own() -> None:
+    i = np.arange(289.0)
+    for hashed in (shaping._hash(i, 5.0, 7.0), shaping._hash(5.0, i, 7.0), shaping._hash(5.0, 7.0, i)):
+        np.testing.assert_array_equal(np.sort(hashed), i)
+
+
+def _places(count: int, scale: float = 100.0) -> Any:
+    return np.random.default_rng(6).uniform(-scale, scale, (3, count))
+
+
+def test_noise_covers_its_range_evenly_around_the_middle() -> None:
+    count = 100_000
+    for dimensions in (1, 2, 3):
+        values = shaping.noise(*_places(count)[:dimensions])
+        deviation = values.std()
+        assert 0.08 < deviation < 0.2
+        # Six standard errors, were the values independent.
+        assert abs(values.mean() - 0.5) < 6.0 * deviation / math.sqrt(count)
+        # Along a line of one dimension, half a unit from two lattice points, it cannot go beyond a quarter.
+        assert 0.0 <= values.min() < 0.26
+        assert 0.74 < values.max() <= 1.0
+
+
+def test_noise_of_fewer_coordinates_is_a_slice() -> None:
+    x, y, _ = _places(100)
+    np.testing.assert_array_equal(shaping.noise(x), shaping.noise(x, 0.0, 0.0))
+    np.testing.assert_array_equal(shaping.noise(x, y), shaping.noise(x, y, 0.0))
+
+
+def test_noise_is_smooth_across_the_lattice_and_periodic() -> None:
+    whole = np.floor(_places(500))
+    np.testing.assert_array_equal(shaping.noise(*whole), 0.5)
+    x, y, z = _places(500)
+    step = 1e-4
+    for function in (lambda s: shaping.noise(np.floor(x) + s, y, z), lambda s: shaping.noise(x, y, np.floor(z) + s)):
+        below, at, above = function(-step), function(0.0), function(step)
+        # The slope is below 2; the second derivative vanishes on the lattice from both sides, up to the step itself.
+        assert np.abs(at - below).max() < 2.0 * step
+        assert np.abs(above - 2.0 * at + below).max() < 100.0 * step**3 + 1e-15
+    np.testing.assert_allclose(shaping.noise(x + 289.0, y - 289.0, z), shaping.noise(x, y, z), atol=1e-12)
+
+
+def test_noise_looks_alike_along_every_axis() -> None:
+    shift = 0.5
+    places = _places(50_000)
+    centered = shaping.noise(*places) - 0.5
+    shifted = [shaping.noise(*(places + shift * axis[:, np.newaxis])) - 0.5 for axis in np.eye(3)]
+    correlations = [np.mean(centered * other) / centered.var() for other in shifted]
+    # A standard error of 1 / sqrt(count) each; six of them.
+    assert np.ptp(correlations) < 6.0 / math.sqrt(50_000)
+
+
+def test_cellnoise_is_flat_in_a_cell_and_even_over_many() -> None:
+    x, y, z = _places(50_000)
+    values = shaping.cellnoise(x, y, z)
+    np.testing.assert_array_equal(values, shaping.cellnoise(np.floor(x), np.floor(y) + 0.75, z))
+    counts = np.histogram(values, bins=17, range=(0.0, 1.0))[0]
+    # 289 values in 17 bins: every bin 1/17, with six standard deviations.
+    expected = 50_000 / 17
+    assert np.abs(counts - expected).max() < 6.0 * math.sqrt(expected)

@@ -5,6 +5,7 @@ Normals are those that a file means, in the world, whatever way the UVs run.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,136 +80,110 @@ def image(tmp_path: Path) -> Path:
     return tmp_path / "image.png"
 
 
-def directions(rng):
+def assert_is(points: Points, layers: Sequence[Layer], expected: Callable[[int], Sequence[Layer]]) -> None:
+    """Check layers at points against `expected`: those of constants only, at a point."""
+    rng = np.random.default_rng(3)
+    bsdf = look_bsdf(Look("look", tuple(layers)), points)
     wo, wi = rng.normal(size=(2, COUNT, 3))
     wo[:, 2] = np.abs(wo[:, 2])
-    return tuple(w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (wo, wi))
-
-
-def assert_is(look, points, expected):
-    """Check a look against `expected(i)`: the layers, constants only, at the point i."""
-    rng = np.random.default_rng(3)
-    bsdf = look_bsdf(look, points)
-    wo, wi = directions(rng)
+    wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (wo, wi))
     u = rng.uniform(size=(COUNT, 2))
     f, density, drawn = evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi), sample(bsdf, wo, u)
     presence = np.broadcast_to(bsdf.presence, COUNT)
     for i in range(COUNT):
-        stack = [
-            StackLayer(each.model, complete_parameters(each.model, each.inputs), each.mask, each.mode)
-            for each in expected(i)
-        ]
-        one = stack_bsdf(stack)
+        one = stack_bsdf(
+            [
+                StackLayer(layer.model, complete_parameters(layer.model, layer.inputs), layer.mask, layer.mode)
+                for layer in expected(i)
+            ]
+        )
         np.testing.assert_allclose(f[i], evaluate(one, wo[i], wi[i]), rtol=1e-12)
         np.testing.assert_allclose(density[i], pdf(one, wo[i], wi[i]), rtol=1e-12)
         np.testing.assert_allclose(drawn[i], sample(one, wo[i], u[i]), rtol=1e-9, atol=1e-12)
         assert presence[i] == pytest.approx(one.presence)
 
 
-def clipped(value, low=0.0, high=1.0):
-    value = np.clip(value, low, high)
+def clipped(value: Any, most: float = 1.0) -> Any:
+    value = np.clip(value, 0.0, most)
     return float(value) if value.ndim == 0 else tuple(value)
 
 
-@pytest.mark.parametrize("model", ["disney", "pixar"])
-def test_textures_and_primvars_are_constants_at_each_point(model, points, image):
-    color, rough = {"disney": ("baseColor", "roughness"), "pixar": ("surfaceColor", "roughness")}[model]
+@pytest.mark.parametrize(("model", "color"), [("disney", "baseColor"), ("pixar", "surfaceColor")])
+def test_textures_and_primvars_are_constants_at_each_point(model: str, color: str, points: Points, image: Path) -> None:
     paint = Texture(image, "rgb", "sRGB", wrap_s="mirror", scale=(1.5,) * 4, bias=(-0.1,) * 4)
     grain = Texture(image, "g", "raw", transform=(2.0, 0.5, 0.1, 0.0, 1.0, 0.3))
-    gray = Texture(image, "r", "raw")
-    look = Look(
-        "look",
-        (
-            Layer("Base", model, {color: paint, rough: grain, "metallic": Primvar("wear", 0.0)}),
-            Layer("Coat", model, {color: gray, "metallic": 0.5}, Primvar("wear", 0.5)),
-        ),
-    )
-    st = points.st
+    gray, wear, st = Texture(image, "r", "raw"), Primvar("wear", 0.5), points.st
 
-    def expected(i):
-        base = {color: clipped(sample_texture(paint, st[i])), rough: clipped(sample_texture(grain, st[i]))}
-        coat = {color: (clipped(sample_texture(gray, st[i])),) * 3, "metallic": 0.5}
-        wear = clipped(points.wear[i])
-        return Layer("Base", model, base | {"metallic": wear}), Layer("Coat", model, coat, wear)
+    def layers(paint: Any, grain: Any, gray: Any, wear: Any) -> tuple[Layer, Layer]:
+        base = Layer("Base", model, {color: paint, "roughness": grain, "metallic": wear})
+        return base, Layer("Coat", model, {color: gray, "metallic": 0.5}, wear)
 
-    assert_is(look, points, expected)
+    def expected(i: int) -> Sequence[Layer]:
+        here, rough, shade = (clipped(sample_texture(image, st[i])) for image in (paint, grain, gray))
+        return layers(here, rough, (shade,) * 3, clipped(points.wear[i]))
+
+    assert_is(points, layers(paint, grain, gray, wear), expected)
 
 
-def test_what_follows_a_varying_parameter_varies_with_it(points):
+def test_what_follows_a_varying_parameter_varies_with_it(points: Points) -> None:
     inputs = {"clear": 0.7, "roughness": 0.2, "specularConeScale": Primvar("wear", 0.5)}
-    look = Look("look", (Layer("Base", "pixar", inputs),))
 
-    def expected(i):
-        scale = float(np.clip(points.wear[i], 0.0, 2.0))
-        given = {"specularConeScale": scale, "specularTransmissionConeScale": scale}
-        return (Layer("Base", "pixar", inputs | given),)
+    def expected(i: int) -> Sequence[Layer]:
+        scales = dict.fromkeys(("specularConeScale", "specularTransmissionConeScale"), clipped(points.wear[i], 2.0))
+        return [Layer("Base", "pixar", inputs | scales)]
 
-    assert_is(look, points, expected)
+    assert_is(points, [Layer("Base", "pixar", inputs)], expected)
 
 
-def test_formulas_read_textures_primvars_and_coordinates(points, image):
+def test_formulas_read_textures_primvars_and_coordinates(points: Points, image: Path) -> None:
     dirt = Texture(image, "r", "raw")
     inputs = {"t": dirt, "p": Primvar("paint", (0.0, 0.0, 0.0)), "c": Coordinates("st", (2.0, 1.0, 0.5, 0.0, 3.0, 0.0))}
     kinds = {"t": "float", "p": "color", "c": "color"}
     mask = Formula(parse("t * p[1] + 0.1 * c[0] + 0.05 * c[1]"), inputs, kinds)
-    tint = Formula(parse("p * t"), inputs, kinds)
-    look = Look(
-        "look", (Layer("A", "pixar", {"surfaceColor": tint, "back": 0.3}), Layer("B", "disney", {"sheen": 1.0}, mask))
-    )
 
-    def expected(i):
+    def layers(tint: Any, mask: Any) -> list[Layer]:
+        return [Layer("A", "pixar", {"surfaceColor": tint, "back": 0.3}), Layer("B", "disney", {"sheen": 1.0}, mask)]
+
+    def expected(i: int) -> Sequence[Layer]:
         s, t = points.st[i]
-        dirt_here, paint = sample_texture(dirt, points.st[i]), points.paint[i]
-        covered = clipped(dirt_here * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
-        base = Layer("A", "pixar", {"surfaceColor": clipped(paint * dirt_here), "back": 0.3})
-        return base, Layer("B", "disney", {"sheen": 1.0}, covered)
+        here, paint = sample_texture(dirt, points.st[i]), points.paint[i]
+        covered = clipped(here * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
+        return layers(clipped(paint * here), covered)
 
-    assert_is(look, points, expected)
+    assert_is(points, layers(Formula(parse("p * t"), inputs, kinds), mask), expected)
 
 
 @pytest.mark.parametrize("kind", ["constant", "map", "bump"])
-def test_normals_lean_along_the_uvs(kind, points, image):
+def test_normals_lean_along_the_uvs(kind: str, points: Points, image: Path) -> None:
     height = Texture(image, "g", "raw", transform=(1.0, 0.5, 0.0, -0.5, 1.0, 0.0))
     normal_map = Texture(image, "rgb", "raw", scale=(2.0,) * 4, bias=(-1.0, -1.0, 0.2, 0.0))
     source = {"constant": (0.3, -0.4, 0.8), "map": normal_map, "bump": Bump(height, 0.05)}[kind]
-    look = Look("look", (Layer("Layer", "pixar", {"highlightNormal": source, "metallic": 0.5, "clear": 0.5}),))
 
-    def expected(i):
+    def layers(normal: Any) -> list[Layer]:
+        return [Layer("Layer", "pixar", {"highlightNormal": normal, "metallic": 0.5, "clear": 0.5})]
+
+    def expected(i: int) -> Sequence[Layer]:
         if kind == "bump":
-            along = 0.05 * sample_slopes(height, points.st[i])
-            normal = np.array([-along[0], -along[1], 1.0])
+            x, y, z = *(-0.05 * sample_slopes(height, points.st[i])), 1.0
         else:
-            normal = np.clip(sample_texture(normal_map, points.st[i]), -1.0, 1.0) if kind == "map" else source
-        x, y, z = normal
+            x, y, z = np.clip(sample_texture(normal_map, points.st[i]), -1.0, 1.0) if kind == "map" else source
         # Of a unit vector's direction only: constants may not be longer than their range.
         length = max(1.0, abs(x), abs(y))
-        leaning = (x / length, y * points.hands[i] / length, z / length)
-        return (Layer("Layer", "pixar", {"highlightNormal": leaning, "metallic": 0.5, "clear": 0.5}),)
+        return layers((x / length, y * points.hands[i] / length, z / length))
 
-    assert_is(look, points, expected)
-
-
-def test_transmitting_layers_and_varying_presence(points, image):
-    holes = Texture(image, "b", "raw")
-    look = Look(
-        "look",
-        (
-            Layer("A", "pixar", {"back": 0.4, "presence": holes}),
-            Layer("B", "pixar", {"clear": 0.7, "presence": 0.8}, 0.6, "transmit"),
-        ),
-    )
-
-    def expected(i):
-        here = clipped(sample_texture(holes, points.st[i]))
-        return (
-            Layer("A", "pixar", {"back": 0.4, "presence": here}),
-            Layer("B", "pixar", {"clear": 0.7, "presence": 0.8}, 0.6, "transmit"),
-        )
-
-    assert_is(look, points, expected)
+    assert_is(points, layers(source), expected)
 
 
-def test_a_constant_outside_its_range_is_refused(points):
+def test_transmitting_layers_and_varying_presence(points: Points, image: Path) -> None:
+    holes, clear = Texture(image, "b", "raw"), Layer("B", "pixar", {"clear": 0.7, "presence": 0.8}, 0.6, "transmit")
+
+    def layers(presence: Any) -> list[Layer]:
+        return [Layer("A", "pixar", {"back": 0.4, "presence": presence}), clear]
+
+    assert_is(points, layers(holes), lambda i: layers(clipped(sample_texture(holes, points.st[i]))))
+
+
+def test_a_constant_outside_its_range_is_refused(points: Points) -> None:
     with pytest.raises(ModelError, match=r"disney\.roughness is 2"):
         look_bsdf(Look("look", (Layer("Layer", "disney", {"roughness": 2.0}),)), points)
 
@@ -218,18 +193,10 @@ def of_view(text: str, **inputs: Any) -> Formula:
     return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **kinds})
 
 
-LOOK = Look(
-    "look",
-    (
-        Layer("Paint", "disney", {"baseColor": of_view("mix([.8, .1, .05], [.05, .2, .8], view)"), "metallic": 0.5}),
-        Layer(
-            "Leaf",
-            "pixar",
-            {"roughness": of_view("0.3 + 0.3 * view"), "back": of_view("1 - view"), "clear": of_view("view")},
-            of_view("smoothstep(1 - view, 0.1, 0.9)"),
-        ),
-    ),
-)
+PAINT = {"baseColor": of_view("mix([.8, .1, .05], [.05, .2, .8], view)"), "metallic": 0.5}
+LEAF = {"roughness": of_view("0.3 + 0.3 * view"), "back": of_view("1 - view"), "clear": of_view("view")}
+COVER = of_view("smoothstep(1 - view, 0.1, 0.9)")
+LOOK = Look("look", (Layer("Paint", "disney", PAINT), Layer("Leaf", "pixar", LEAF, COVER)))
 VIEWS = (1.0, 0.7, 0.3, 0.05)
 SAMPLES = 2**16
 
@@ -288,29 +255,21 @@ def test_the_albedo_of_a_view_is_that_of_the_model_with_its_numbers() -> None:
 
 def test_a_look_at_a_point_keeps_its_dependence_on_the_view() -> None:
     inner = of_view("view * wear", wear=Primvar("wear", 0.5))
-    layer = Layer(
-        "Base",
-        "disney",
-        {
-            "roughness": of_view("a * c[0]", a=inner, c=Coordinates("st")),
-            "metallic": Primvar("wear", 0.5),
-            "baseColor": of_view("c * [view, 1, 1]", c=(0.3, 0.6, 0.9)),
-        },
-        of_view("view"),
-    )
-    looks = constant_looks(Look("look", (Layer("Under", "disney"), layer)), 3, np.random.default_rng(3))
+    inputs = {
+        "roughness": of_view("a * c[0]", a=inner, c=Coordinates("st")),
+        "metallic": Primvar("wear", 0.5),
+        "baseColor": of_view("c * [view, 1, 1]", c=(0.3, 0.6, 0.9)),
+    }
+    under, wo, wi = Layer("Under", "disney"), direction(0.6), np.array([-0.5, 0.2, np.sqrt(0.71)])
+    varying = Look("look", (under, Layer("Base", "disney", inputs, of_view("view"))))
+    looks = constant_looks(varying, 3, np.random.default_rng(3))
     assert len(looks) == 3
     for look in looks:
-        inputs = look.layers[1].inputs
-        metal, rough = inputs["metallic"], inputs["roughness"]
-        assert isinstance(metal, float)
-        coordinate = rough.inputs["c"]
-        assert isinstance(coordinate, tuple)
-        bsdf, wo = look_bsdf(look, seen_at(0.6)), direction(0.6)
-        values = {"roughness": 0.6 * metal * coordinate[0], "metallic": metal, "baseColor": (0.18, 0.6, 0.9)}
-        plain = Look("plain", (Layer("Under", "disney"), Layer("Base", "disney", values, 0.6)))
-        wi = np.array([-0.5, 0.2, np.sqrt(0.71)])
-        np.testing.assert_allclose(evaluate(bsdf, wo, wi), evaluate(look_bsdf(plain, seen_at(1.0)), wo, wi), rtol=1e-12)
+        metal, rough = (look.layers[1].inputs[name] for name in ("metallic", "roughness"))
+        values = {"roughness": 0.6 * metal * rough.inputs["c"][0], "metallic": metal, "baseColor": (0.18, 0.6, 0.9)}
+        plain = look_bsdf(Look("plain", (under, Layer("Base", "disney", values, 0.6))), seen_at(1.0))
+        found = evaluate(look_bsdf(look, seen_at(0.6)), wo, wi)
+        np.testing.assert_allclose(found, evaluate(plain, wo, wi), rtol=1e-12)
     assert len(constant_looks(LOOK, 3, np.random.default_rng(3))) == 1
 
 
