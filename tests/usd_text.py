@@ -1,4 +1,4 @@
-"""Text of small USD files: materials of Disney's model, plain or with an image, and cards."""
+"""Text of small USD and MaterialX files: materials of Disney's model, plain or with an image, variants, and cards."""
 
 from __future__ import annotations
 
@@ -52,3 +52,31 @@ def card(name: str, *lines: str) -> str:
             "}\n",
         )
     )
+
+
+def variant_set(name: str, **variants: str) -> str:
+    """Return a set of variants, each with its lines."""
+    bodies = "".join(f'"{variant}" {{\n{lines}\n}}\n' for variant, lines in variants.items())
+    return f'variantSet "{name}" = {{\n{bodies}}}\n'
+
+
+def translate(x: float, y: float, z: float) -> str:
+    """Return the lines of a prim that is moved."""
+    return f'double3 xformOp:translate = ({x}, {y}, {z})\nuniform token[] xformOpOrder = ["xformOp:translate"]\n'
+
+
+def mtlx(image_file: str, space: str = "lin_rec709") -> str:
+    """Return a document of the material Paint, a standard surface whose colour is an image."""
+    return f"""<?xml version="1.0"?>
+<materialx version="1.38">
+  <image name="color" type="color3">
+    <input name="file" type="filename" value="{image_file}" colorspace="{space}"/>
+  </image>
+  <standard_surface name="shader" type="surfaceshader">
+    <input name="base_color" type="color3" nodename="color"/>
+  </standard_surface>
+  <surfacematerial name="Paint" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="shader"/>
+  </surfacematerial>
+</materialx>
+"""

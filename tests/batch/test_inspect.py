@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import card, shader
+from usd_text import card, shader, translate, variant_set
 
 from lookdev.batch.inspect import MOST_LINES, Inspection, inspect_file
 from lookdev.batch.portrait import group_names
@@ -28,16 +28,7 @@ def Xform "Robot" (
     prepend variantSets = "size"
 )
 {
-    variantSet "size" = {
-        "small" {
-            double3 xformOp:scale = (1, 1, 1)
-            uniform token[] xformOpOrder = ["xformOp:scale"]
-        }
-        "large" {
-            double3 xformOp:scale = (2, 2, 2)
-            uniform token[] xformOpOrder = ["xformOp:scale"]
-        }
-    }
+    SIZES
     def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])
     {
         point3f[] points = [(0, 0, 0), (100, 0, 0), (100, 100, 0), (0, 100, 50)]
@@ -76,9 +67,11 @@ def Xform "Robot" (
         }
     }
 }
-""".replace(
-    "LAMP", shader("Shader", "UsdPreviewSurface", "color3f inputs:emissiveColor = (1, 1, 1)", "token outputs:surface")
-)
+"""
+SCALED = 'double3 xformOp:scale = ({0}, {0}, {0})\nuniform token[] xformOpOrder = ["xformOp:scale"]'
+LAMP = shader("Shader", "UsdPreviewSurface", "color3f inputs:emissiveColor = (1, 1, 1)", "token outputs:surface")
+ROBOT = ROBOT.replace("LAMP", LAMP)
+ROBOT = ROBOT.replace("SIZES", variant_set("size", small=SCALED.format(1), large=SCALED.format(2)))
 
 
 @pytest.fixture
@@ -140,11 +133,10 @@ def test_a_part_has_the_path_of_each_prim_that_shows_it(tmp_path: Path) -> None:
     file = tmp_path / "wheels.usda"
     wheel = """def "{}" ( instanceable = true
         inherits = </Wheel> ) {{
-        double3 xformOp:translate = ({}, 0, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
+        {}
     }}
     """
-    wheels = wheel.format("Left", 0) + wheel.format("Right", 200)
+    wheels = wheel.format("Left", translate(0, 0, 0)) + wheel.format("Right", translate(200, 0, 0))
     file.write_text(f'#usda 1.0\nclass Xform "Wheel"\n{{\n{card("Lid")}\n}}\n{wheels}')
     (part,) = inspected(file).parts
     assert (part.path, part.instances, part.paths) == ("/Left/Lid", 2, ("/Left/Lid", "/Right/Lid"))

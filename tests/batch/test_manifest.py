@@ -11,6 +11,7 @@ import batch_case as case
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from usd_text import mtlx
 
 from lookdev.batch.manifest import input_files, record_run, verify
 from lookdev.cache import file_digest
@@ -128,25 +129,12 @@ def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> N
         case.run(tmp_path, only=["gold/city/lighting.9"])
 
 
-DOCUMENT = """<?xml version="1.0"?>
-<materialx version="1.38">
-  <image name="color" type="color3"><input name="file" type="filename" value="maps/color.&lt;UDIM&gt;.png"/></image>
-  <standard_surface name="shader" type="surfaceshader">
-    <input name="base_color" type="color3" nodename="color"/>
-  </standard_surface>
-  <surfacematerial name="Paint" type="material">
-    <input name="surfaceshader" type="surfaceshader" nodename="shader"/>
-  </surfacematerial>
-</materialx>
-"""
-
-
 @pytest.mark.parametrize("through", ["x.mtlx", "look.usda"])
 def test_what_a_materialx_document_reads_is_an_input(through: str, tmp_path: Path) -> None:
     (tmp_path / "maps").mkdir()
     for tile in (1001, 1002):
         oiio.ImageBuf(np.full((2, 2, 3), 0.5, np.float32)).write(str(tmp_path / "maps" / f"color.{tile}.png"))
-    (tmp_path / "x.mtlx").write_text(DOCUMENT)
+    (tmp_path / "x.mtlx").write_text(mtlx("maps/color.&lt;UDIM&gt;.png"))
     (tmp_path / "look.usda").write_text('#usda 1.0\ndef "M" (references = @x.mtlx@</MaterialX/Materials/Paint>) {}\n')
     text = case.JOB.replace("gold.usda", through) + case.TURNTABLES + case.RENDER
     job = parse_job(text, tmp_path / "job.toml")

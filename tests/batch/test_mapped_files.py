@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import textured
+from usd_text import mtlx, textured
 
 from lookdev.batch.manifest import input_files
 from lookdev.batch.prepare import plan_job
@@ -24,19 +24,6 @@ def "Car" ( references = @FOLDER/parts/body.usda@ ) {}
 BODY = '#usda 1.0\n( defaultPrim = "Body" )\ndef Sphere "Body" {}\n'
 LOOK = "#usda 1.0\n( subLayers = [@FOLDER/parts/base.usda@] )\n"
 BASE = '#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look", file="FOLDER/parts/color.png", space="sRGB")
-DOCUMENT = """<?xml version="1.0"?>
-<materialx version="1.38" colorspace="lin_rec709">
-  <image name="paint" type="color3">
-    <input name="file" type="filename" value="FOLDER/parts/color.png" colorspace="srgb_texture"/>
-  </image>
-  <open_pbr_surface name="surface" type="surfaceshader">
-    <input name="base_color" type="color3" nodename="paint"/>
-  </open_pbr_surface>
-  <surfacematerial name="Metal" type="material">
-    <input name="surfaceshader" type="surfaceshader" nodename="surface"/>
-  </surfacematerial>
-</materialx>
-"""
 JOB = """
 output = "out"
 asset = { usd = "FOLDER/car.usda" }
@@ -50,7 +37,7 @@ FILES = {
     "parts/body.usda": BODY,
     "look.usda": LOOK,
     "parts/base.usda": BASE,
-    "metal.mtlx": DOCUMENT,
+    "metal.mtlx": mtlx("FOLDER/parts/color.png", "srgb_texture"),
     "job.toml": JOB,
 }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import card, material, textured
+from usd_text import card, material, textured, variant_set
 
 from lookdev.batch.prepare import plan_job, prepare_job
 from lookdev.codegen import NodeSource, ShaderSource, Source
@@ -209,42 +209,36 @@ def test_lights_that_a_backend_cannot_show_are_faults_with_their_prims(job: Path
 
 
 # A set of two; another of two, where one variant brings a set of its own.
-VARIED = """#usda 1.0
+BASE = (
+    "float inputs:roughness.connect = </Paint.inputs:roughness>",
+    "float inputs:specular.connect = </Paint.inputs:specular>",
+    "float inputs:sheen.connect = </Paint.inputs:sheen>",
+)
+DIRT = variant_set("dirt", dry="float inputs:sheen = 0.3", wet="float inputs:sheen = 0.4")
+WORN = f""" (
+    prepend variantSets = "dirt"
+    variants = {{ string dirt = "dry" }}
+) {{
+    float inputs:specular = 0.1
+    {DIRT}
+}}
+"""
+VARIED = f"""#usda 1.0
 def Material "Paint" (
     prepend variantSets = ["wear", "gloss"]
-    variants = { string wear = "new"; string gloss = "matt" }
+    variants = {{ string wear = "new"; string gloss = "matt" }}
 )
-{
+{{
     float inputs:roughness
     float inputs:specular
     float inputs:sheen = 0
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        float inputs:roughness.connect = </Paint.inputs:roughness>
-        float inputs:specular.connect = </Paint.inputs:specular>
-        float inputs:sheen.connect = </Paint.inputs:sheen>
-        token outputs:layer
-    }
-    variantSet "wear" = {
-        "worn" (
-            prepend variantSets = "dirt"
-            variants = { string dirt = "dry" }
-        ) {
-            float inputs:specular = 0.1;
-            variantSet "dirt" = {
-                "dry" { float inputs:sheen = 0.3; }
-                "wet" { float inputs:sheen = 0.4; }
-            }
-        }
-        "new" { float inputs:specular = 0.2; }
-    }
-    variantSet "gloss" = {
-        "matt" { float inputs:roughness = 0.75; }
-        "bright" { float inputs:roughness = 0.25; }
-    }
-}
+    {material("Paint", *BASE).partition("{")[2].rstrip().removesuffix("}")}
+    variantSet "wear" = {{
+        "worn" {WORN}
+        "new" {{ float inputs:specular = 0.2; }}
+    }}
+    {variant_set("gloss", matt="float inputs:roughness = 0.75", bright="float inputs:roughness = 0.25")}
+}}
 """
 
 

@@ -54,10 +54,10 @@ def same(a: Mesh, b: Mesh) -> bool:
 
 @pytest.mark.parametrize("level", ["auto", 1])
 def test_the_next_run_reads_what_was_refined(level, cages, calls) -> None:
-    first, notes = Refinery(level, 400).refined(cages, CAMERA)
+    first, notes = Refinery(level, 64).refined(cages, CAMERA)
     assert "refine_all" in calls
     calls.clear()
-    second, again = Refinery(level, 400).refined(cages, CAMERA)
+    second, again = Refinery(level, 64).refined(cages, CAMERA)
     assert calls == []
     assert again == notes
     assert same(first.meshes[0], second.meshes[0])
@@ -68,20 +68,20 @@ def test_the_next_run_reads_what_was_refined(level, cages, calls) -> None:
 
 @pytest.mark.parametrize("other", ["camera", "width", "cage", "detailed"])
 def test_what_differs_is_made_anew(other, cages, calls) -> None:
-    Refinery("auto", 400).refined(cages, CAMERA)
+    Refinery("auto", 64).refined(cages, CAMERA)
     calls.clear()
     if other == "cage":
         mesh = replace(cages.meshes[0], subdivision=Subdivision("bilinear"))
         cages = make_asset("a", [mesh], cages.instances, cages.slots)
     camera = replace(CAMERA, distance=9.0) if other == "camera" else CAMERA
-    Refinery("auto", 500 if other == "width" else 400).refined(cages, camera, (0,) if other == "detailed" else ())
+    Refinery("auto", 80 if other == "width" else 64).refined(cages, camera, (0,) if other == "detailed" else ())
     assert "refinement_levels" in calls
 
 
 @pytest.mark.parametrize("folder", ["refined", "content"])
 @pytest.mark.parametrize("harm", ["cut off", "one number", "not text"])
 def test_a_damaged_file_is_made_again_with_a_note(folder, harm, cages, calls, tmp_path) -> None:
-    first, notes = Refinery("auto", 400).refined(cages, CAMERA)
+    first, notes = Refinery("auto", 64).refined(cages, CAMERA)
     files = list((tmp_path / folder).iterdir())
     for file in files:
         content = file.read_bytes()
@@ -93,19 +93,19 @@ def test_a_damaged_file_is_made_again_with_a_note(folder, harm, cages, calls, tm
             middle = content.index(b": [") + 3 if b"levels" in content else len(content) // 2
             file.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
     calls.clear()
-    again, more = Refinery("auto", 400).refined(cages, CAMERA)
+    again, more = Refinery("auto", 64).refined(cages, CAMERA)
     assert "refine_all" in calls
     assert again.digest == first.digest
     assert same(again.meshes[0], first.meshes[0])
     assert more == notes
     assert set(take_notes()) == {f"{file}: was damaged, and is made again" for file in files}
     calls.clear()
-    assert Refinery("auto", 400).refined(cages, CAMERA)[1] == notes
+    assert Refinery("auto", 64).refined(cages, CAMERA)[1] == notes
     assert calls == []
     # A file that is missing is not damaged.
     for file in (tmp_path / "content").iterdir():
         file.unlink()
-    assert Refinery("auto", 400).refined(cages, CAMERA)[1] == notes
+    assert Refinery("auto", 64).refined(cages, CAMERA)[1] == notes
     assert calls == ["refine_all"]
     assert take_notes() == ()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, material
+from usd_text import METRES, material, variant_set
 
 from lookdev.batch.prepare import prepare_job
 from lookdev.errors import FaultsError, JobError
@@ -18,7 +18,7 @@ from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.placed import PlacedLight
 
 LOOK = "#usda 1.0\n" + material()
-SCALED = 'over "Body"\n{{\n    float3 xformOp:scale = ({0}, {0}, {0})\n}}\n'
+SCALED = 'over "Body" {{\nfloat3 xformOp:scale = ({0}, {0}, {0})\n}}'
 ASSET = f"""{METRES}
 def Xform "Car" ( prepend variantSets = "size"
                   variants = {{ string size = "small" }} )
@@ -32,14 +32,7 @@ def Xform "Car" ( prepend variantSets = "size"
         float3 xformOp:translate = (10, 0, 0)
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
     }}
-    variantSet "size" = {{
-        "small" {{
-            {SCALED.format(1)}
-        }}
-        "large" {{
-            {SCALED.format(2)}
-        }}
-    }}
+    {variant_set("size", small=SCALED.format(1), large=SCALED.format(2))}
 }}
 """
 RIG = """#usda 1.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import METRES, image, material, shader, textured
+from usd_text import METRES, image, material, shader, textured, variant_set
 
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job, scenes, schema
@@ -28,6 +28,7 @@ SQUARE = """
 """
 UVS = 'texCoord2f[] primvars:{name} = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)] ( interpolation = "vertex" )\n'
 ROUGH = "float inputs:roughness = {}"
+FINISHES = {"matt": ROUGH.format(0.5), "gloss": ROUGH.format(0.125)}
 ASSET = f"""{METRES}
 def Xform "Car" (
     prepend apiSchemas = ["CollectionAPI:trim", "CollectionAPI:empty"]
@@ -66,14 +67,7 @@ def Xform "Car" (
     }}
     {material("Paint", "float inputs:roughness", scope="/Car")}
     {material("Rubber", ROUGH.format(0.75), scope="/Car")}
-    variantSet "finish" = {{
-        "matt" {{
-            {overridden("Paint", ROUGH.format(0.5))}
-        }}
-        "gloss" {{
-            {overridden("Paint", ROUGH.format(0.125))}
-        }}
-    }}
+    {variant_set("finish", **{name: overridden("Paint", line) for name, line in FINISHES.items()})}
 }}
 class Xform "Wheel"
 {{
@@ -212,12 +206,10 @@ def test_a_mesh_is_split_where_looks_of_its_instances_differ_and_looks_share_wha
 def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) -> None:
     tin = material("Tin", "float inputs:roughness")
     tin = tin.replace('"Tin"', '"Tin" (\n prepend variantSets = "wear"\n variants = { string wear = "new" }\n)')
-    variants = "".join(
-        f'"{name}" {{\nover "Base" {{\n{ROUGH.format(value)}\n}}\n}}\n'
-        for name, value in {"worn": 0.875, "new": 0.3125}.items()
-    )
+    roughness = {"worn": 0.875, "new": 0.3125}
+    sets = variant_set("wear", **{k: f'over "Base" {{\n{ROUGH.format(v)}\n}}' for k, v in roughness.items()})
     gold = folder / "gold.usda"
-    gold.write_text(f'{gold.read_text()}{tin.rstrip().removesuffix("}")}variantSet "wear" = {{\n{variants}}}\n}}\n')
+    gold.write_text(f"{gold.read_text()}{tin.rstrip().removesuffix('}')}{sets}}}\n")
     tin = assign("gold.usda", "/Car") + 'prim = "/Tin"\n'
     assert set(worn(make(tin)).values()) == {0.3125}
     assert set(worn(make(tin + 'variants = { wear = "worn" }\n')).values()) == {0.875}
