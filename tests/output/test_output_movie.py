@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import http.server
-import json
-import shutil
-import subprocess
-import threading
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from chromium import Page, serve_files
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from lookdev.errors import OutputError
@@ -187,87 +184,41 @@ def test_rates_are_exact(fps: float, rate: Fraction) -> None:
     assert frame_rate(fps) == rate
 
 
-PAGE = """<!doctype html><canvas></canvas><script>
-async function play(name) {
-  const video = document.createElement("video");
-  video.muted = true;
-  document.body.append(video);
-  const on = (event) => new Promise((done, fail) => {
-    video.addEventListener(event, done, {once: true});
-    video.addEventListener("error", () => fail(name + ": " + (video.error && video.error.message)), {once: true});
-  });
-  // `loadeddata` may come before the first picture can be drawn: this waits until it is on the page.
-  const shown = new Promise((done) => video.requestVideoFrameCallback((now, frame) => done(frame.mediaTime)));
-  const loaded = on("loadeddata");
-  video.src = "/" + name;
-  await loaded;
-  const time = await shown;
-  const canvas = document.querySelector("canvas"), ink = canvas.getContext("2d", {willReadFrequently: true});
-  canvas.width = video.videoWidth; canvas.height = video.videoHeight;
-  ink.drawImage(video, 0, 0);
-  const first = Array.from(ink.getImageData(0, 0, canvas.width, canvas.height).data);
-  const ended = on("ended");
-  await video.play();
-  await ended;
-  return {size: [video.videoWidth, video.videoHeight], duration: video.duration, time: time, first: first};
-}
-(async () => {
-  const answer = {};
-  for (const name of NAMES) { try { answer[name] = await play(name); } catch (error) { answer[name] = String(error); } }
-  await fetch("/", {method: "POST", body: JSON.stringify(answer)});
-})();
-</script>"""
+PLAY = """
+const canvas = document.createElement("canvas"), ink = canvas.getContext("2d", {willReadFrequently: true});
+const video = document.createElement("video");
+video.muted = true;
+document.body.append(video);
+const on = (event) => new Promise((done, fail) => {
+  video.addEventListener(event, done, {once: true});
+  video.addEventListener("error", () => fail(video.error && video.error.message), {once: true});
+});
+// `loadeddata` may come before the first picture can be drawn: this waits until it is on the page.
+const shown = new Promise((done) => video.requestVideoFrameCallback((now, frame) => done(frame.mediaTime)));
+const loaded = on("loadeddata");
+video.src = given[0];
+await loaded;
+const time = await shown;
+[canvas.width, canvas.height] = [video.videoWidth, video.videoHeight];
+ink.drawImage(video, 0, 0);
+const first = [...ink.getImageData(0, 0, canvas.width, canvas.height).data], ended = on("ended");
+await video.play();
+await ended;
+return {size: [video.videoWidth, video.videoHeight], duration: video.duration, time, first};
+"""
 
 
-def in_chromium(folder: Path, names: list[str]) -> dict[str, object]:
-    """Play movies of a folder in Chromium from their beginning to their end; return what it reports."""
-    answers: list[dict[str, object]] = []
-    arrived = threading.Event()
-
-    class Handler(http.server.SimpleHTTPRequestHandler):
-        def __init__(self, *arguments: object) -> None:
-            super().__init__(*arguments, directory=str(folder))
-
-        def do_POST(self) -> None:
-            answers.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-            self.send_response(204)
-            self.end_headers()
-            arrived.set()
-
-        def log_message(self, *arguments: object) -> None:
-            pass
-
-    (folder / "page.html").write_text(PAGE.replace("NAMES", json.dumps(names)))
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    browser = subprocess.Popen(
-        [
-            "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-            "--autoplay-policy=no-user-gesture-required", f"--user-data-dir={folder / 'profile'}",
-            f"http://127.0.0.1:{server.server_port}/page.html",
-        ],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        assert arrived.wait(120.0), "Chromium does not answer"
-    finally:
-        browser.kill()
-        browser.wait()
-        server.shutdown()
-        server.server_close()
-    return answers[0]
-
-
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
-def test_chromium_plays_what_the_png_shows(tmp_path: Path) -> None:
+def test_chromium_plays_what_the_png_shows(tmp_path: Path, tab: Any) -> None:
     pictures = turntable()
     write_movie(tmp_path / "a.mp4", pictures, H264, Fraction(24))
     write_movie(tmp_path / "a.webm", pictures, VP9, Fraction(24))
-    answers = in_chromium(tmp_path, ["a.mp4", "a.webm"])
+    (tmp_path / "page.html").write_text("<!doctype html><title>movies</title>")
+    with serve_files(tmp_path) as url:
+        page = Page(tab, f"{url}/page.html", (800, 600), "document.body")
+        answers = {name: page.js(PLAY, name) for name in ("a.mp4", "a.webm")}
     png = to_display(pictures[0][..., :3], "Raw").astype(float)
     inside = away_from_edges(pictures[0][..., 3]) & (pictures[0][..., 3] == 1.0)
     for name, answer in answers.items():
-        assert isinstance(answer, dict), answer
         assert answer["size"] == [96, 64]
         assert answer["time"] == 0.0
         assert answer["duration"] == pytest.approx(COUNT / 24, abs=0.05)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import review_case as case
+from chromium import Page
 
 from lookdev.batch.review import review
 from lookdev.cache import share
@@ -24,33 +25,13 @@ from lookdev.output.review.pixels import read_pixels
 
 pytest.importorskip("selenium", reason="selenium is not installed: pip install -e '.[test]'")
 
-from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="no Chromium with its driver: apt-get install chromium chromium-driver"
-)
-
 LOAD_SECONDS = 2.0
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(CHROMIUM)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    # Without a GPU, WebGL is SwiftShader's.
-    for flag in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader"):
-        options.add_argument(f"--{flag}")
-    options.add_argument("--enable-unsafe-swiftshader")
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(str(DRIVER)))
-    yield driver
-    driver.quit()
+DRAWN = "typeof review === 'object' && review.drawnKeys && document.body.dataset.drawn === review.wanted"
 
 
 @pytest.fixture(scope="module")
@@ -62,22 +43,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return review(new, old, folder / "page")[0]
 
 
-class Shown:
+class Shown(Page):
     """A page in the browser."""
 
-    def __init__(self, browser: webdriver.Chrome, page: Path, state: str = "", size: tuple[int, int] = (1440, 900)):
-        self.driver = browser
-        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size[0] < 600}
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": size[0] < 600})
-        browser.get("about:blank")
-        browser.get_log("browser")
-        browser.get(page.as_uri() + state)
+    def __init__(self, browser: Any, page: Path, state: str = "", size: tuple[int, int] = (1440, 900)) -> None:
         self.folder = page.parent
-        self.drawn()
-
-    def js(self, code: str, *arguments: Any) -> Any:
-        return self.driver.execute_script(code, *arguments)
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": size[0] < 600})
+        super().__init__(browser, page.as_uri() + state, size, DRAWN)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -85,13 +57,7 @@ class Shown:
 
     def drawn(self) -> list[str]:
         """Wait until the canvas shows the state, and return the keys of A and B."""
-
-        def is_drawn(_: object) -> list[str] | None:
-            return self.js(
-                "const at = document.body.dataset.drawn;return at === review.wanted ? review.drawnKeys : null"
-            )
-
-        return list(WebDriverWait(self.driver, 20, 0.02).until(is_drawn))
+        return list(self.js(f"await until(() => {DRAWN}); return review.drawnKeys"))
 
     def canvas(self) -> np.ndarray:
         """Return what the canvas shows, (H, W, 3) uint8."""
@@ -100,9 +66,9 @@ class Shown:
             "const c = document.getElementById('canvas'), gl = c.getContext('webgl2');"
             "const p = new Uint8Array(4 * c.width * c.height);"
             "gl.readPixels(0, 0, c.width, c.height, gl.RGBA, gl.UNSIGNED_BYTE, p);"
-            "return [c.width, c.height, Array.from(p)]"
+            "return [c.width, c.height, btoa(String.fromCharCode(...p))]"
         )
-        return np.array(values, np.uint8).reshape(height, width, 4)[::-1, :, :3]
+        return np.frombuffer(base64.b64decode(values), np.uint8).reshape(height, width, 4)[::-1, :, :3]
 
     def frame(self, side: int = 0) -> Path:
         """Return the EXR that A (0) or B (1) shows."""
@@ -116,10 +82,10 @@ class Shown:
     def press(self, *keys: str) -> None:
         self.js("document.activeElement.blur()")
         for key in keys:
-            ActionChains(self.driver).send_keys(key).perform()
+            ActionChains(self.browser).send_keys(key).perform()
 
     def find(self, css: str) -> Any:
-        return self.driver.find_element(By.CSS_SELECTOR, css)
+        return self.browser.find_element(By.CSS_SELECTOR, css)
 
     def drag(self, kind: str, start: float, end: float, css: str = "#canvas") -> None:
         """Drag across an element, from and to parts of its width."""
@@ -138,17 +104,17 @@ class Shown:
 
     def cdp(self, command: str, arguments: dict[str, Any]) -> Any:
         """Call Chrome's own protocol."""
-        return self.driver.execute_cdp_cmd(command, arguments)
+        return self.browser.execute_cdp_cmd(command, arguments)
 
 
 Open = Callable[..., Shown]
 
 
 @pytest.fixture
-def opened(browser: webdriver.Chrome, page: Path) -> Iterator[Open]:
+def opened(tab: Any, page: Path) -> Iterator[Open]:
     """Return a function that opens the page; whatever it writes to the console fails the test."""
-    yield lambda state="", size=(1440, 900), file=page: Shown(browser, file, state, size)
-    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")] == []
+    yield lambda state="", size=(1440, 900), file=page: Shown(tab, file, state, size)
+    assert [entry for entry in tab.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")] == []
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -158,7 +124,7 @@ def test_the_canvas_shows_what_pictures_show_at_any_exposure(opened: Open, tmp_p
     pixels = read_pixels(shown.frame())
     for stops, behind in ((0, 0.0), (3, 0.0), (-4, 0.0), (0, 0.18), (1, 1.0)):
         shown.js(
-            "for (const [id, value] of [['exposure', arguments[0]], ['behind', arguments[1]]]) {"
+            "for (const [id, value] of [['exposure', given[0]], ['behind', given[1]]]) {"
             "  const each = document.getElementById(id);"
             "  each.value = value; each.dispatchEvent(new Event('input'));"
             "}",
@@ -186,16 +152,16 @@ def test_dragging_turns_the_asset_with_mouse_and_touch(opened: Open) -> None:
 def test_a_cell_of_the_grid_turns_under_the_pointer_and_opens(opened: Open) -> None:
     shown = opened()
     cell = shown.find(".cell[aria-label='tin under studio']")
-    shown.js("arguments[0].scrollIntoView({block: 'center'})", cell)
-    ActionChains(shown.driver).move_to_element_with_offset(cell, int(0.4 * cell.rect["width"]), 0).perform()
+    shown.js("given[0].scrollIntoView({block: 'center'})", cell)
+    ActionChains(shown.browser).move_to_element_with_offset(cell, int(0.4 * cell.rect["width"]), 0).perform()
     assert cell.get_attribute("data-number") == "3"
-    WebDriverWait(shown.driver, 5).until(lambda _: "data/reels/" in cell.value_of_css_property("background-image"))
-    ActionChains(shown.driver).move_to_element_with_offset(cell, -int(0.4 * cell.rect["width"]), 0).perform()
+    WebDriverWait(shown.browser, 5).until(lambda _: "data/reels/" in cell.value_of_css_property("background-image"))
+    ActionChains(shown.browser).move_to_element_with_offset(cell, -int(0.4 * cell.rect["width"]), 0).perform()
     assert cell.get_attribute("data-number") == "0"
     cell.click()
     assert shown.frame().parts[-3:-1] == ("tin", "studio")
     other = shown.find(".cell[aria-label='gold under city']")
-    ActionChains(shown.driver).key_down(Keys.SHIFT).click(other).key_up(Keys.SHIFT).perform()
+    ActionChains(shown.browser).key_down(Keys.SHIFT).click(other).key_up(Keys.SHIFT).perform()
     assert shown.state["mode"] == "wipe"
     assert shown.frame(1).parts[-4:-1] == ("v1", "gold", "city")
 
@@ -270,7 +236,7 @@ def test_every_key(opened: Open) -> None:
     shown.press("w", "x")
     assert (shown.state["a"]["version"], shown.state["b"]["version"]) == (1, 0)
     shown.press("x", Keys.ESCAPE, " ")
-    WebDriverWait(shown.driver, 10, 0.01).until(lambda _: shown.state["frame"] == 2)
+    WebDriverWait(shown.browser, 10, 0.01).until(lambda _: shown.state["frame"] == 2)
     shown.press(" ")
     assert not shown.state["playing"]
     shown.press("?")
@@ -284,11 +250,11 @@ def test_every_key(opened: Open) -> None:
 def test_values_are_those_of_the_frame(opened: Open) -> None:
     shown = opened("#mode=noise&square=1")
     shown.press("p")
-    ActionChains(shown.driver).key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_UP).key_up(
+    ActionChains(shown.browser).key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_UP).key_up(
         Keys.SHIFT
     ).perform()
     x, y = case.WIDTH // 2 + 1, case.HEIGHT // 2 - 1
-    rows = [[cell.text for cell in row.find_elements(By.XPATH, "./*")] for row in shown.driver.find_elements(
+    rows = [[cell.text for cell in row.find_elements(By.XPATH, "./*")] for row in shown.browser.find_elements(
         By.CSS_SELECTOR, "#values tbody tr")]  # fmt: skip
     a, b = (read_pixels(shown.frame(side)) for side in (0, 1))
     for row, each in zip(rows, (a, b), strict=False):
@@ -315,17 +281,17 @@ def test_provenance_and_changes(opened: Open) -> None:
     row.find_element(By.CSS_SELECTOR, "button").click()
     shown.drawn()
     assert (shown.state["mode"], shown.state["a"]["look"]) == ("noise", "gold")
-    assert {cell.text for cell in shown.driver.find_elements(By.CSS_SELECTOR, "#origin tr.differs th")} >= {
+    assert {cell.text for cell in shown.browser.find_elements(By.CSS_SELECTOR, "#origin tr.differs th")} >= {
         "digest",
         "digest of look",
     }
 
 
-def test_the_address_keeps_the_state(opened: Open, browser: webdriver.Chrome) -> None:
+def test_the_address_keeps_the_state(opened: Open) -> None:
     shown = opened()
     shown.press("2", "]", "t", Keys.ARROW_RIGHT, "w", "+")
     shown.drawn()
-    state, address = shown.state, browser.current_url
+    state, address = shown.state, shown.browser.current_url
     again = opened(address[address.index("#") :])
     assert again.state == state
 
@@ -333,9 +299,9 @@ def test_the_address_keeps_the_state(opened: Open, browser: webdriver.Chrome) ->
 def test_everything_that_can_be_used_has_a_name(opened: Open) -> None:
     shown = opened("#mode=wipe")
     shown.press("?")
-    nodes = shown.driver.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    nodes = shown.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
     shown.press(Keys.ESCAPE)
-    nodes += shown.driver.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    nodes += shown.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
     roles = {"button", "slider", "combobox", "radio", "radiogroup", "application", "dialog", "row", "region"}
     used = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles - {"row"}]
     assert {node["role"]["value"] for node in used} >= {"button", "slider", "combobox", "radio", "dialog"}
@@ -353,7 +319,7 @@ def test_the_page_fits_a_phone(opened: Open, width: int) -> None:
     assert (
         min(
             box["height"]
-            for box in (each.rect for each in shown.driver.find_elements(By.CSS_SELECTOR, "#viewer button"))
+            for box in (each.rect for each in shown.browser.find_elements(By.CSS_SELECTOR, "#viewer button"))
         )
         >= 32
     )
@@ -386,7 +352,7 @@ def test_fifty_looks_load_in_two_seconds(opened: Open, tmp_path: Path) -> None:
         started = time.perf_counter()
         shown = opened(file=file)
         times.append(time.perf_counter() - started)
-    assert len(shown.driver.find_elements(By.CSS_SELECTOR, ".cell")) == 200
+    assert len(shown.browser.find_elements(By.CSS_SELECTOR, ".cell")) == 200
     assert min(times) < LOAD_SECONDS, f"{times}, load {os.getloadavg()}"
 
 
