@@ -23,7 +23,7 @@ FLAGS = (
     "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required", "--js-flags=--expose-gc",
     "--enable-precise-memory-info",
 )  # fmt: skip
-TIMEOUT = 120  # seconds of a script in the page
+TIMEOUT = 300  # seconds of a script in the page: a machine may have more to do
 
 _WRAPPER = """
 const given = arguments, done = arguments[arguments.length - 1];
@@ -58,6 +58,7 @@ def start_browser() -> Any:
     service.command_line_args = lambda: lifeline
     started = webdriver.Chrome(options=options, service=service)
     started.set_script_timeout(TIMEOUT)
+    started.command_executor.client_config.timeout = 1000
     return started
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from chromium import Page
+from chromium import TIMEOUT, Page
 
 # The page looks at files ten times a second instead of each three seconds. It shows the picture of a mode from the
 # beginning: for that of the viewport alone the server starts no renderer. The page's modules run after this.
@@ -53,7 +53,7 @@ class DesignPage(Page):
 
     helpers = _HELPERS
 
-    def __init__(self, browser: Any, url: str, mode: str = "viewport", timeout: int = 120) -> None:
+    def __init__(self, browser: Any, url: str, mode: str = "viewport", timeout: int = TIMEOUT) -> None:
         script = browser.execute_cdp_cmd(
             "Page.addScriptToEvaluateOnNewDocument", {"source": _FIRST.replace("MODE", mode)}
         )
@@ -61,7 +61,7 @@ class DesignPage(Page):
         super().__init__(browser, url, (560, 260), ready, timeout)
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
         if mode == "viewport":  # else it adds up samples, on all cores, as long as it is open
-            self.js("exact.limit = () => {}; viewport.settings.most = 4")
+            self.js("exact.limit = () => {}; viewport.settings.most = 1")
 
     def mean(self) -> Any:
         """Return the mean colour of some samples."""

@@ -19,8 +19,9 @@ from http.client import HTTPException
 from pathlib import Path
 
 import pytest
+from chromium import start_browser
+from design_page import DesignPage
 from served import Served, served
-from test_design_page import NEEDS_CHROMIUM, Page, start_browser
 
 from lookdev.job import load_job
 from lookdev.material.usd import read_look
@@ -143,14 +144,18 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
     log.info("%d times an edit was kept whose answer did not arrive", in_flight)
 
 
-def browser_of(driver: int) -> int:
-    """Return the process of the browser that a driver has started."""
-    tasks = Path(f"/proc/{driver}/task").glob("*/children")
-    (found,) = (each for task in tasks for each in task.read_text().split())
-    return int(found)
+def browser_of(lifeline: int) -> int:
+    """Return the process of the browser of a driver, which `lifeline.py` has started."""
+    (driver,) = children(lifeline)
+    (found,) = children(driver)
+    return found
 
 
-@NEEDS_CHROMIUM
+def children(parent: int) -> list[int]:
+    return [int(pid) for task in Path(f"/proc/{parent}/task").glob("*/children") for pid in task.read_text().split()]
+
+
+@pytest.mark.browser
 def test_a_browser_that_is_killed_loses_at_most_two_seconds_of_a_slider_that_is_held(tmp_path: Path) -> None:
     """The slider moves by a step each tenth of a second, so that its value on the server tells when it was moved."""
     rng, lost = random.Random(26), []
@@ -158,22 +163,22 @@ def test_a_browser_that_is_killed_loses_at_most_two_seconds_of_a_slider_that_is_
     look = Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
     with served("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
         for number in range(KILLS):
-            for browser in start_browser():
-                page = Page(browser, server.url)
-                page.js(
-                    "at('layer-0').click(); const slider = at('p-0-roughness'); let step = 0; done(slider.max);"
-                    "setInterval(() => { step += 1; slider.value = 0.005 * step;"
-                    " slider.dispatchEvent(new Event('input')); }, 100);"
-                )
-                began = time.monotonic()
-                time.sleep(rng.uniform(2.5, 8.0))
-                os.kill(browser_of(browser.service.process.pid), signal.SIGKILL)
-                killed = time.monotonic()
-                time.sleep(0.3)  # what was on its way arrives
-                rows = json.loads(server.ask("/status?whole")[1])["stacks"][0]["layers"][0]["parameters"]
-                value = next(row["value"] for row in rows if row["name"] == "roughness")
-                lost.append(killed - began - 0.1 * round(value / 0.005))
-                assert lost[-1] <= MOST_LOST, number
+            browser = start_browser()
+            page = DesignPage(browser, server.url)
+            page.js(
+                "at('layer-0').click(); const slider = at('p-0-roughness'); let step = 0;"
+                "setInterval(() => { step += 1; typed(slider, 0.005 * step, 'input'); }, 100);"
+            )
+            began = time.monotonic()
+            time.sleep(rng.uniform(2.5, 8.0))
+            os.kill(browser_of(browser.service.process.pid), signal.SIGKILL)
+            killed = time.monotonic()
+            browser.service.stop()
+            time.sleep(0.3)  # what was on its way arrives
+            rows = json.loads(server.ask("/status?whole")[1])["stacks"][0]["layers"][0]["parameters"]
+            value = next(row["value"] for row in rows if row["name"] == "roughness")
+            lost.append(killed - began - 0.1 * round(value / 0.005))
+            assert lost[-1] <= MOST_LOST, number
     log.info(
         "%d kills; lost of a held slider: median %.2f s, at most %.2f s", KILLS, sorted(lost)[KILLS // 2], max(lost)
     )

@@ -9,24 +9,21 @@ import logging
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from design_page import DRESS, DesignPage
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 from served import served
-from test_design_layers_page import run
-from test_design_page import NEEDS_CHROMIUM, Page, start_browser
-from test_design_wear_page import DRESS
 
 from lookdev.asset.builtin import make_sphere
 from lookdev.job import load_job
 from lookdev.output.exr import read_frame, read_layer
 
-pytestmark = [pytest.mark.proof, pytest.mark.cycles, pytest.mark.mitsuba, NEEDS_CHROMIUM]
+pytestmark = [pytest.mark.proof, pytest.mark.cycles, pytest.mark.mitsuba]
 
 ROOT = Path(__file__).parents[2]
 SIZE = (48, 36)
@@ -86,65 +83,56 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def shown(page: Page, seed: int) -> Floats:
+def shown(page: DesignPage, seed: int) -> Floats:
     """Return the picture of some samples, (H, W, 4)."""
-    pixels = run(
-        page,
+    pixels = page.js(
         f"viewport.resize({SIZE[0]}, {SIZE[1]}); viewport.set({{seed: given[0], background: false}});"
-        f"done([...await viewport.accumulated({SAMPLES})]);",
+        f"return [...await viewport.accumulated({SAMPLES})]",
         seed,
     )
     return np.array(pixels).reshape(SIZE[1], SIZE[0], 4)
 
 
-def load(browser: Any, url: str) -> Page:
-    page = Page(browser, url)
-    browser.set_script_timeout(400)
-    browser.command_executor.client_config.timeout = 400
-    run(page, "exact.choose('viewport'); typed(at('lighting'), 40, 'input'); done();")
+def load(browser: Any, url: str) -> DesignPage:
+    page = DesignPage(browser, url, timeout=400)
+    page.js("delete exact.limit; typed(at('lighting'), 40, 'input')")
     return page
 
 
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    yield from start_browser()
-
-
-def test_what_is_saved_is_rendered_as_it_was_shown(folder: Path, browser: Any) -> None:
+def test_what_is_saved_is_rendered_as_it_was_shown(folder: Path, tab: Any) -> None:
     with served(str(folder / "job.toml"), verb="design", cwd=folder) as server:
-        page = load(browser, server.url)
+        page = load(tab, server.url)
         before = shown(page, 0)
-        run(
-            page,
+        page.js(
             DRESS
             + "await dress('/Ball/Upper', 'this part', 'upper'); await until(() => wears().startsWith('CarPaint'));"
             "await dress('/Ball/Lower', 'this part', 'lower'); await until(() => wears().includes('/Ball/Lower'));"
             "const pick = async (name) => { typed(at('part'), name); await until(() => at('layer-0')); };"
-            "const add = async (preset) => { const count = shown().length; at('layer-add').click();"
+            "const add = async (preset) => { const count = layers().length; at('layer-add').click();"
             " await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
             " typed(at('adding-search'), preset, 'input'); at('adding-presets').querySelector('button').click();"
-            " await until(() => shown().length > count); };"
+            " await until(() => layers().length > count); };"
             "await pick('/Ball/Lower'); const slider = document.querySelector('[data-parameter=metallic] input');"
             "for (const event of ['input', 'change']) typed(slider, 0.25, event);"
             "await until(() => at('undo').title.includes('metallic'));"
             "await pick('/Ball/Upper'); await add('dust');"
             "typed(at('mask-kind'), 'expression'); typed(at('mask-expression'), 'smoothstep(dirt, .2, .6)', 'input');"
             "typed(document.querySelector('.mask input[data-name=dirt]'), 'textures/dirt.png', 'input');"
-            "at('mask-apply').click(); await until(() => document.querySelector('.tag')?.textContent === 'expression');"
-            "done();",
+            "at('mask-apply').click();"
+            "await until(() => document.querySelector('.tag')?.textContent === 'expression');",
         )
-        page.js("exact.choose('difference'); done();")
+        page.js("exact.choose('difference')")
         page.wait(
             "exact.round?.samples >= 256 && exact.compared?.samples >= 256 && exact.compared.round.samples >= 256"
         )
-        indirect, rest = page.js("exact.choose('viewport'); done([exact.compared.indirect, exact.compared.rest]);")
+        indirect, rest = page.js("exact.choose('viewport'); return [exact.compared.indirect, exact.compared.rest]")
         log.info("beside the page's exact picture: interreflection %+.3f %%, rest %+.3f %%", 100 * indirect, 100 * rest)
         assert abs(indirect) < 1e-3
         assert abs(rest) < 1e-2
         pictures = [shown(page, seed) for seed in (0, 1)]
-        run(page, "at('save').click(); await until(() => at('status').textContent.startsWith('saved')); done();")
+        page.js("await saved()")
     with served(str(folder / "job.toml"), verb="design", cwd=folder) as server:
-        again = shown(load(browser, server.url), 0)
+        again = shown(load(tab, server.url), 0)
     assert [each.prims for each in load_job(folder / "job.toml").look[0].assign] == [("/Ball/Upper",), ("/Ball/Lower",)]
     np.testing.assert_allclose(again, pictures[0], rtol=1e-5, atol=1e-6)
     assert np.abs(again - before)[..., :3].mean() > 0.05 * np.abs(before)[..., :3].mean()
