@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, evaluate
-from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 from lookdev.errors import LookdevError
 from lookdev.plot import read_subject
 from lookdev.plot.angles import towards
@@ -64,14 +63,6 @@ def test_every_example_look_has_f(file: Path) -> None:
     f = evaluate(read_subject(str(file)).bsdf, WO, WI)
     assert np.isfinite(f).all()
     assert f.max() > 0.0
-
-
-def test_another_file_is_measured(tmp_path: Path) -> None:
-    file = tmp_path / "gray.binary"
-    write_merl(file, np.full((*MERL_SIZE, 3), 0.25))
-    subject = read_subject(str(file))
-    assert subject.label == "gray.binary"
-    assert evaluate(subject.bsdf, WO, WI) == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize(
