@@ -183,50 +183,33 @@ def rotated(v: Floats, degrees: float) -> Floats:
     return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)
 
 
-PLACE = """float2 pivot = (0.5, 0.25)
-float2 scale = (2, 0.5)
-float rotate = 30
-float2 offset = (0.1, 0.2)
-float2 texcoord <- Uv.out
-"""
-TILED = "float2 uvtiling = (2, 3)\nfloat2 uvoffset = (0.25, 0.5)\nfloat2 realworldimagesize = (2, 2)\n"
-GLTF = "color3f factor = (1, 0.5, 0.25)\nfloat2 scale = (2, 3)\nfloat2 offset = (0.25, 0.5)\nfloat rotate = 30"
-FROM_P = "float2 texcoord <- P.out"
-PLACED = {
-    "place2d": (
-        shader("P", "ND_place2d_vector2", PLACE),
-        rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25],
-    ),
-    "place2d, the other order": (
-        shader("P", "ND_place2d_vector2", PLACE + "int operationorder = 1"),
-        rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25],
-    ),
-    "rotate2d": (shader("P", "ND_rotate2d_vector2", "float2 in <- Uv.out\nfloat amount = 30"), rotated(ST, 30)),
-    "arithmetic": (
-        shader("P", "ND_multiply_vector2", "float2 in1 <- Q.out\nfloat2 in2 = (2, 3)")
-        + shader("Q", "ND_add_vector2", "float2 in1 <- Uv.out\nfloat2 in2 = (1, 0.5)"),
-        np.add(ST, [1, 0.5]) * [2, 3],
-    ),
-    "UsdTransform2d": (shader("P", "ND_UsdTransform2d", "float2 in <- Uv.out\nfloat2 scale = (2, 3)"), ST * [2, 3]),
-    "another set": (shader("P", "ND_geompropvalue_vector2", 'string geomprop = "map1"'), 2 * ST),
-}
+PLACE = "float2 pivot = (0.5, 0.25); float2 scale = (2, 0.5); float rotate = 30; float2 offset = (0.1, 0.2); "
+PLACE += "float2 texcoord <- Uv.out; "
+ORDER = PLACE + "int operationorder = 1"
+TILED = "float2 uvtiling = (2, 3); float2 uvoffset = (0.25, 0.5); float2 realworldimagesize = (2, 2); "
+TILED += "float2 realworldtilesize = (1, 4)"
+GLTF = "color3f factor = (1, 0.5, 0.25); float2 scale = (2, 3); float2 offset = (0.25, 0.5); float rotate = 30"
+# NG_gltf_image: place2d about (0, 1) by 1 / scale, -rotate and offset times (-1, 1).
+FROM_GLTF = rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
+
+
+def p(kind: str, inputs: str) -> str:
+    return shader("P", f"ND_{kind}", inputs)
+
+
+ADDED = shader("Q", "ND_add_vector2", "float2 in1 <- Uv.out; float2 in2 = (1, 0.5)")
+PLACED = [
+    (p("place2d_vector2", PLACE), rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25]),
+    (p("place2d_vector2", ORDER), rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25]),
+    (p("rotate2d_vector2", "float2 in <- Uv.out; float amount = 30"), rotated(ST, 30)),
+    (p("multiply_vector2", "float2 in1 <- Q.out; float2 in2 = (2, 3)") + ADDED, np.add(ST, [1, 0.5]) * [2, 3]),
+    (p("UsdTransform2d", "float2 in <- Uv.out; float2 scale = (2, 3)"), ST * [2, 3]),
+    (p("geompropvalue_vector2", 'string geomprop = "map1"'), 2 * ST),
+]
 IMAGES = [
-    *(pytest.param("image_color3", FROM_P, nodes, st, 1.0, id=name) for name, (nodes, st) in PLACED.items()),
-    (
-        "tiledimage_color3",
-        TILED + "float2 realworldtilesize = (1, 4)",
-        "",
-        (ST * [2, 3] - [0.25, 0.5]) / 2 * [1, 4],
-        1.0,
-    ),
-    # NG_gltf_image: place2d about (0, 1) by 1 / scale, -rotate and offset times (-1, 1).
-    (
-        "gltf_image_color3_color3_1_0",
-        GLTF,
-        "",
-        rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1],
-        np.array([1, 0.5, 0.25]),
-    ),
+    *(("image_color3", "float2 texcoord <- P.out", nodes, st, 1.0) for nodes, st in PLACED),
+    ("tiledimage_color3", TILED, "", (ST * [2, 3] - [0.25, 0.5]) / 2 * [1, 4], 1.0),
+    ("gltf_image_color3_color3_1_0", GLTF, "", FROM_GLTF, np.array([1, 0.5, 0.25])),
 ]
 
 

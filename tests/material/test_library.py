@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from look_files import write_preset
+from look_files import faults_of, look, shader, write_preset
 
 from lookdev.errors import LookError
 from lookdev.material.library import (
@@ -54,27 +54,25 @@ def test_a_broken_file_is_reported_and_hides_no_preset(tmp_path: Path) -> None:
     assert [Path(fault.file).name for fault in library.faults] == ["broken.usda"]
 
 
+PLAIN = '#usda 1.0\n(defaultPrim = "A")\n'
+
+
 @pytest.mark.parametrize(
     ("text", "where", "what"),
     [
         ('#usda 1.0\ndef Shader "A" {}\n', "", "has no default prim"),
-        ('#usda 1.0\n(defaultPrim = "A")\ndef Material "A" {}\n', "/A", "is a Material"),
-        ('#usda 1.0\n(defaultPrim = "A")\ndef "A" {}\n', "/A", "is a prim without a type"),
-        ('#usda 1.0\n(defaultPrim = "A")\ndef Shader "A" {}\n', "/A", "its info:id is ''"),
-        (
-            '#usda 1.0\n(defaultPrim = "A")\ndef Shader "A" {\n uniform token info:id = "LookdevDisney"\n}\n',
-            "/A",
-            "has no outputs:layer",
-        ),
+        (PLAIN + 'def Material "A" {}\n', "/A", "is a Material"),
+        (PLAIN + 'def "A" {}\n', "/A", "is a prim without a type"),
+        (PLAIN + 'def Shader "A" {}\n', "/A", "its info:id is ''"),
+        (PLAIN + shader("A", "LookdevDisney"), "/A", "has no outputs:layer"),
     ],
 )
 def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> None:
-    (tmp_path / "a.usda").write_text(text)
-    with pytest.raises(LookError) as caught:
-        find_preset("a.usda")
-    (fault,) = caught.value.faults
-    assert (fault.where, fault.what) == (where, what)
-    assert fault.hint
+    file = tmp_path / "a.usda"
+    file.write_text(text)
+    ((place, found, hint),) = faults_of(file, lambda _: find_preset("a.usda"))
+    assert (place, found) == (where, what)
+    assert hint
 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,28 +107,14 @@ def test_the_first_folder_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_look_of_one_constant_layer_is_a_preset(tmp_path: Path) -> None:
-    look = """#usda 1.0
-(defaultPrim = "M")
-def Material "M" (
-    doc = "Matte."
-    customData = {
-        string category = "classic"
-    }
-) {
-    float inputs:a = 0.3
-    token outputs:lookdev:surface.connect = </M/B.outputs:layer>
-    def Shader "B" {
-        uniform token info:id = "LookdevLambert"
-        %s
-        token outputs:layer
-    }
-}
-"""
-    (tmp_path / "matte.usda").write_text(look % "")
+    metadata = '(\n doc = "Matte."\n customData = {\n string category = "classic"\n }\n)'
+    for name, inputs in (("matte", ""), ("linked", "color3f reflectance <- .a")):
+        layer = shader("B", "LookdevLambert", inputs + "\ntoken outputs:layer")
+        text = look("float a = 0.3\n" + layer, "</M/B.outputs:layer>", metadata)
+        (tmp_path / f"{name}.usda").write_text(text)
     preset = read_preset(tmp_path / "matte.usda")
     assert (preset.prim, preset.model, preset.category, preset.doc) == ("/M/B", "lambert", "classic", "Matte.")
     # A reference to the layer alone would lose what it is connected to.
-    (tmp_path / "linked.usda").write_text(look % "color3f inputs:reflectance.connect = </M.inputs:a>")
     with pytest.raises(LookError, match="is a Material"):
         read_preset(tmp_path / "linked.usda")
 
@@ -146,9 +130,9 @@ def test_an_unknown_name_is_reported_with_the_folders_and_the_nearest(tmp_path: 
 
 
 def test_an_empty_library(tmp_path: Path) -> None:
-    for look in (lambda: read_library([tmp_path]), lambda: find_preset("gold", tmp_path)):
+    for find in (lambda: read_library([tmp_path]), lambda: find_preset("gold", tmp_path)):
         with pytest.raises(LookError, match=r"put \*\.usda files there"):
-            look()
+            find()
 
 
 def test_the_shipped_library_reads_without_a_fault() -> None:

@@ -45,211 +45,141 @@ def displaced(inputs: str, more: str = "") -> str:
     return MOVED + disney() + shader("Moved", "LookdevDisplacement", inputs) + more
 
 
-FAULTS = {
-    "misspelt input": (base("float roughnes = 1"), "Base.roughnes", "did you mean 'roughness'"),
-    "wrong type": (base("double roughness = 1"), "Base.roughness", "must be float"),
-    "float for a colour": (base("float baseColor = 1"), "Base.baseColor", "must be color3f"),
-    "type behind the interface": (
-        "int r = 1\n" + base("float roughness <- .r"),
-        "Base.roughness",
-        "int at </M.inputs:r>",
-    ),
-    "out of range": (base("float roughness = 1.5"), "Base.roughness", "within [0, 1]"),
-    "one channel": (base("color3f baseColor = (0, 1.5, 0)"), "Base.baseColor", "0, 1.5, 0 is out of range"),
-    "NaN": (base("float roughness = nan"), "Base.roughness", "not finite"),
-    "infinite": (base("color3f baseColor = (0, inf, 0)"), "Base.baseColor", "not finite"),
-    "animated": (base("float roughness.timeSamples = { 1: 0.5 }"), "Base.roughness", "animated"),
-    "unknown token": (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
-    "computed token": (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
-    "dangling": (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
-    "dangling interface": (base("float roughness <- .gone"), "Base.roughness", "no interface input"),
-    "two connections": (
-        base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"),
-        "Base.roughness",
-        "2 connections",
-    ),
-    "cycle of inputs": ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
-    "cycle of transforms": (
-        textured("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"),
-        "T.in",
-        "cycle",
-    ),
-    "missing image": (textured(file="gone.png"), "Tex.file", "no such image file: ./gone.png"),
-    "no image": (rough("Tex.r") + texture(file="@@"), "Tex.file", "names no image file"),
-    "not an image": (textured(file="look.usda"), "Tex.file", "cannot be read as an image"),
-    "UDIM": (textured(file="gray.<UDIM>.png"), "Tex.file", "no tile of this set: ./gray.<UDIM>.png"),
-    "unknown texture input": (textured("float gamma = 1"), "Tex.gamma", "unknown input"),
-    "unknown wrap": (textured('token wrapS = "repeats"'), "Tex.wrapS", "did you mean 'repeat'"),
-    "computed wrap": (textured("token wrapS <- St.result"), "Tex.wrapS", "must be a constant"),
-    "st not connected": (textured("float2 st = (0, 0)"), "Tex.st", "not connected"),
-    "st from a texture": (textured("float2 st <- Tex.rgb"), "Tex.st", "whose info:id is 'UsdUVTexture'"),
-    "colour into a float": (rough("Tex.rgb") + texture(), "Base.roughness", "use outputs:r or g or b or a"),
-    "reader of another type": (
-        rough("St.result") + ST,
-        "Base.roughness",
-        "use UsdUVTexture, UsdPrimvarReader_float or LookdevExpression",
-    ),
-    "reader without a name": (rough("P.result") + reader("float", ""), "P.varname", "names no primvar"),
-    "fallback out of range": (
-        rough("P.result") + reader("float", 'string varname = "x"\nfloat fallback = 2'),
-        "P.fallback",
-        "within [0, 1]",
-    ),
-    "expression": (rough("X.result") + shader("X", "LookdevExpression"), "X.expression", "holds no expression"),
-    "zero normal": (wood("normal3f diffuseNormal = (0, 0, 0)"), "Base.diffuseNormal", "cannot be the zero vector"),
-    "normal out of range": (wood("normal3f diffuseNormal = (0, 0, 2)"), "Base.diffuseNormal", "within [-1, 1]"),
-    "float for a normal": (wood("float diffuseNormal = 1"), "Base.diffuseNormal", "must be normal3f"),
-    "normal from a primvar": (
+FAULTS = [
+    (base("float roughnes = 1"), "Base.roughnes", "did you mean 'roughness'"),
+    (base("double roughness = 1"), "Base.roughness", "must be float"),
+    (base("float baseColor = 1"), "Base.baseColor", "must be color3f"),
+    ("int r = 1\n" + base("float roughness <- .r"), "Base.roughness", "int at </M.inputs:r>"),
+    (base("float roughness = 1.5"), "Base.roughness", "within [0, 1]"),
+    (base("color3f baseColor = (0, 1.5, 0)"), "Base.baseColor", "0, 1.5, 0 is out of range"),
+    (base("float roughness = nan"), "Base.roughness", "not finite"),
+    (base("color3f baseColor = (0, inf, 0)"), "Base.baseColor", "not finite"),
+    (base("float roughness.timeSamples = { 1: 0.5 }"), "Base.roughness", "animated"),
+    (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
+    (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
+    (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
+    (base("float roughness <- .gone"), "Base.roughness", "no interface input"),
+    (base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"), "Base.roughness", "2 connections"),
+    ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
+    (textured("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"), "T.in", "cycle"),
+    (textured(file="gone.png"), "Tex.file", "no such image file: ./gone.png"),
+    (rough("Tex.r") + texture(file="@@"), "Tex.file", "names no image file"),
+    (textured(file="look.usda"), "Tex.file", "cannot be read as an image"),
+    (textured(file="gray.<UDIM>.png"), "Tex.file", "no tile of this set: ./gray.<UDIM>.png"),
+    (textured("float gamma = 1"), "Tex.gamma", "unknown input"),
+    (textured('token wrapS = "repeats"'), "Tex.wrapS", "did you mean 'repeat'"),
+    (textured("token wrapS <- St.result"), "Tex.wrapS", "must be a constant"),
+    (textured("float2 st = (0, 0)"), "Tex.st", "not connected"),
+    (textured("float2 st <- Tex.rgb"), "Tex.st", "whose info:id is 'UsdUVTexture'"),
+    (rough("Tex.rgb") + texture(), "Base.roughness", "use outputs:r or g or b or a"),
+    (rough("St.result") + ST, "Base.roughness", "use UsdUVTexture, UsdPrimvarReader_float or LookdevExpression"),
+    (rough("P.result") + reader("float", ""), "P.varname", "names no primvar"),
+    (rough("P.result") + reader("float", 'string varname = "x"\nfloat fallback = 2'), "P.fallback", "within [0, 1]"),
+    (rough("X.result") + shader("X", "LookdevExpression"), "X.expression", "holds no expression"),
+    (wood("normal3f diffuseNormal = (0, 0, 0)"), "Base.diffuseNormal", "cannot be the zero vector"),
+    (wood("normal3f diffuseNormal = (0, 0, 2)"), "Base.diffuseNormal", "within [-1, 1]"),
+    (wood("float diffuseNormal = 1"), "Base.diffuseNormal", "must be normal3f"),
+    (
         wood("normal3f diffuseNormal <- P.result", reader("float3", 'string varname = "n"')),
         "Base.diffuseNormal",
         "use UsdUVTexture, LookdevBump",
     ),
-    "normal from one channel": (normal_map("rgb.exr", output="r"), "Base.diffuseNormal", "use outputs:rgb"),
-    "sRGB normal map": (
-        normal_map("rgb.png", CENTRED),
-        "Tex.sourceColorSpace",
-        "a normal map is data (set it to 'raw')",
-    ),
-    "normal map of 8 bits without scale and bias": (
-        normal_map("rgb.png", RAW),
-        "Tex.bias",
-        "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)",
-    ),
-    "normal map of 16 bits without bias": (
-        normal_map("rgb16.png", "float4 scale = (2, 2, 2, 1)"),
-        "Tex.bias",
-        "no normal has a negative component",
-    ),
-    "bump into a colour": (
+    (normal_map("rgb.exr", output="r"), "Base.diffuseNormal", "use outputs:rgb"),
+    (normal_map("rgb.png", CENTRED), "Tex.sourceColorSpace", "a normal map is data (set it to 'raw')"),
+    (normal_map("rgb.png", RAW), "Tex.bias", "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"),
+    (normal_map("rgb16.png", "float4 scale = (2, 2, 2, 1)"), "Tex.bias", "no normal has a negative component"),
+    (
         wood("color3f surfaceColor <- Bump.normal", shader("Bump", "LookdevBump")),
         "Base.surfaceColor",
         "use UsdUVTexture, UsdPrimvarReader_float3",
     ),
-    "bump without a height": (bump(""), "Bump.height", "is not connected (only a UsdUVTexture has a slope"),
-    "constant height": ("float h = 1\n" + bump("float height <- .h"), "Bump.height", "is not connected"),
-    "height from a primvar": (
-        bump("float height <- P.result", reader("float", 'string varname = "h"')),
-        "Bump.height",
-        "comes from </M/P>",
-    ),
-    "height of three channels": (bump("float height <- Tex.rgb"), "Bump.height", "outputs:r"),
-    "height of a wrong type": (bump("color3f height <- Tex.r"), "Bump.height", "must be float"),
-    "dangling height": (bump("float height <- Gone.r"), "Bump.height", "which is no output"),
-    "computed scale of a bump": (bump(HEIGHT + "float scale <- Tex.g"), "Bump.scale", "must be a constant"),
-    "infinite scale of a bump": (bump(HEIGHT + "float scale = inf"), "Bump.scale", "not finite"),
-    "unknown input of a bump": (bump(HEIGHT + "float scal = 1"), "Bump.scal", "mean 'scale'"),
-    "unknown shader": (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
-    "displacement: no source": (f"{MOVED.split('.')[0]}\n" + disney(), TERMINAL, "is not connected"),
-    "displacement: a layer": (
-        MOVED.replace("Moved", "Base") + disney(),
-        TERMINAL,
-        "has the unknown info:id 'LookdevDisney'",
-    ),
-    "displacement: dangling": (MOVED + disney(), TERMINAL, "is no output of a shader"),
-    "height unset": (displaced(""), "Moved.height", "is neither set nor connected"),
-    "a colour for a height": (displaced("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
-    "height NaN": (displaced("float height = nan"), "Moved.height", "nan is not finite"),
-    "displacement scale": (displaced("float height = 1\nfloat scale = inf"), "Moved.scale", "inf is not finite"),
-    "displacement input": (displaced("float height = 1\nfloat sacle = 1"), "Moved.sacle", "unknown input"),
-    "displacement units": (displaced('float height = 1\ntoken units = "feet"'), "Moved.units", "unknown value"),
-    "displacement by colours": (
-        displaced("float height <- Tex.rgb", texture()),
-        "Moved.height",
-        "</M/Tex.outputs:rgb>",
-    ),
-    "displacement cycle": (
+    (bump(""), "Bump.height", "is not connected (only a UsdUVTexture has a slope"),
+    ("float h = 1\n" + bump("float height <- .h"), "Bump.height", "is not connected"),
+    (bump("float height <- P.result", reader("float", 'string varname = "h"')), "Bump.height", "comes from </M/P>"),
+    (bump("float height <- Tex.rgb"), "Bump.height", "outputs:r"),
+    (bump("color3f height <- Tex.r"), "Bump.height", "must be float"),
+    (bump("float height <- Gone.r"), "Bump.height", "which is no output"),
+    (bump(HEIGHT + "float scale <- Tex.g"), "Bump.scale", "must be a constant"),
+    (bump(HEIGHT + "float scale = inf"), "Bump.scale", "not finite"),
+    (bump(HEIGHT + "float scal = 1"), "Bump.scal", "mean 'scale'"),
+    (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
+    (f"{MOVED.split('.')[0]}\n" + disney(), TERMINAL, "is not connected"),
+    (MOVED.replace("Moved", "Base") + disney(), TERMINAL, "has the unknown info:id 'LookdevDisney'"),
+    (MOVED + disney(), TERMINAL, "is no output of a shader"),
+    (displaced(""), "Moved.height", "is neither set nor connected"),
+    (displaced("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
+    (displaced("float height = nan"), "Moved.height", "nan is not finite"),
+    (displaced("float height = 1\nfloat scale = inf"), "Moved.scale", "inf is not finite"),
+    (displaced("float height = 1\nfloat sacle = 1"), "Moved.sacle", "unknown input"),
+    (displaced('float height = 1\ntoken units = "feet"'), "Moved.units", "unknown value"),
+    (displaced("float height <- Tex.rgb", texture()), "Moved.height", "</M/Tex.outputs:rgb>"),
+    (
         displaced("float inputs:height.connect = </M/Moved.inputs:height>"),
         "Moved.height",
         "which is no output of a shader",
     ),
-    "computed displacement scale": (
-        displaced("float height = 1\nfloat scale <- Tex.r", texture()),
-        "Moved.scale",
-        "it must be a constant",
-    ),
-    "displacement by the view": (
-        displaced("float height <- X.result", expression("0.1 * view", name="X")),
-        "Moved.height",
-        "depends on the view",
-    ),
-}
+    (displaced("float height = 1\nfloat scale <- Tex.r", texture()), "Moved.scale", "it must be a constant"),
+    (displaced("float height <- X.result", expression("0.1 * view", name="X")), "Moved.height", "depends on the view"),
+]
 
 # The places are inputs of the stack.
-STACK_FAULTS = {
-    "no base": (LAYER1, "base", "the stack has no base"),
-    "base not connected": ('token base = "Base"', "base", "not connected to a layer"),
-    "base is a stack": ("token base <- Layers.surface", "base", "unknown info:id 'LookdevLayers'"),
-    "an output that a layer has not": (
-        "token base <- Base.out",
-        "base",
-        "cannot use </M/Base.outputs:out> (use outputs:layer)",
-    ),
-    "gap": (BASE + "token layer2 <- Coat.layer", "layer2", "there is no layer1"),
-    "mask without a layer": (BASE + "float layer1Mask = 1", "layer1", "is not connected"),
-    "mask out of range": (TWO + "float layer1Mask = -0.25", "layer1Mask", "within [0, 1]"),
-    "mask of a wrong type": (TWO + "color3f layer1Mask = (1, 1, 1)", "layer1Mask", "must be float"),
-    "computed switch": (TWO + "bool layer1Enabled <- Coat.layer", "layer1Enabled", "must be a constant"),
-    "transmit": (TWO + 'token layer1Mode = "transmit"', "layer1Mode", "Coat is a disney layer"),
-    "transmit over Disney": (
+STACK_FAULTS = [
+    (LAYER1, "base", "the stack has no base"),
+    ('token base = "Base"', "base", "not connected to a layer"),
+    ("token base <- Layers.surface", "base", "unknown info:id 'LookdevLayers'"),
+    ("token base <- Base.out", "base", "cannot use </M/Base.outputs:out> (use outputs:layer)"),
+    (BASE + "token layer2 <- Coat.layer", "layer2", "there is no layer1"),
+    (BASE + "float layer1Mask = 1", "layer1", "is not connected"),
+    (TWO + "float layer1Mask = -0.25", "layer1Mask", "within [0, 1]"),
+    (TWO + "color3f layer1Mask = (1, 1, 1)", "layer1Mask", "must be float"),
+    (TWO + "bool layer1Enabled <- Coat.layer", "layer1Enabled", "must be a constant"),
+    (TWO + 'token layer1Mode = "transmit"', "layer1Mode", "Coat is a disney layer"),
+    (
         BASE + 'token layer1 <- Clear.layer\ntoken layer1Mode = "transmit"',
         "layer1Mode",
         "Base is a disney layer (only a LookdevPixar layer over nothing but LookdevPixar layers can transmit",
     ),
-    "transmit over a stack that holds Disney": (
-        CLEAR.format("Coat", "Clear") + 'token layer2Mode = "transmit"',
-        "layer2Mode",
-        "Coat is a disney layer",
-    ),
-    "tokens differ": (
+    (CLEAR.format("Coat", "Clear") + 'token layer2Mode = "transmit"', "layer2Mode", "Coat is a disney layer"),
+    (
         CLEAR.format("Clear", "Saved"),
         "layer2",
         "energy of Saved is 'conserving', but that of Clear beneath is 'published'",
     ),
-    "unknown mode": (TWO + 'token layer1Mode = "under"', "layer1Mode", "known: over, transmit"),
-    "unknown input": (TWO + "float layer1Msk = 1", "layer1Msk", "did you mean 'layer1Mask'"),
-    "layer zero": (BASE + "token layer0 <- Coat.layer", "layer0", "unknown"),
-}
+    (TWO + 'token layer1Mode = "under"', "layer1Mode", "known: over, transmit"),
+    (TWO + "float layer1Msk = 1", "layer1Msk", "did you mean 'layer1Mask'"),
+    (BASE + "token layer0 <- Coat.layer", "layer0", "unknown"),
+]
 LAYERS = disney(), disney("Coat"), pixar("Clear"), pixar("Saved", 'token energy = "conserving"')
 
 # Of a mask that is the result of Expr.
-EXPRESSION_FAULTS = {
-    "no text": (expression(""), "Expr.expression", "holds no expression"),
-    "syntax": (expression("1 +"), "Expr.expression", "^"),
-    "unknown name": (expression("dirt * 2"), "Expr.dirt", "which is no input of its node"),
-    "unknown function": (expression("smothstep(1, 0, 1)"), "Expr.expression", "smoothstep"),
-    "unused input": (expression("1", "float dirt = 1"), "Expr.dirt", "unknown input"),
-    "unset input": (expression("dirt", "float dirt"), "Expr.dirt", "neither set nor connected"),
-    "a view of another type": (expression("view", "color3f view"), "Expr.view", "it must be float"),
-    "wrong type": (expression("dirt", "int dirt = 1"), "Expr.dirt", "has type int"),
-    "a color for a mask": (expression("[1, 0, 0]"), "Expr.expression", "luminance"),
-    "a color for a float": (
-        expression("noise(c)", "color3f c = (1, 0, 0)"),
-        "Expr.expression",
-        "needs a float, this is a color",
-    ),
-    "cycle": (expression("a", "float a <- Expr.result"), "Expr.a", "reads its own result"),
-    "wrong output": (
+EXPRESSION_FAULTS = [
+    (expression(""), "Expr.expression", "holds no expression"),
+    (expression("1 +"), "Expr.expression", "^"),
+    (expression("dirt * 2"), "Expr.dirt", "which is no input of its node"),
+    (expression("smothstep(1, 0, 1)"), "Expr.expression", "smoothstep"),
+    (expression("1", "float dirt = 1"), "Expr.dirt", "unknown input"),
+    (expression("dirt", "float dirt"), "Expr.dirt", "neither set nor connected"),
+    (expression("view", "color3f view"), "Expr.view", "it must be float"),
+    (expression("dirt", "int dirt = 1"), "Expr.dirt", "has type int"),
+    (expression("[1, 0, 0]"), "Expr.expression", "luminance"),
+    (expression("noise(c)", "color3f c = (1, 0, 0)"), "Expr.expression", "needs a float, this is a color"),
+    (expression("a", "float a <- Expr.result"), "Expr.a", "reads its own result"),
+    (
         expression("a", "float a <- Other.value")
         + shader("Other", "LookdevExpression", 'string expression = "1"\nfloat outputs:value'),
         "Expr.a",
         "use outputs:result",
     ),
-}
-MASKED = stack(TWO + "float layer1Mask <- Expr.result", *LAYERS[:2])
-CASES = [
-    *(pytest.param(body, "</M/Base.outputs:layer>", *fault, id=name) for name, (body, *fault) in FAULTS.items()),
-    *(
-        pytest.param(stack(inputs, *LAYERS), STACK, f"Layers.{place}", message, id=name)
-        for name, (inputs, place, message) in STACK_FAULTS.items()
-    ),
-    *(
-        pytest.param(MASKED + nodes, STACK, *fault, id=f"expression: {name}")
-        for name, (nodes, *fault) in EXPRESSION_FAULTS.items()
-    ),
 ]
+MASKED = stack(TWO + "float layer1Mask <- Expr.result", *LAYERS[:2])
+CASES = [(body, "</M/Base.outputs:layer>", where, what) for body, where, what in FAULTS]
+CASES += [(stack(inputs, *LAYERS), STACK, f"Layers.{name}", what) for inputs, name, what in STACK_FAULTS]
+CASES += [(MASKED + nodes, STACK, where, what) for nodes, where, what in EXPRESSION_FAULTS]
 
 
-@pytest.mark.parametrize(("body", "terminal", "where", "message"), CASES)
+@pytest.mark.parametrize(
+    ("body", "terminal", "where", "message"), CASES, ids=[f"{where}: {what}" for _, _, where, what in CASES]
+)
 def test_fault(write, body: str, terminal: str, where: str, message: str) -> None:
     [(place, what, hint)] = faults_of(write(body, terminal))
     assert place == where
