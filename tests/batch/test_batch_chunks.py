@@ -16,7 +16,7 @@ from lookdev.batch.chunks import chunk_summaries, chunks_text, keep_measured_chu
 from lookdev.batch.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.batch.log import JsonReport
 from lookdev.batch.run import RunResult
-from lookdev.batch.runs import Run
+from lookdev.batch.runs import Run, claim_key, claims
 from lookdev.batch.status import read_status, status_data, status_metrics, status_text
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
@@ -77,6 +77,9 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
     events: list[Event] = []
 
     def report(event: Event) -> None:
+        if isinstance(event, FrameDone):  # its claim has ended
+            held = [key for keys in claims(tmp_path / "out" / ".lookdev").values() for key in keys]
+            assert claim_key(event.name) not in held
         if isinstance(event, FrameDone) and not any(isinstance(each, FrameDone) for each in events):
             render_file(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
         events.append(event)

@@ -46,6 +46,10 @@ def base(model: str = "disney", **inputs: Any) -> Layer:
     return Layer("Base", model, inputs)
 
 
+def dirt(mask: Any = 0.0, **inputs: Any) -> Layer:
+    return Layer("Dirt", "disney", inputs, mask)
+
+
 @pytest.fixture
 def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     """Return a function that generates the shader of a look; its images are empty files."""
@@ -71,21 +75,21 @@ def nodes(*labels: str, **values: Any) -> NodeSource:
     ("layers", "same"),
     [
         ((PLAIN,), True),
-        ((PLAIN, Layer("Coat", "disney", {"clearcoat": 1.0}, 0.4)), True),
+        ((PLAIN, dirt(0.4, clearcoat=1.0)), True),
         ((base(normal=(0.0, 0.0, 0.5), anisotropic=0.0),), True),
         ((base("pixar", clear=0.5, presence=0.7),), True),
         ((base(anisotropic=0.1),), False),
-        ((PLAIN, Layer("Coat", "disney", {"anisotropic": 0.5}, 0.4)), False),
+        ((PLAIN, dirt(0.4, anisotropic=0.5)), False),
         ((base(normal=(0.1, 0.0, 1.0)),), False),
         ((base("pixar", highlightNormal=(0.0, -0.1, 1.0)),), False),
         ((base(roughness=MAP),), False),
         ((base(roughness=Primvar("wear", 0.5)),), False),
         ((base(normal=Bump(MAP)),), False),
-        ((PLAIN, Layer("Dirt", "disney", {}, MAP)), False),
-        ((PLAIN, Layer("Dirt", "disney", {}, NOISE)), False),
+        ((PLAIN, dirt(MAP)), False),
+        ((PLAIN, dirt(NOISE)), False),
         # What reaches no pixel does not count.
-        ((PLAIN, Layer("Dirt", "disney", {"roughness": MAP}, 0.0)), True),
-        ((PLAIN, Layer("Dirt", "disney", {"anisotropic": MAP}, 0.0)), True),
+        ((PLAIN, dirt(roughness=MAP)), True),
+        ((PLAIN, dirt(anisotropic=MAP)), True),
         ((base("ward", alphaX=0.2, alphaY=0.2),), True),
         ((base("ward", alphaX=0.2, alphaY=0.1),), False),
     ],
@@ -165,10 +169,6 @@ def bare(scene: SceneTask) -> SceneTask:
     return replace(scene, shaders=(source,), sampling=replace(SAMPLING, bounces=2))
 
 
-def test_a_bare_scene_has_no_skips(skips_of: SkipsOf, bare: SceneTask) -> None:
-    assert skips_of("", bare, look(PLAIN)) == []
-
-
 def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
     (source,) = bare.shaders
 
@@ -178,6 +178,7 @@ def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: Sce
         job = job.model_copy(update={"turntable": job.turntable[:1]})
         return skips_of(job, replace(bare, shaders=shaders, **values), look(PLAIN))
 
+    assert skips_of("", bare, look(PLAIN)) == []
     convex = replace(bare.sampling, bounces=0)
     assert changed(sampling=convex) == ["bounces (convex asset)"]
     assert changed(sampling=convex, more="[render]\nbounces = 0\n") == []
@@ -220,21 +221,18 @@ def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, sh
     ("layers", "skip"),
     [
         ((base(roughness=MAP, metallic=OTHER),), None),
-        ((base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0)), "1 texture (reaches no pixel)"),
+        ((base(roughness=MAP), dirt(roughness=OTHER)), "1 texture (reaches no pixel)"),
         # One look-up of three channels is one texture; what is also read elsewhere is not skipped.
         (
             (
                 base(roughness=MAP),
-                Layer("Dirt", "disney", {"roughness": OTHER, "metallic": replace(OTHER, channel="g")}, 0.0),
-                Layer("Dust", "disney", {"roughness": replace(MAP, channel="b", bias=(0.1,) * 4)}, 0.0),
+                dirt(roughness=OTHER, metallic=replace(OTHER, channel="g")),
+                dirt(roughness=replace(MAP, channel="b", bias=(0.1,) * 4)),
             ),
             "1 texture (reaches no pixel)",
         ),
-        (
-            (base(roughness=0.5), Layer("Dirt", "disney", {"normal": Bump(MAP, 0.3), "roughness": OTHER}, 0.0)),
-            "2 textures (reach no pixel)",
-        ),
-        ((PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, MASK)), "1 texture (reaches no pixel)"),
+        ((base(roughness=0.5), dirt(normal=Bump(MAP, 0.3), roughness=OTHER)), "2 textures (reach no pixel)"),
+        ((PLAIN, dirt(MASK, roughness=0.9)), "1 texture (reaches no pixel)"),
     ],
 )
 def test_textures_that_reach_no_pixel_are_counted(
@@ -262,25 +260,20 @@ def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: Scene
     # A set is one texture; its tiles are nodes with one label.
     tiled = base(roughness=replace(MAP, file=Path("t.<UDIM>.png")))
     assert skipped(nodes("t.<UDIM>", "t.<UDIM>", transmits=True), tiled) == []
+    tiles = tuple(TextureBinding(f"texture0_{number}_file", Content("t", ".exr")) for number in (1001, 1002))
+    assert skips_of("", replace(bare, shaders=(replace(bare.shaders[0], textures=tiles),)), look(tiled)) == []
 
 
 @pytest.mark.parametrize("backend", [name for name, each in BACKENDS.items() if each.source is NodeSource])
 def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: SceneTask, tmp_path: Path) -> None:
     image = tmp_path / "linear.exr"
     image.touch()
-    worn = look(base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0))
+    worn = look(base(roughness=MAP), dirt(roughness=OTHER))
     source = BACKENDS[backend].generate(worn, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
     assert skips_of("", replace(bare, backend=backend, shaders=(source,)), worn) == [
         "light from behind (nothing transmits)",
         "1 texture (reaches no pixel)",
     ]
-
-
-def test_tiles_of_one_texture_are_one(skips_of: SkipsOf, bare: SceneTask) -> None:
-    (source,) = bare.shaders
-    tiles = tuple(TextureBinding(f"texture0_{number}_file", Content("t", ".exr")) for number in (1001, 1002))
-    worn = look(base(roughness=replace(MAP, file=Path("t.<UDIM>.png"))))
-    assert skips_of("", replace(bare, shaders=(replace(source, textures=tiles),)), worn) == []
 
 
 def test_frames_are_counted_by_pose(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
