@@ -241,15 +241,11 @@ def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str
 def tables(presets: Mapping[str, Preset]) -> dict[str, str]:
     """Return the tables that are measured anew."""
     pairs = [pair for pair in PAIRS if all(presets[name][0] == "disney" for name in pair)]
-    return {"equal": _equal_table(presets, pairs), "worst": _worst_table(presets, pairs)}
-
-
-def _equal_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
     rows = [("made equal first", "pairs within 5 %")]
-    for what, equal in _EQUAL.items():
+    for name, equal in _EQUAL.items():
         worst = np.max([overshoot(light, presets, pairs, equal) for light in LIGHTS], axis=0)
-        rows.append((what, f"{np.mean(worst <= ALLOWED):.0%}"))
-    return _markdown(rows)
+        rows.append((name, f"{np.mean(worst <= ALLOWED):.0%}"))
+    return {"equal": _markdown(rows), "worst": _worst_table(presets, pairs)}
 
 
 def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:

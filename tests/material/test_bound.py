@@ -55,12 +55,8 @@ def any_faults(file: Path, **options: object) -> list[tuple[str, str]]:
 
 
 def test_constants_are_inputs_of_the_translation(folder: Path) -> None:
-    inputs = """color3f diffuseColor = (0.25, 0.5, 0.75)
-    float roughness = 0.25
-    int useSpecularWorkflow = 1
-    token opacityMode = "presence"
-    normal3f normal = (0, 0, 1) """
-    found = bound(folder, preview(inputs))
+    inputs = "color3f diffuseColor = (0.25, 0.5, 0.75); float roughness = 0.25; int useSpecularWorkflow = 1; "
+    found = bound(folder, preview(inputs + 'token opacityMode = "presence"; normal3f normal = (0, 0, 1)'))
     values = {"diffuseColor": (0.25, 0.5, 0.75), "roughness": 0.25, "useSpecularWorkflow": "1"}
     values |= {"opacityMode": "presence", "normal": (0.0, 0.0, 1.0)}
     assert found.look.layers == (Layer("S", "preview_surface", values),)
@@ -154,12 +150,8 @@ def test_node_graphs_and_interface_inputs_are_followed(folder: Path) -> None:
 
 
 def test_a_texture_with_all_its_settings(folder: Path) -> None:
-    settings = """token sourceColorSpace = "raw"
-    token wrapS = "mirror"
-    token wrapT = "clamp"
-    float4 scale = (1, 2, 3, 4)
-    float4 bias = (0.5, 0.25, 0.125, 0)
-    float4 fallback = (1, 0, 0, 1)"""
+    settings = """token sourceColorSpace = "raw"; token wrapS = "mirror"; token wrapT = "clamp"
+    float4 scale = (1, 2, 3, 4); float4 bias = (0.5, 0.25, 0.125, 0); float4 fallback = (1, 0, 0, 1)"""
     found = bound(folder, preview(COLOR.format("rgb"), texture(settings)))
     scale, bias = (1.0, 2.0, 3.0, 4.0), (0.5, 0.25, 0.125, 0.0)
     expected = Texture(folder / "rgb.png", "rgb", "raw", "mirror", "clamp", scale=scale, bias=bias)
@@ -233,10 +225,7 @@ def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
 
 
 def test_transforms_and_uv_sets(folder: Path) -> None:
-    transform = """token in <- St.result
-    float2 scale = (2, 3)
-    float rotation = 90
-    float2 translation = (0.5, 0.25)"""
+    transform = "token in <- St.result; float2 scale = (2, 3); float rotation = 90; float2 translation = (0.5, 0.25)"
     nodes = (
         shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result")
         + shader("T", "UsdTransform2d", transform)
@@ -384,6 +373,7 @@ def test_displacement(folder: Path) -> None:
     assert isinstance(image.displacement.height, Texture)
 
 
+VECTORS = displaced("float3 displacement = (0, 0, 1)", "ND_displacement_vector3")
 MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
 
 
@@ -391,11 +381,7 @@ MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
     ("body", "where", "what"),
     [
         (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal leads to it
-        (
-            displaced("float3 displacement = (0, 0, 1)", "ND_displacement_vector3"),
-            MATERIALX_TERMINAL,
-            "displaces by vectors",
-        ),
+        (VECTORS, MATERIALX_TERMINAL, "displaces by vectors"),
         (displaced("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
         (displaced("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),
     ],
@@ -558,10 +544,8 @@ def test_a_material_of_a_document(folder: Path) -> None:
     assert (found.look.name, layer.model) == ("Gold", "materialx_preview_surface")
     assert (layer.inputs["roughness"], layer.inputs["metallic"]) == (0.25, 1.0)
     color = layer.inputs["diffuseColor"]
-    assert {(each.colorspace, each.channel) for each in color.inputs.values() if isinstance(each, Texture)} == {
-        ("sRGB", "rgb"),
-        ("raw", "g"),
-    }
+    images = [source for source in color.inputs.values() if isinstance(source, Texture)]
+    assert {(image.colorspace, image.channel) for image in images} == {("sRGB", "rgb"), ("raw", "g")}
     assert not found.lost
 
 
@@ -583,12 +567,12 @@ def test_displacement_of_a_document(folder: Path) -> None:
 
 def test_what_the_document_loses_is_listed_with_its_place_in_it(folder: Path) -> None:
     found = gold(write_reference(folder, '<look name="L"/>', SURFACE.format(""), GOLD.format("")))
-    assert [(fault.file, fault.where, fault.what) for fault in found.lost] == [
-        (str(folder / "x.mtlx"), "L", "<look> is not read")
-    ]
+    (fault,) = found.lost
+    assert (fault.file, fault.where, fault.what) == (str(folder / "x.mtlx"), "L", "<look> is not read")
 
 
 ROUGH_OF = '<input name="roughness" type="float" {}/>'
+INWARD = '<add name="a" type="float"><input name="in1" type="float" nodename="a"/></add>'
 OF_H = ROUGH_OF.format('nodegraph="H" output="o"')
 
 
@@ -597,11 +581,7 @@ OF_H = ROUGH_OF.format('nodegraph="H" output="o"')
     [
         (ROUGH_OF.format('nodename="none"'), "", "which is no output of a shader"),
         (OF_H, "", "which is no output of a shader"),
-        (
-            ROUGH_OF.format('nodename="a"'),
-            '<add name="a" type="float"><input name="in1" type="float" nodename="a"/></add>',
-            "its connections run in a cycle",
-        ),
+        (ROUGH_OF.format('nodename="a"'), INWARD, "its connections run in a cycle"),
         (OF_H, '<nodegraph name="H"><output name="o" type="float" output="o"/></nodegraph>', "is connected to"),
         (ROUGH_OF.format('nodename="n"'), '<noise3d name="n" type="float"/>', "ND_noise3d_float is not supported"),
     ],

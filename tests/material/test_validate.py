@@ -159,7 +159,10 @@ def test_too_many_combinations_are_tried_one_by_one(write) -> None:
     assert report.combinations == 14
 
 
-SURFACE = "token outputs:surface\n"
+def p(kind: str, inputs: str = "") -> str:
+    return shader("P", kind, inputs + "token outputs:surface\n")
+
+
 GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb") + shader(
     "Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs:rgb"
 )
@@ -168,20 +171,10 @@ GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb") + sha
 @pytest.mark.parametrize(
     ("body", "severity", "place", "what"),
     [
-        (
-            shader("P", "UsdPreviewSurface", "double roughness = 1; " + SURFACE),
-            "error",
-            "P.roughness",
-            "Incorrect type",
-        ),
-        (shader("P", "PxrSurface", SURFACE), "warning", "/M/P.info:id", "not found in sdrRegistry"),
+        (p("UsdPreviewSurface", "double roughness = 1; "), "error", "P.roughness", "Incorrect type"),
+        (p("PxrSurface"), "warning", "/M/P.info:id", "not found in sdrRegistry"),
         (GONE, "error", "", "unresolvable external dependency"),
-        (
-            shader("P", "UsdPreviewSurface", SURFACE) + 'def Xform "X" {\n}\n',
-            "error",
-            "/M",
-            "not a valid descendant of Material",
-        ),
+        (p("UsdPreviewSurface") + 'def Xform "X" {\n}\n', "error", "/M", "not a valid descendant of Material"),
     ],
 )
 def test_usd_finds(write, body: str, severity: str, place: str, what: str) -> None:
