@@ -55,6 +55,14 @@ def test_meshes_are_split_where_instances_are_lit_differently(
     assert not linked.groups
 
 
+@pytest.mark.parametrize("kind", LIGHT_KINDS)
+def test_lights_of_every_kind_are_linked(kind: str) -> None:
+    other = LIGHT_KINDS[kind].example()
+    linked = link_lights(three(), {"/a/one": GREY}, (light(("/a", "expandPrims")), other))
+    assert linked.lit == {"/a/one": (0, 1), "/b": (1,)}
+    assert linked.lights[1].digest == other.digest
+
+
 def test_without_links_all_is_as_given() -> None:
     asset, wears, lights = three(), {"/a/one": GREY}, (light(linked=False),)
     linked = link_lights(asset, wears, lights)
