@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,8 @@ from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
+from lookdev.render.results import Rendered
+from lookdev.render.task import FrameTask
 
 SIDE = 64
 
@@ -119,6 +121,41 @@ class FakeBackends:
             ]
         finally:
             self.closed += 1
+
+
+@dataclass
+class FakeProcesses:
+    """Opens renderers of black frames that take `seconds` of a task; memory grows by a byte a frame of one process.
+
+    After `ends_after` frames comes Ctrl-C; a look named `fails` cannot be rendered.
+    """
+
+    seconds: Callable[[FrameTask], float]
+    ends_after: int | None = None
+    fails: str = ""
+    open: int = 0
+    tasks: list[FrameTask] = field(default_factory=list)
+
+    @contextmanager
+    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
+        self.open += 1
+        done = 0
+
+        def render(task: FrameTask) -> Rendered:
+            nonlocal done
+            done += 1
+            if len(self.tasks) == self.ends_after:
+                raise KeyboardInterrupt
+            self.tasks.append(task)
+            if self.fails in [shader.name for shader in task.scene.shaders]:
+                raise RenderError("no ink")
+            width, height = task.scene.resolution
+            black = np.zeros((height, width, 3), np.float32)
+            samples = task.scene.sampling.samples
+            return Rendered(black, black, black[..., 0], samples, self.seconds(task), 0.0, "fake", 100 + done)
+
+        yield render
+        self.open -= 1
 
 
 def measured(calls: list[tuple[str, int, int]], first_seed: int) -> list[tuple[str, int, int]]:

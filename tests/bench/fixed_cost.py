@@ -1,6 +1,6 @@
 """What a frame costs beyond its samples: run as a script, it prints a table and asserts nothing.
 
-    python tests/bench/fixed_cost.py [--asset shaderball] [--resolution 256] [--frames 8]
+    python tests/bench/fixed_cost.py
 
 Frames of an element and of a lighting turntable are rendered in a warm worker with 2, 16 and 64 samples a pixel,
 interleaved. A straight line through the medians, seconds over samples, meets zero samples at the fixed cost. It is
@@ -9,7 +9,6 @@ given for the render itself (worker) and for all a user waits for (EXR and PNG w
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import tempfile
 import time
@@ -28,23 +27,17 @@ from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
-SAMPLES = (2, 16, 64)
+SAMPLES, FRAMES, RESOLUTION = (2, 16, 64), 8, (256, 256)
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--asset", default="shaderball")
-    parser.add_argument("--resolution", type=int, default=256)
-    parser.add_argument("--frames", type=int, default=8)
-    arguments = parser.parse_args()
-    asset = load_asset(builtin=arguments.asset)
+    asset = load_asset(builtin="shaderball")
     look = Look("plastic", (Layer("Plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3}),))
     camera = Camera(40.0, 15.0, asset.center, 3.5 * asset.radius)
-    resolution = (arguments.resolution, arguments.resolution)
     sampling = Sampling(2, None, 2, 4, 2, 0)
     light = prepare_light(load_environment(builtin="studio"))
-    scene = scene_task(Scene.of_look(asset, look, light, resolution, camera), sampling)
+    scene = scene_task(Scene.of_look(asset, look, light, RESOLUTION, camera), sampling)
     worker_seconds: dict[tuple[str, int], list[float]] = {}
     user_seconds: dict[tuple[str, int], list[float]] = {}
     with (
@@ -52,9 +45,9 @@ def main() -> None:
         Worker(WORKER_COMMAND, Path(folder) / "worker.log", Path(folder)) as worker,
     ):
         worker.start()
-        for number in range(arguments.frames + 1):
+        for number in range(FRAMES + 1):
             for kind in ("element", "lighting"):
-                angle = 360.0 * number / arguments.frames
+                angle = 360.0 * number / FRAMES
                 pose = Pose(angle, 0.0) if kind == "element" else Pose(0.0, angle)
                 for samples in SAMPLES:
                     file = Path(folder) / f"{kind}.exr"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from bench_fakes import quiet
+from bench_fakes import FakeProcesses, quiet
 
 from lookdev.asset import read_asset
 from lookdev.bench import growth
@@ -18,33 +17,12 @@ from lookdev.bench.looks import different
 from lookdev.bench.matrix import Options
 from lookdev.errors import RenderError
 from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
 
 
-class FakeProcesses:
-    """Seconds are pixels / 1000, memory grows by a byte a frame of the same process."""
-
-    def __init__(self) -> None:
-        self.open = 0
-        self.tasks: list[FrameTask] = []
-
-    @contextmanager
-    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
-        self.open += 1
-        done = 0
-
-        def render(task: FrameTask) -> Rendered:
-            nonlocal done
-            done += 1
-            self.tasks.append(task)
-            width, height = task.scene.resolution
-            black = np.zeros((height, width, 3), np.float32)
-            seconds = width * height / 1000.0
-            return Rendered(black, black, black[..., 0], task.scene.sampling.samples, seconds, 0.0, "fake", 100 + done)
-
-        yield render
-        self.open -= 1
+def processes() -> FakeProcesses:
+    """Return processes whose seconds are pixels / 1000."""
+    return FakeProcesses(lambda task: math.prod(task.scene.resolution) / 1000.0)
 
 
 @pytest.fixture
@@ -61,12 +39,12 @@ OPTIONS = Options(frames=10)
 
 @pytest.mark.usefixtures("small")
 def test_all_quantities_for_the_backends_that_can_show_them() -> None:
-    processes = FakeProcesses()
+    fakes = processes()
     grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
-    for each in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, processes):
+    for each in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, fakes):
         grown.setdefault(each.of, {})[each.backend] = each.rows
     assert list(grown) == list(growth.QUANTITIES)
-    assert processes.open == 0
+    assert fakes.open == 0
     blender = ["exact", "principled"]
     names = {of: list(rows) for of, rows in grown.items()}
     all_three = [*blender, "mitsuba-principled"]
@@ -84,12 +62,12 @@ def test_all_quantities_for_the_backends_that_can_show_them() -> None:
 
 @pytest.mark.usefixtures("small")
 def test_what_grows_is_in_the_scene() -> None:
-    processes = FakeProcesses()
+    fakes = processes()
 
     def tasks(of: str) -> list[FrameTask]:
-        processes.tasks.clear()
-        list(growth.QUANTITIES[of].measure(["exact"], replace(OPTIONS, frames=8), processes))
-        return list(processes.tasks)
+        fakes.tasks.clear()
+        list(growth.QUANTITIES[of].measure(["exact"], replace(OPTIONS, frames=8), fakes))
+        return list(fakes.tasks)
 
     # Every quarter of the frames is a whole turn: the same sides of the asset.
     assert [task.pose.element for task in tasks("frames")] == [0.0, *(0.0, 180.0) * 4]
@@ -121,6 +99,6 @@ def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch:
         yield
 
     monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
-    found = list(measure_growth(("exact",), OPTIONS, quiet, FakeProcesses()))
+    found = list(measure_growth(("exact",), OPTIONS, quiet, processes()))
     assert "growth with lights: no lamp" in found
     assert {each.of for each in found if isinstance(each, Growth)} == set(growth.QUANTITIES) - {"lights"}

@@ -1,56 +1,33 @@
-"""Shares of a second, by renderers that take as long as their shaders are."""
+"""Shares of a second, by renderers that take as long as their shaders are; and stages that render."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bench_fakes import quiet
+from bench_fakes import FakeProcesses, quiet
 
+from lookdev.bench.backends import POSE, shot_of
 from lookdev.bench.document import END, marker
 from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import Cell, Options, parse_options, restricted
 from lookdev.bench.profile import FEW, PARTS, run_profile, stages
-from lookdev.errors import LookdevError, RenderError
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.errors import LookdevError
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Worker
 
 DEFAULTS = KINDS["profile"].defaults
 FIXED, FILM = 0.01, 0.001  # seconds of a frame, and of a sample
 
 
-class FakeProcesses:
+def seconds_of(task: FrameTask) -> float:
     """A sample takes a millisecond for each thousand characters of the shader, and with rays and bounces more."""
-
-    def __init__(self, ends_after: int | None = None, fails: str = "") -> None:
-        self.frames = 0
-        self._ends_after, self._fails = ends_after, fails
-
-    @contextmanager
-    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
-        yield self.render
-
-    def render(self, task: FrameTask) -> Rendered:
-        self.frames += 1
-        if self._ends_after is not None and self.frames > self._ends_after:
-            raise KeyboardInterrupt
-        (shader,) = task.scene.shaders
-        if shader.name == self._fails:
-            raise RenderError("no ink")
-        samples = task.scene.sampling.samples
-        seconds = FIXED + samples * (FILM + self.cost(task))
-        black = np.zeros((8, 8, 3), np.float32)
-        return Rendered(black, black, black[..., 0], samples, seconds, 0.0, "fake", 1)
-
-    @staticmethod
-    def cost(task: FrameTask) -> float:
-        (shader,) = task.scene.shaders
-        empty = not shader.attributes and len(shader.osl) < 1000
-        return 0.0 if empty else 1e-6 * len(shader.osl) + 0.01 * shader.shadows + 0.005 * task.scene.sampling.bounces
+    (shader,) = task.scene.shaders
+    empty = not shader.attributes and len(shader.osl) < 1000
+    cost = 1e-6 * len(shader.osl) + 0.01 * shader.shadows + 0.005 * task.scene.sampling.bounces
+    return FIXED + task.scene.sampling.samples * (FILM + (0.0 if empty else cost))
 
 
 def options(**given: str) -> Options:
@@ -67,7 +44,9 @@ def document(tmp_path: Path) -> Path:
 def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tmp_path: Path) -> None:
     chosen = options()
     part = restricted(chosen, DEFAULTS)
-    profile = run_profile(chosen, tmp_path / "out", quiet, document=document, restricted=part, opened=FakeProcesses())
+    profile = run_profile(
+        chosen, tmp_path / "out", quiet, document=document, restricted=part, opened=FakeProcesses(seconds_of)
+    )
     assert profile.complete
     (cell,) = profile.cells
     assert tuple(cell.parts) == PARTS
@@ -109,16 +88,39 @@ def test_every_stage_lacks_what_the_one_before_it_has() -> None:
 def test_ctrl_c_and_failures_leave_what_was_measured(document: Path, tmp_path: Path) -> None:
     per_cell = 3 * len(stages(Cell("shaderball", "studio", "metal"), 96))
     both = options(looks="metal,copper")
-    ended = FakeProcesses(ends_after=per_cell + 5)
+    ended = FakeProcesses(seconds_of, ends_after=per_cell + 5)
     profile = run_profile(both, tmp_path / "out", quiet, document=document, opened=ended)
     assert not profile.complete
     assert [each.look for each in profile.cells] == ["metal"]
     assert "Not complete" in document.read_text()
-    failing = FakeProcesses(fails="metal")
+    failing = FakeProcesses(seconds_of, fails="metal")
     profile = run_profile(both, tmp_path / "out", quiet, document=document, opened=failing)
     assert profile.complete
     assert profile.failures == ["shaderball, studio, metal: no ink"]
     assert "- shaderball, studio, metal: no ink" in document.read_text()
+
+
+@pytest.mark.cycles
+@pytest.mark.parametrize("look", ["metal", pytest.param("plastic", marks=pytest.mark.proof)])
+def test_stages_render(look: str, cycles_worker: Worker) -> None:
+    """In each a part is missing, and nothing else."""
+    cycles_worker.start()
+    shots = []
+    for number, stage in enumerate(stages(Cell("shaderball", "studio", look), 24)):
+        task = one_frame(stage.scene, POSE, f"{number}", samples=16)
+        shots.append(shot_of(cycles_worker.render(task, lambda progress: None)))
+    whole = shots[0]
+    covered = whole.alpha > 0.99
+    for shot in shots:
+        # The same rays of the camera, whatever is shown.
+        np.testing.assert_array_equal(shot.alpha, whole.alpha)
+        assert shot.image[covered].mean() > 0.0
+    means = [float(shot.image[covered].mean()) for shot in shots]
+    # Without bounces light is missing; without rays none is occluded.
+    assert means[1] < means[0]
+    assert means[2] > means[1]
+    for shot in shots[-2:]:
+        np.testing.assert_allclose(shot.image[covered], 1.0, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +132,7 @@ def test_ctrl_c_and_failures_leave_what_was_measured(document: Path, tmp_path: P
     ],
 )
 def test_wrong_options_are_refused(given: dict[str, str], message: str, document: Path, tmp_path: Path) -> None:
-    processes = FakeProcesses()
+    processes = FakeProcesses(seconds_of)
     with pytest.raises(LookdevError, match=message.replace("+", r"\+")):
         run_profile(options(**given), tmp_path / "out", quiet, document=document, opened=processes)
-    assert processes.frames == 0
+    assert processes.tasks == []

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
-from test_bench_growth import FakeProcesses
+from test_bench_growth import processes
 
 from lookdev.bench import growth, run
 from lookdev.bench.document import END, check_document, marker, write_section
@@ -61,7 +61,7 @@ def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
 
     def measure(options: Options | None = None, backends: FakeBackends | None = None) -> Measured:
         chosen = options or small()
-        fakes = {"opened": backends or FakeBackends(), "growth": FakeProcesses()}
+        fakes = {"opened": backends or FakeBackends(), "growth": processes()}
         part = restricted(chosen, DEFAULTS)
         return run_table(chosen, folder / "out", quiet, document=document, restricted=part, **fakes), document
 

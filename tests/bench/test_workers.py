@@ -11,28 +11,11 @@ from datetime import datetime
 from pathlib import Path
 from statistics import median
 
+import batches
 import pytest
 
 from lookdev.render.threads import cores
 
-LOOK = """#usda 1.0
-def Material "Look" {
-    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
-    def Shader "Base" {
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor = (0.7, 0.3, 0.1)
-        token outputs:layer
-    }
-}
-"""
-JOB = """
-output = "out"
-asset = { builtin = "suzanne" }
-look = [{ name = "a", material = "look.usda" }, { name = "b", material = "look.usda" }]
-ibl = [{ name = "studio", builtin = "studio" }]
-turntable = [{ kind = "element", frames = 24 }]
-render = { resolution = [64, 64], samples = 16 }
-"""
 PAIRS = 3
 STARTS = 12
 """Frames until both workers render, and their scenes are compiled."""
@@ -66,8 +49,11 @@ def render(folder: Path, workers: int) -> Run:
 @pytest.mark.cycles
 @pytest.mark.skipif(cores() < 2, reason="one core has nothing to divide")
 def test_two_workers_render_small_frames_as_fast_as_one_or_faster(tmp_path: Path) -> None:
-    (tmp_path / "look.usda").write_text(LOOK)
-    (tmp_path / "job.toml").write_text(JOB)
+    batches.write_job(
+        tmp_path,
+        turntable='[{ kind = "element", frames = 24 }]',
+        render="{ resolution = [64, 64], samples = 16 }",
+    )
     render(tmp_path, 1)  # what is compiled and kept is the same for all
     pairs = [(render(tmp_path, 1), render(tmp_path, 2)) for _ in range(PAIRS)]
     for one, two in pairs:

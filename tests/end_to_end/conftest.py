@@ -1,32 +1,25 @@
-"""One cache for all these tests, and one worker for those that render single frames."""
+"""Jobs and single frames by the warm workers of the run."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
+from lending import lend_workers
 from stage import Stage
 
-
-@pytest.fixture(scope="session")
-def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cache")
+from lookdev.render.worker import Worker
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _cache(_shared: Path) -> Iterator[None]:
-    # Set for each file: for the session, it would reach other folders' tests, which follow in the same process.
+@pytest.fixture
+def stage(cycles_worker: Worker) -> Stage:
+    """Return what renders single frames."""
+    return Stage(cycles_worker)
+
+
+@pytest.fixture
+def warm(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let jobs and checks in this process be rendered by the warm workers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_CACHE", str(_shared))
+        lend_workers(request, patch)
         yield
-
-
-@pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    """Render single frames with the real worker."""
-    with Stage(tmp_path_factory.mktemp("stage")) as stage:
-        yield stage

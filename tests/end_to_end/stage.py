@@ -1,15 +1,13 @@
-"""Single frames of any asset, light and camera from the real worker, and their comparison."""
+"""Single frames of any asset, light and camera from the warm worker, and their comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
-from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.results import Progress, Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
@@ -21,26 +19,17 @@ SAMPLES = 16
 
 
 class Stage:
-    """A started worker; `render` is one frame."""
+    """Frames of a worker; `render` is one frame."""
 
-    def __init__(self, folder: Path) -> None:
-        self.log = folder / "worker.log"
-        self.scratch = folder / "scratch"
-        self.scratch.mkdir()
-        self._worker = Worker(WORKER_COMMAND, self.log, self.scratch)
-
-    def __enter__(self) -> Self:
-        self._worker.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._worker.kill()
+    def __init__(self, worker: Worker) -> None:
+        self.worker = worker
 
     def render(
         self, *given: Any, progress: Callable[[Progress], None] = lambda progress: None, **more: Any
     ) -> Rendered:
         """Render the frame of `task`."""
-        return self._worker.render(self.task(*given, **more), progress)
+        self.worker.start()
+        return self.worker.render(self.task(*given, **more), progress)
 
     def task(
         self,

@@ -4,35 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import batches
 import numpy as np
 import pytest
 
 from lookdev.batch.run import render_job
 from lookdev.output import read_frame
 
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
-LOOK = """#usda 1.0
-def Material "Paint"
-{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "LookdevDisney"
-        float inputs:roughness = 0.5
-        color3f inputs:baseColor = (0.6, 0.3, 0.1)
-        token outputs:layer
-    }
-}
-"""
-JOB = """
-output = "out"
-asset = { builtin = "sphere" }
-look = [{ name = "paint", material = "paint.usda" }]
-ibl = [{ name = "city", builtin = "city" }]
-rig = [{ name = "three", builtin = "three_point" }]
-turntable = [{ kind = "lighting", frames = 2 }]
-render = { resolution = [16, 16], samples = 16 }
+MORE = """
 [[wedge]]
 rig = "city"
 parameter = "roughness"
@@ -52,9 +33,18 @@ burn_in = ["movie"]
 
 def test_wedges_movies_and_sheets_of_one_job(tmp_path: Path) -> None:
     pytest.importorskip("av")
-    (tmp_path / "paint.usda").write_text(LOOK)
-    (tmp_path / "job.toml").write_text(JOB)
-    result = render_job(tmp_path / "job.toml")
+    job = batches.write_job(
+        tmp_path,
+        asset='{ builtin = "sphere" }',
+        look='[{ name = "paint", material = "paint.usda" }]',
+        ibl='[{ name = "city", builtin = "city" }]',
+        rig='[{ name = "three", builtin = "three_point" }]',
+        turntable='[{ kind = "lighting", frames = 2 }]',
+        render="{ resolution = [16, 16], samples = 16 }",
+        more=MORE,
+    )
+    batches.write_look(tmp_path, "paint", (0.6, 0.3, 0.1), roughness=0.5, specular=0.5)
+    result = render_job(job)
     assert result.failures == ()
     assert result.done == result.total == 2 * (2 + 4 + 3)
     out = tmp_path / "out"
@@ -80,6 +70,5 @@ def test_wedges_movies_and_sheets_of_one_job(tmp_path: Path) -> None:
     assert "paint/three/lighting.key.intensity.wedge.png" in files
     assert "paint_roughness_0.25/city_exposure_2/lighting.mp4" in files
     assert "city/lighting.looks.mp4" in files
-    again = render_job(tmp_path / "job.toml")
-    assert again.rendered == 0
+    assert render_job(job).rendered == 0
     assert files == {path.relative_to(out).as_posix(): path.read_bytes() for path in sorted(out.rglob("lighting.*"))}

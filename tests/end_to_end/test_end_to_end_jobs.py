@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import batches
 import numpy as np
 import pytest
 
-from lookdev.batch.prepare import prepare_job
+from lookdev.batch.prepare import Prepared, plan_job
+from lookdev.batch.run import render_job
 from lookdev.job import Job, load_job
 from lookdev.material.usd import expand_variants
 from lookdev.output.exr import read_frame, read_header
 
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
 JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
+# One of each kind: props, variants, a shadow catcher, looks of parts, passes.
+QUICK = ("charts", "figure_19", "ground", "parts", "passes")
 MOST_LOOKS = 4
 
 
@@ -36,7 +38,9 @@ def some_looks(job: Job, tables: str) -> str:
     return tables
 
 
-@pytest.fixture(params=JOBS, ids=lambda path: path.stem)
+@pytest.fixture(
+    params=[pytest.param(job, id=job.stem, marks=[] if job.stem in QUICK else pytest.mark.proof) for job in JOBS]
+)
 def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """Return a copy of a job with little to render, which names the files of the original."""
     path: Path = request.param
@@ -58,10 +62,15 @@ def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_job_renders(tiny: Path) -> None:
-    output = batches.render(tiny)
-    prepared = prepare_job(tiny)
-    assert prepared.plan.pending() == ()
-    assert f"{len(prepared.plan.frames)} of {len(prepared.plan.frames)} frames are done" in output
+    planned: list[Prepared] = []
+
+    def plan(*given: object) -> Prepared:
+        planned.append(plan_job(*given))  # type: ignore[arg-type]
+        return planned[0]
+
+    result = render_job(tiny, prepare=plan)
+    (prepared,) = planned
+    assert (result.exit_code, result.done) == (0, len(prepared.plan.frames))
     looks: dict[str, list[np.ndarray]] = {}
     for frame in prepared.plan.frames:
         beauty, alpha = read_frame(frame.task.files[0])

@@ -9,32 +9,25 @@ import batches
 import numpy as np
 import pytest
 
+from lookdev.batch.run import render_job
 from lookdev.metrics import noise_ratio
 from lookdev.output.review.compare import BEYOND, NOTICED, SQUARE
 from lookdev.output.review.pixels import Pixels, read_pixels
 
-pytestmark = pytest.mark.cycles
-
-JOB = """
-output = "out"
-asset = {{ builtin = "shaderball" }}
-look = [{{ name = "red", material = "red.usda" }}]
-ibl = [{{ name = "studio", builtin = "studio" }}]
-turntable = [{{ kind = "element", frames = 1, start = 150 }}]
-render = {{ resolution = [160, 120], samples = 32, bounces = 0, seed = {seed}{more} }}
-"""
+pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
 
-def rendered(folder: Path, seed: int, roughness: float = 0.3, more: str = "") -> Pixels:
+def rendered(folder: Path, seed: int, roughness: float = 0.3) -> Pixels:
     folder.mkdir()
-    batches.write_look(folder, "red", "0.7, 0.1, 0.1")
-    look = folder / "red.usda"
-    look.write_text(
-        look.read_text().replace("roughness = 1", f"roughness = {roughness}").replace("specular = 0", "metallic = 0.5")
+    job = batches.write_job(
+        folder,
+        asset='{ builtin = "shaderball" }',
+        look='[{ name = "red", material = "red.usda" }]',
+        turntable='[{ kind = "element", frames = 1, start = 150 }]',
+        render=f"{{ resolution = [160, 120], samples = 32, bounces = 0, seed = {seed} }}",
     )
-    job = folder / "job.toml"
-    job.write_text(JOB.format(seed=seed, more=more))
-    batches.render(job)
+    batches.write_look(folder, "red", (0.7, 0.1, 0.1), roughness=roughness, specular=0.5, metallic=0.5)
+    assert render_job(job).exit_code == 0
     return read_pixels(folder / "out" / "red" / "studio" / "element.0001.exr")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -49,18 +48,28 @@ def test_progress_is_reported_within_the_halves_too(stage: Stage, ball: Asset) -
     assert reported[-1].relmse is not None
 
 
-def test_a_result_that_cannot_be_written_fails_the_frame_and_not_the_worker(stage: Stage, ball: Asset) -> None:
-    shutil.rmtree(stage.scratch)
-    with pytest.raises(OutputError, match="a rendered frame cannot be written: No such file"):
-        render(stage, ball, [])
-    stage.scratch.mkdir()
+def test_a_result_that_cannot_be_written_fails_the_frame_and_not_the_worker(
+    stage: Stage, ball: Asset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage.worker.start()
+    scratch = stage.worker.log.parent
+    aside = scratch.with_name("aside")
+    scratch.rename(aside)
+    monkeypatch.setattr(stage.worker, "log", aside / "worker.log")
+    try:
+        with pytest.raises(OutputError, match="a rendered frame cannot be written: No such file"):
+            render(stage, ball, [])
+    finally:
+        aside.rename(scratch)
+        monkeypatch.undo()
 
     # The log up to the fault is kept, what frames without one add is not, for ever.
-    kept = stage.log.read_bytes()
-    with stage.log.open("ab") as log:
-        log.write(b"chatter\n" * 2**18)
+    log = stage.worker.log
+    kept = log.read_bytes()
+    with log.open("ab") as stream:
+        stream.write(b"chatter\n" * 2**18)
     assert render(stage, ball, []).samples == 16
-    assert stage.log.read_bytes() == kept
+    assert log.read_bytes() == kept
 
 
 def test_a_self_test_leaves_no_temporary_files(tmp_path: Path) -> None:

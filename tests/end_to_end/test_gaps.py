@@ -7,7 +7,7 @@ import pytest
 from gaps import PRESETS, ROOT, measure, read
 
 from lookdev.checks.gap import MOST_FLIP
-from lookdev.render.worker import renderer
+from lookdev.render.worker import Worker
 
 
 def test_every_preset_is_recorded_and_near() -> None:
@@ -27,11 +27,11 @@ def test_those_that_are_further_away_are_named_with_the_reason() -> None:
 @pytest.mark.cycles
 @pytest.mark.proof
 @pytest.mark.parametrize("place", [0, 20, 40, 60])
-def test_what_is_recorded_is_measured_again(place: int) -> None:
+def test_what_is_recorded_is_measured_again(place: int, cycles_worker: Worker) -> None:
     recorded = read()[place]
     (preset,) = (preset for preset in PRESETS if preset.stem == recorded.preset)
-    with renderer() as render:
-        found = measure(preset, render)
+    cycles_worker.start()
+    found = measure(preset, lambda task: cycles_worker.render(task, lambda progress: None))
     # Blender 5.2 draws other samples: what differs is noise.
     assert abs(found.flip - recorded.flip) < 0.5 * max(found.flip_noise, recorded.flip_noise)
     assert found.albedo < 0.01

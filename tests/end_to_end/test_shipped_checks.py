@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import batches
 import pytest
 
 from lookdev.batch.check import DepthName, check_file
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import new_look
 
-pytestmark = [pytest.mark.cycles, pytest.mark.proof]
+pytestmark = [pytest.mark.cycles, pytest.mark.proof, pytest.mark.usefixtures("warm")]
 
 ROOT = Path(__file__).parents[2]
 PRESETS = sorted((ROOT / "materials/presets").glob("*.usda"))
@@ -18,14 +19,6 @@ LOOKS = sorted((ROOT / "materials").glob("*.usda"))
 JOBS = sorted((ROOT / "jobs").glob("*.toml"))
 # The figures have 121 looks: each is checked, with fewer cases.
 DEPTHS: dict[str, DepthName] = {"figure_16": "quick", "figure_19": "quick"}
-
-JOB = """
-output = "out"
-asset = {{ builtin = "sphere" }}
-look = [{{ name = "paint", material = "{material}" }}]
-ibl = [{{ name = "city", builtin = "city" }}]
-turntable = [{{ kind = "element", frames = 8 }}]
-"""
 
 
 @pytest.mark.parametrize("file", [*PRESETS, *LOOKS, *JOBS], ids=lambda file: file.stem)
@@ -41,8 +34,13 @@ def test_what_is_shipped_agrees(file: Path, tmp_path: Path) -> None:
 
 
 def test_of_a_hundred_seeds_at_most_one_fails(tmp_path: Path) -> None:
-    job = tmp_path / "job.toml"
-    job.write_text(JOB.format(material=ROOT / "materials" / "car_paint.usda"))
+    job = batches.write_job(
+        tmp_path,
+        asset='{ builtin = "sphere" }',
+        look=f'[{{ name = "paint", material = "{ROOT / "materials" / "car_paint.usda"}" }}]',
+        ibl='[{ name = "city", builtin = "city" }]',
+        turntable='[{ kind = "element", frames = 8 }]',
+    )
     failed = [
         (seed, finding.check, finding.summary)
         for seed in range(100)
