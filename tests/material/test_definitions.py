@@ -8,6 +8,8 @@ from pxr import Sdr, Usd, UsdShade
 from lookdev.brdf import MODELS, Parameter, layer_shaders
 from lookdev.material.definitions import DEFINED_LAYERS, DEFINITIONS, shader_definitions
 
+pytestmark = pytest.mark.both_pythons
+
 
 @pytest.fixture(scope="module")
 def nodes() -> dict[str, Sdr.ShaderNode]:

@@ -20,6 +20,8 @@ from lookdev.material.library.masks import parse_mask
 from lookdev.material.look import Coordinates, Primvar, Texture, View
 from lookdev.material.usd import read_look
 
+pytestmark = pytest.mark.both_pythons
+
 MATERIALS = Path(__file__).parents[2] / "materials"
 Take = Callable[[str], Preset]
 NEW = {"Layers", "Base", "Preview"}

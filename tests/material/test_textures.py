@@ -18,6 +18,8 @@ from lookdev.material.textures import image_header, linear_texture, sample_slope
 from lookdev.material.usd import read_look
 from lookdev.stage.colorspaces import srgb_to_linear
 
+pytestmark = pytest.mark.both_pythons
+
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

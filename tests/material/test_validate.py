@@ -168,6 +168,7 @@ GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb") + sha
 )
 
 
+@pytest.mark.both_pythons
 @pytest.mark.parametrize(
     ("body", "severity", "place", "what"),
     [
@@ -269,6 +270,7 @@ def malformed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
     return cases
 
 
+@pytest.mark.both_pythons
 def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dict]) -> None:
     faulty = [case for case in malformed if case["expected"] == "faulty"]
     assert len(faulty) >= 0.6 * len(malformed)
