@@ -14,80 +14,38 @@ from lookdev.stage.files import DEFAULT_BYTES
 pytestmark = pytest.mark.both_pythons
 
 CAR = """#usda 1.0
-(
-    defaultPrim = "Car"
-    upAxis = "Z"
-    metersPerUnit = 1
-)
-def Xform "Car" (
-    variants = {
-        string model = "plain"
-    }
-    prepend variantSets = "model"
-)
-{
+( defaultPrim = "Car"
+  upAxis = "Z"
+  metersPerUnit = 1 )
+def Xform "Car" (variants = { string model = "plain" }; prepend variantSets = "model") {
     variantSet "model" = {
         "plain" {
-            def Sphere "Plain"
-            {
-            }
+            def Sphere "Plain" {}
         }
-        "sport" (
-            variants = {
-                string trim = "none"
-            }
-            prepend variantSets = "trim"
-        ) {
-            def Sphere "Sport"
-            {
-            }
+        "sport" (variants = { string trim = "none" }; prepend variantSets = "trim") {
+            def Sphere "Sport" {}
             variantSet "trim" = {
-                "none" {
-                }
+                "none" {}
                 "wing" {
-                    def Cube "Wing"
-                    {
-                    }
+                    def Cube "Wing" {}
                 }
             }
         }
     }
-    def Xform "Wheel" (
-        references = @wheel.usda@
-        instanceable = true
-    )
-    {
-    }
+    def Xform "Wheel" (references = @wheel.usda@; instanceable = true) {}
 }
-def Xform "Van" (
-    references = @core.usda@</Car>
-)
-{
-}
+def Xform "Van" (references = @core.usda@</Car>) {}
 """
 WHEEL = """#usda 1.0
-(
-    defaultPrim = "Wheel"
-)
-def Xform "Wheel"
-{
-    def Xform "Tire" (
-        variants = {
-            string tread = "slick"
-        }
-        prepend variantSets = "tread"
-    )
-    {
+( defaultPrim = "Wheel" )
+def Xform "Wheel" {
+    def Xform "Tire" (variants = { string tread = "slick" }; prepend variantSets = "tread") {
         variantSet "tread" = {
             "slick" {
-                def Sphere "Slick"
-                {
-                }
+                def Sphere "Slick" {}
             }
             "rain" {
-                def Sphere "Rain"
-                {
-                }
+                def Sphere "Rain" {}
             }
         }
     }
@@ -136,30 +94,20 @@ def test_variants_inside_an_instance_are_selected_in_that_instance(folder):
 
 
 def test_a_prim_whose_set_lacks_the_variant_keeps_its_own_with_a_note(folder):
-    text = CAR.replace('def Xform "Van" (\n    references = @core.usda@</Car>\n)', VAN)
-    (folder / "car.usda").write_text(text)
+    (folder / "car.usda").write_text(CAR.partition('def Xform "Van"')[0] + VAN)
     result = composed(folder, variants=(("model", "sport"),))
     assert there(result.stage, "/Car/Sport", "/Van/Long") == [True, True]
     note = f"{folder}/car.usda: /Van: variant set 'model' has no variant 'sport'; 'long' stays selected"
     assert result.notes == (note,)
 
 
-VAN = """def Xform "Van" (
-    variants = {
-        string model = "long"
-    }
-    prepend variantSets = "model"
-)
-{
+VAN = """def Xform "Van" (variants = { string model = "long" }; prepend variantSets = "model") {
     variantSet "model" = {
         "long" {
-            def Sphere "Long"
-            {
-            }
+            def Sphere "Long" {}
         }
     }
 }
-def Xform "Other"
 """
 
 
@@ -180,11 +128,16 @@ def test_unknown_variants_are_faults_that_list_the_known_ones(folder, variants, 
 def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder):
     other = folder / "looks"
     other.mkdir()
-    (other / "more.usda").write_text('#usda 1.0\ndef Xform "More"\n{\n    def Cone "Cone"\n    {\n    }\n}\n')
-    over = '#usda 1.0\nover "Car"\n{\n    over "Plain"\n    {\n        double radius = 7\n    }\n'
-    over += '    def "Added" (\n        references = @more.usda@</More>\n    )\n    {\n    }\n}\n'
-    over += 'over "Cra"\n{\n    over "Plain"\n    {\n    }\n}\n'
-    (other / "looks.usda").write_text(over)
+    (other / "more.usda").write_text('#usda 1.0\ndef Xform "More" {\ndef Cone "Cone" {}\n}')
+    (other / "looks.usda").write_text("""#usda 1.0
+over "Car" {
+    over "Plain" { double radius = 7; }
+    def "Added" (references = @more.usda@</More>) {}
+}
+over "Cra" {
+    over "Plain" {}
+}
+""")
     result = composed(folder, layer=other / "looks.usda")
     assert UsdGeom.Sphere(result.stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 7.0
     assert there(result.stage, "/Car/Added/Cone") == [True]
@@ -235,8 +188,8 @@ BROKEN = {
 @pytest.mark.parametrize(("arc", "message"), BROKEN.values(), ids=BROKEN)
 def test_what_cannot_be_composed_is_a_fault_at_its_prim_or_a_note(folder, arc, message, capfd):
     (folder / "junk.usda").write_text("junk")
-    inside = '    def Xform "B" (\n        references = </A>\n    )\n    {\n    }\n' if "</A" in arc else ""
-    (folder / "car.usda").write_text(f'{CAR}def Xform "A" (\n    {arc}\n)\n{{\n{inside}}}\n')
+    inside = 'def Xform "B" (references = </A>) {}\n' if "</A" in arc else ""
+    (folder / "car.usda").write_text(f'{CAR}def Xform "A" ({arc}) {{\n{inside}}}\n')
     with pytest.raises(StageError, match=r"(?s)car\.usda: " + message) as caught:
         composed(folder)
     assert isinstance(caught.value, LookError)  # a look's file is a USD file, too
@@ -247,15 +200,15 @@ def test_what_cannot_be_composed_is_a_fault_at_its_prim_or_a_note(folder, arc, m
 
 
 def test_a_missing_sublayer_is_a_fault_of_the_file(folder):
-    (folder / "car.usda").write_text(CAR.replace("    defaultPrim", "    subLayers = [@none.usda@]\n    defaultPrim"))
+    (folder / "car.usda").write_text(CAR.replace("( defaultPrim", "( subLayers = [@none.usda@]\n  defaultPrim"))
     with pytest.raises(StageError, match=r"car\.usda: Could not load sublayer @none.usda@"):
         composed(folder)
     assert len(composed(folder, missing="warn").notes) == 1
 
 
 def test_one_missing_file_of_many_prims_is_one_fault(folder):
-    prims = "".join(f'def Xform "X{i}" (\n    references = </Y>\n)\n{{\n}}\n' for i in range(5))
-    text = f'#usda 1.0\nclass Xform "Y" (\n    references = @none.usda@</X>\n)\n{{\n}}\n{prims}'
+    prims = "".join(f'def Xform "X{i}" (references = </Y>) {{}}\n' for i in range(5))
+    text = f'#usda 1.0\nclass Xform "Y" (references = @none.usda@</X>) {{}}\n{prims}'
     (folder / "car.usda").write_text(text)
     with pytest.raises(StageError) as caught:
         composed(folder)
@@ -269,14 +222,13 @@ def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
         'type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/></surfacematerial></materialx>'
     )
     (folder / "part.usda").write_text(
-        '#usda 1.0\ndef "Part"\n{\n    def "Looks" (\n        references = @m.mtlx@</MaterialX/Materials>\n    )\n'
-        '    {\n    }\n    def Sphere "Ball"\n    {\n        rel material:binding = </Part/Looks/Gold>\n    }\n}\n'
+        '#usda 1.0\ndef "Part" {\n    def "Looks" (references = @m.mtlx@</MaterialX/Materials>) {}\n'
+        '    def Sphere "Ball" { rel material:binding = </Part/Looks/Gold>; }\n}\n'
     )
-    text = "#usda 1.0\n" + "".join(
-        f'def "{name}" (\n    instanceable = {flag}\n    references = @part.usda@</Part>\n)\n{{\n}}\n'
-        for name, flag in (("A", "false"), ("B", "true"))
+    (folder / "car.usda").write_text(
+        '#usda 1.0\ndef "A" (references = @part.usda@</Part>) {}\n'
+        'def "B" (references = @part.usda@</Part>; instanceable = true) {}\n'
     )
-    (folder / "car.usda").write_text(text)
     result = composed(folder)
     assert result.notes == ()
     for name in "AB":
@@ -285,13 +237,12 @@ def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
 
 
 def test_payloads_are_loaded(folder):
-    (folder / "car.usda").write_text('#usda 1.0\ndef "A" (\n    payload = @wheel.usda@\n)\n{\n}\n')
+    (folder / "car.usda").write_text('#usda 1.0\ndef "A" (payload = @wheel.usda@) {}\n')
     assert there(composed(folder).stage, "/A/Tire/Slick") == [True]
 
 
 CLIPPED = """#usda 1.0
-def "Root" (
-    references = @still.usda@</Root>
+def "Root" (references = @still.usda@</Root>
     clips = {
         dictionary default = {
             asset[] assetPaths = [@clip.usda@]
@@ -300,19 +251,16 @@ def "Root" (
             double2[] active = [(0, 0)]
             double2[] times = [(0, 0), (9, 9)]
         }
-    }
-)
-{
-}
+    }) {}
 """
 
 
 @pytest.fixture
 def clipped(tmp_path):
     (tmp_path / "asset.usda").write_text(CLIPPED)
-    (tmp_path / "still.usda").write_text('#usda 1.0\ndef Sphere "Root"\n{\n    double radius = 1\n}')
-    (tmp_path / "manifest.usda").write_text('#usda 1.0\nover "Root"\n{\n    double radius\n}')
-    (tmp_path / "clip.usda").write_text('#usda 1.0\nover "Root"\n{\n    double radius.timeSamples = { 0: 2, 9: 11 }\n}')
+    (tmp_path / "still.usda").write_text('#usda 1.0\ndef Sphere "Root" { double radius = 1; }')
+    (tmp_path / "manifest.usda").write_text('#usda 1.0\nover "Root" { double radius; }')
+    (tmp_path / "clip.usda").write_text('#usda 1.0\nover "Root" { double radius.timeSamples = { 0: 2, 9: 11 }; }')
     return tmp_path
 
 
@@ -340,7 +288,7 @@ def test_clips_that_usd_passes_over_are_faults_or_notes(clipped, old, new, messa
     (clipped / "asset.usda").write_text(CLIPPED.replace(old, new))
     with pytest.raises(StageError) as caught:
         compose(Composition(clipped / "asset.usda"))
-    assert any(each.where == "/Root.clips[default]" and message in each.what for each in caught.value.faults)
+    assert any(fault.where == "/Root.clips[default]" and message in fault.what for fault in caught.value.faults)
     composed = compose(Composition(clipped / "asset.usda", missing="warn"))
     assert any(message in note for note in composed.notes)
     assert capfd.readouterr().err == ""

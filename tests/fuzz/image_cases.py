@@ -24,17 +24,14 @@ from lookdev.material.textures import linear_texture, slope_texture
 
 _TEXTURED = """#usda 1.0
 ( defaultPrim = "M" )
-def Material "M"
-{
+def Material "M" {
     token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor.connect = </M/Image.outputs:rgb>
         normal3f inputs:normal.connect = </M/Bump.outputs:normal>
     }
-    def Shader "Image"
-    {
+    def Shader "Image" {
         uniform token info:id = "UsdUVTexture"
         asset inputs:file = @FILE@
         token inputs:sourceColorSpace = "raw"
@@ -42,14 +39,12 @@ def Material "M"
         token inputs:wrapT = "repeat"
         float2 inputs:st.connect = </M/Reader.outputs:result>
     }
-    def Shader "Bump"
-    {
+    def Shader "Bump" {
         uniform token info:id = "LookdevBump"
         float inputs:height.connect = </M/Image.outputs:r>
         float inputs:scale = 0.02
     }
-    def Shader "Reader"
-    {
+    def Shader "Reader" {
         uniform token info:id = "UsdPrimvarReader_float2"
         string inputs:varname = "st"
     }

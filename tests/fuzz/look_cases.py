@@ -18,11 +18,9 @@ from lookdev.material.usd.bound import read_any_look
 
 _TEXT = """#usda 1.0
 ( defaultPrim = "M" )
-def Material "M"
-{
+def Material "M" {
     token outputs:lookdev:surface.connect = </M/Layers.outputs:layer>
-    def Shader "Layers"
-    {
+    def Shader "Layers" {
         uniform token info:id = "LookdevLayers"
         token inputs:base.connect = </M/Base.outputs:layer>
         token inputs:layer1.connect = </M/Coat.outputs:layer>
@@ -30,32 +28,27 @@ def Material "M"
         token inputs:layer1Mode = "over"
         bool inputs:layer1Enabled = true
     }
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor.connect = </M/Image.outputs:rgb>
         float inputs:roughness = 0.25
     }
-    def Shader "Coat"
-    {
+    def Shader "Coat" {
         uniform token info:id = "LookdevDisney"
         float inputs:metallic.connect = </M/Wear.outputs:result>
     }
-    def Shader "Mask"
-    {
+    def Shader "Mask" {
         uniform token info:id = "LookdevExpression"
         string inputs:expression = "clamp(wear * dirt + 0.25, 0, 1)"
         float inputs:wear.connect = </M/Wear.outputs:result>
         float inputs:dirt = 0.5
     }
-    def Shader "Wear"
-    {
+    def Shader "Wear" {
         uniform token info:id = "UsdPrimvarReader_float"
         string inputs:varname = "wear"
         float inputs:fallback = 0.5
     }
-    def Shader "Image"
-    {
+    def Shader "Image" {
         uniform token info:id = "UsdUVTexture"
         asset inputs:file = @color.png@
         token inputs:wrapS = "repeat"
@@ -63,8 +56,7 @@ def Material "M"
         float4 inputs:scale = (1, 0.5, 1, 1)
         float2 inputs:st.connect = </M/Reader.outputs:result>
     }
-    def Shader "Reader"
-    {
+    def Shader "Reader" {
         uniform token info:id = "UsdPrimvarReader_float2"
         string inputs:varname = "st"
     }

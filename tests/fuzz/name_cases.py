@@ -103,18 +103,14 @@ def _text(names: tuple[str, ...]) -> str:
     bound = 'prepend apiSchemas = ["MaterialBindingAPI"]'
     return f"""#usda 1.0
 ( defaultPrim = "{root}" )
-def Xform "{root}"
-{{
-    def Mesh "{body}" ({bound})
-    {{{CUBE}{primvars}        rel material:binding = <{above}/{paint}>
+def Xform "{root}" {{
+    def Mesh "{body}" ({bound}) {{{CUBE}{primvars}        rel material:binding = <{above}/{paint}>
     }}
-    def Mesh "{second}" ({bound})
-    {{{CUBE}{primvars}        rel material:binding = <{above}/{rubber}>
+    def Mesh "{second}" ({bound}) {{{CUBE}{primvars}        rel material:binding = <{above}/{rubber}>
         double3 xformOp:translate = (3, 0, 0)
         uniform token[] xformOpOrder = ["xformOp:translate"]
     }}
-    def Scope "{looks}"
-    {{
+    def Scope "{looks}" {{
 {first}{other}    }}
 }}
 """

@@ -18,11 +18,9 @@ _TEXT = """#usda 1.0
 ( defaultPrim = "Rig"
   upAxis = "Y"
   metersPerUnit = 0.01 )
-def Xform "Rig"
-{
+def Xform "Rig" {
     custom bool lookdev:fit = false
-    def RectLight "Key" (prepend apiSchemas = ["ShapingAPI", "ShadowAPI"])
-    {
+    def RectLight "Key" (prepend apiSchemas = ["ShapingAPI", "ShadowAPI"]) {
         float inputs:intensity = 3
         float inputs:exposure = 1
         color3f inputs:color = (1, 0.5, 0.25)
@@ -48,18 +46,15 @@ def Xform "Rig"
         double3 xformOp:scale = (1, 2, 1)
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]
     }
-    def CylinderLight "Tube"
-    {
+    def CylinderLight "Tube" {
         float inputs:length = 150
         float inputs:radius = 3
         bool treatAsLine = false
     }
-    def DistantLight "Sun"
-    {
+    def DistantLight "Sun" {
         float inputs:angle = 0.6
     }
-    def DomeLight_1 "Sky"
-    {
+    def DomeLight_1 "Sky" {
         asset inputs:texture:file = @sky.exr@
         token inputs:texture:format = "automatic"
         uniform token poleAxis = "scene"
@@ -69,7 +64,7 @@ def Xform "Rig"
 }
 """
 _LINES = _TEXT.splitlines()
-_SPOTS = [number for number, line in enumerate(_LINES) if number > 5 and " = " in line and "def " not in line]
+_SPOTS = [number for number, line in enumerate(_LINES) if number > 4 and " = " in line and "def " not in line]
 _INPUTS = [number for number in _SPOTS if "inputs:" in _LINES[number] or "lookdev:" in _LINES[number]]
 _SCALARS = {"int", "float", "double", "half", "bool", "token", "string"}
 _NUMBERS = ("nan", "inf", "-1", "0", "1e38", "1e-38", "1e999")
@@ -145,7 +140,7 @@ def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
             lines[line], expected = animated(lines[line]), NOTED
         case "transform", matrix:
             text = f'matrix4d xformOp:transform = {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"]\n'
-            lines.insert(next(number for number, line in enumerate(lines) if "Tube" in line) + 2, text)
+            lines.insert(next(number for number, line in enumerate(lines) if "Tube" in line) + 1, text)
             names = (*names, "Tube")
         case "image", name, instead:
             (folder / name).unlink()

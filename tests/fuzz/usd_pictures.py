@@ -20,6 +20,11 @@ _TAKEN = re.compile(r"(\S+\.inputs:\w+): is not carried(?:: .*?)? \((.*) (?:is|a
 _KINDS = {"st": "float2", "wear": "float", "tint": "float3", "rust": "float"}
 
 
+def _shader(name: str, identifier: str, *lines: str) -> str:
+    inner = "".join(f"        {line}\n" for line in (f'uniform token info:id = "{identifier}"', *lines))
+    return f'    def Shader "{name}" {{\n{inner}    }}\n'
+
+
 def probe(**varnames: str) -> str:
     """Return the text of a look that shows the primvars of the names given.
 
@@ -30,57 +35,43 @@ def probe(**varnames: str) -> str:
 
 def material(name: str, above: str, **varnames: str) -> str:
     """Return the material of `probe`, below the prim of a path."""
-    path = f"{above}/{name}"
-    readers = "".join(
-        f"""    def Shader "{each}"
-    {{
-        uniform token info:id = "UsdPrimvarReader_{_KINDS[each]}"
-        string inputs:varname = "{varname}"
-        {_KINDS[each]} outputs:result
-    }}
-"""
-        for each, varname in varnames.items()
-    )
-    color = "clamp(0.5 * st + [0.3, 0.3, 0.5], 0, 1)" if "st" in varnames else "[0.5, 0.25, 0.75]"
-    color += "".join(f" * (0.25 + 0.5 * {each})" for each in ("wear", "tint") if each in varnames)
+    path, types = f"{above}/{name}", _KINDS | {"tint": "color3f"}
 
     def expression(shader: str, kind: str, text: str) -> str:
-        used = [each for each in varnames if re.search(rf"\b{each}\b", text)]
-        types = _KINDS | {"tint": "color3f"}
-        inputs = "".join(
-            f"        {types[each]} inputs:{each}.connect = <{path}/{each}.outputs:result>\n" for each in used
-        )
-        return f"""    def Shader "{shader}"
-    {{
-        uniform token info:id = "LookdevExpression"
-        string inputs:expression = "{text}"
-{inputs}        {kind} outputs:result
-    }}
-"""
+        inputs = [
+            f"{types[primvar]} inputs:{primvar}.connect = <{path}/{primvar}.outputs:result>"
+            for primvar in varnames
+            if re.search(rf"\b{primvar}\b", text)
+        ]
+        formula = f'string inputs:expression = "{text}"'
+        return _shader(shader, "LookdevExpression", formula, *inputs, f"{kind} outputs:result")
 
-    colored = expression("Color", "color3f", color)
-    rough = expression("Rough", "float", "rust" if "rust" in varnames else "0.5")
-    return f"""def Material "{name}"
-{{
-    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>
-    def Shader "Base"
-    {{
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor.connect = <{path}/Color.outputs:result>
-        float inputs:roughness.connect = <{path}/Rough.outputs:result>
-        token outputs:layer
-    }}
-{colored}{rough}{readers}}}
-"""
+    color = "clamp(0.5 * st + [0.3, 0.3, 0.5], 0, 1)" if "st" in varnames else "[0.5, 0.25, 0.75]"
+    color += "".join(f" * (0.25 + 0.5 * {primvar})" for primvar in ("wear", "tint") if primvar in varnames)
+    shaders = [
+        _shader(
+            "Base",
+            "LookdevDisney",
+            f"color3f inputs:baseColor.connect = <{path}/Color.outputs:result>",
+            f"float inputs:roughness.connect = <{path}/Rough.outputs:result>",
+            "token outputs:layer",
+        ),
+        expression("Color", "color3f", color),
+        expression("Rough", "float", "rust" if "rust" in varnames else "0.5"),
+    ]
+    for primvar, varname in varnames.items():
+        kind = _KINDS[primvar]
+        text = f'string inputs:varname = "{varname}"'
+        shaders.append(_shader(primvar, f"UsdPrimvarReader_{kind}", text, f"{kind} outputs:result"))
+    surface = f"    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>\n"
+    return f'def Material "{name}" {{\n{surface}{"".join(shaders)}}}\n'
 
 
 _GREY = """#usda 1.0
 ( defaultPrim = "Grey" )
-def Material "Grey"
-{
+def Material "Grey" {
     token outputs:lookdev:surface.connect = </Grey/Base.outputs:layer>
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.18, 0.18, 0.18)
         token outputs:layer

@@ -25,7 +25,6 @@ _SQUARE = """
         int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
 """
 _IDENTITY = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
-_ROLES = re.compile(r"  # (.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -58,30 +57,30 @@ def _sound(body: str, more: str = "", **options: Any) -> Sound:
         f'#usda 1.0\n(\n    defaultPrim = "Root"\n    metersPerUnit = 0.5\n    upAxis = "Y"\n{more})\n\n'
         f'def Xform "Root"\n{{\n{body}\n}}\n'
     )
-    return Sound(_ROLES.sub("", text), tuple(_spots(text)), **options)
+    return Sound(re.sub("  # .*", "", text), tuple(_spots(text)), **options)
 
 
 def _spots(text: str) -> Iterator[Spot]:
     """Yield the spots that comments name."""
     path, name = [""], ""
     for line in text.splitlines():
-        if prim := re.match(r' *(?:def|class) .*?"(\w+)"', line):
+        code, _, roles = line.partition("  # ")
+        if prim := re.match(r' *(?:def|class) .*?"(\w+)"', code):
             name = prim[1]
-        elif line.strip().startswith("{"):
+        if code.endswith("{"):
             path.append(name)
-        elif line.strip() == "}":
+        elif code.strip() == "}":
             path.pop()
-        for word in roles[1].split() if (roles := _ROLES.search(line)) else ():
-            own = line.partition(" = ")[0].split()[-1].removesuffix(".connect").removesuffix(".timeSamples")
+        for word in roles.split():
             of, _, role = word.rpartition("=")
+            own = code.partition(" = ")[0].split()[-1].removesuffix(".connect").removesuffix(".timeSamples")
             yield Spot("/".join(path), of or own, role)
 
 
 SOUND: dict[str, Sound] = {}
 
 SOUND["mesh"] = _sound(f"""
-    def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])
-    {{  # points=points faceVertexCounts=counts faceVertexIndices=indices{_SQUARE}
+    def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"]) {{  # points=points faceVertexCounts=counts faceVertexIndices=indices{_SQUARE}
         uniform token subdivisionScheme = "none"  # token
         uniform token orientation = "rightHanded"  # token
         normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0.5, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0.5, 0, 1), (0, 0, 1)] (interpolation = "faceVarying")  # normals
@@ -94,23 +93,20 @@ SOUND["mesh"] = _sound(f"""
         uniform bool doubleSided = 1  # unread
         int[] holeIndices = []  # holes
         uniform token subsetFamily:materialBind:familyType = "nonOverlapping"
-        def GeomSubset "Left" (prepend apiSchemas = ["MaterialBindingAPI"])
-        {{
+        def GeomSubset "Left" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
             uniform token elementType = "face"  # token
             uniform token familyName = "materialBind"
             int[] indices = [0]  # subset
         }}
     }}
-    def Mesh "Second"
-    {{  # points=bare{CUBE}
+    def Mesh "Second" {{  # points=bare{CUBE}
         uniform token subdivisionScheme = "none"
         token visibility = "inherited"  # visibility
         uniform token purpose = "render"  # purpose
     }}""")
 
 SOUND["cage"] = _sound(f"""
-    def Mesh "Body"
-    {{  # points=points faceVertexCounts=counts faceVertexIndices=indices{CUBE}
+    def Mesh "Body" {{  # points=points faceVertexCounts=counts faceVertexIndices=indices{CUBE}
         uniform token subdivisionScheme = "catmullClark"  # token
         uniform token interpolateBoundary = "edgeAndCorner"  # token
         uniform token faceVaryingLinearInterpolation = "cornersPlus1"  # token
@@ -124,8 +120,7 @@ SOUND["cage"] = _sound(f"""
         normal3f[] normals = [(0, 0, 1)] (interpolation = "constant")  # unread
         texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")  # uv
     }}
-    def Mesh "Loop"
-    {{
+    def Mesh "Loop" {{
         point3f[] points = [(0, 0, 4), (1, 0, 4), (0, 1, 4), (0, 0, 5)]  # bare
         int[] faceVertexCounts = [3, 3, 3, 3]  # counts
         int[] faceVertexIndices = [0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]  # indices
@@ -149,16 +144,13 @@ for _kind, _names in _SIZES.items():
         for i, name in enumerate(_names)
     )
     SOUND[_kind] = _sound(f"""
-    def {_kind} "Body"
-    {{{_axis}
+    def {_kind} "Body" {{{_axis}
 {_lengths}        color3f[] primvars:displayColor = [(1, 0, 0)]
     }}
-    def Mesh "Second"
-    {{{CUBE}    }}""")
+    def Mesh "Second" {{{CUBE}    }}""")
 
 SOUND["curves"] = _sound("""
-    def BasisCurves "Hair"
-    {
+    def BasisCurves "Hair" {
         point3f[] points = [(0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 2, 0), (3, 0, 0), (3, 1, 0), (4, 1, 1), (4, 2, 0)]  # points
         int[] curveVertexCounts = [4, 4]  # counts
         float[] widths = [0.25, 0.125, 0.25, 0.25, 0.5, 0.25, 0.25, 0.25] (interpolation = "vertex")  # widths
@@ -167,16 +159,14 @@ SOUND["curves"] = _sound("""
         uniform token wrap = "nonperiodic"  # token
         float[] primvars:wear = [0.5, 1, 0.5, 1, 0.5, 1, 0.5, 1] (interpolation = "vertex")  # primvar
     }
-    def BasisCurves "Grass"
-    {
+    def BasisCurves "Grass" {
         point3f[] points = [(0, 0, 3), (0, 1, 3), (1, 1, 3)]  # points
         int[] curveVertexCounts = [3]
         normal3f[] normals = [(0, 0, 1)] (interpolation = "constant")  # normals
         float[] widths = [0.5] (interpolation = "constant")  # width
         uniform token type = "linear"
     }
-    def NurbsCurves "Wire"
-    {
+    def NurbsCurves "Wire" {
         point3f[] points = [(0, 0, 5), (0, 1, 5), (1, 1, 5), (1, 2, 5)]  # points
         int[] curveVertexCounts = [4]  # counts
         int[] order = [4]  # counts
@@ -187,21 +177,18 @@ SOUND["curves"] = _sound("""
     }""")
 
 SOUND["points"] = _sound("""
-    def Points "Dust"
-    {
+    def Points "Dust" {
         point3f[] points = [(0, 0, 0), (0, 1, 0), (1, 1, 0)]  # points
         float[] widths = [0.25, 0.5, 0.25] (interpolation = "vertex")  # widths
         int64[] ids = [0, 1, 2]  # ignored
     }
-    def Points "Spray"
-    {
+    def Points "Spray" {
         point3f[] points = [(0, 0, 0), (0, 1, 0)]
         vector3f[] velocities = [(0, 0, 1), (0, 0, 1)]  # velocities
     }""")
 
 SOUND["instancer"] = _sound(f"""
-    def PointInstancer "Trees"
-    {{
+    def PointInstancer "Trees" {{
         int[] protoIndices = [0, 1, 0]  # indices
         point3f[] positions = [(0, 0, 0), (4, 0, 0), (8, 0, 0)]  # points
         quath[] orientations = [(1, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0)]  # quaternions
@@ -209,30 +196,24 @@ SOUND["instancer"] = _sound(f"""
         int64[] ids = [5, 6, 7]  # ids
         int64[] invisibleIds = [7]  # invisible
         rel prototypes = [</Root/Trees/Box>, </Root/Trees/Ball>]  # targets
-        def Mesh "Box"
-        {{  # points=bare{CUBE}        }}
-        def Sphere "Ball"
-        {{
+        def Mesh "Box" {{  # points=bare{CUBE}        }}
+        def Sphere "Ball" {{
             double radius = 0.5
         }}
     }}""")
 
 SOUND["instances"] = _sound(f"""
     color3f[] primvars:displayColor = [(0.5, 0.5, 1)] (interpolation = "constant")  # inherited
-    class "Proto"
-    {{
-        def Mesh "Box"
-        {{{CUBE}        }}
+    class "Proto" {{
+        def Mesh "Box" {{{CUBE}        }}
     }}
-    def Xform "A" (instanceable = true; inherits = </Root/Proto>)
-    {{
+    def Xform "A" (instanceable = true; inherits = </Root/Proto>) {{
         double3 xformOp:translate = (0, 4, 0)  # placement
         double3 xformOp:rotateXYZ = (0, 90, 0)  # turn
         float3 xformOp:scale = (1, 2, 1)  # scale
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ", "xformOp:scale"]  # order
     }}
-    def Xform "B" (instanceable = true; inherits = </Root/Proto>)
-    {{
+    def Xform "B" (instanceable = true; inherits = </Root/Proto>) {{
         matrix4d xformOp:transform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (8, 0, 0, 1))  # placement
         uniform token[] xformOpOrder = ["xformOp:transform"]  # order
         token visibility = "inherited"  # visibility
@@ -242,10 +223,8 @@ SOUND["instances"] = _sound(f"""
 
 _TWO = f"[{_IDENTITY}, ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 2, 0, 1))]"
 SOUND["skel"] = _sound(f"""
-    def SkelRoot "Puppet"
-    {{
-        def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI"])
-        {{  # points=points
+    def SkelRoot "Puppet" {{
+        def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI"]) {{  # points=points
             uniform token subdivisionScheme = "none"{_SQUARE}
             int[] primvars:skel:jointIndices = [0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1] (interpolation = "vertex"; elementSize = 2)  # joint_indices
             float[] primvars:skel:jointWeights = [1, 0, 0.5, 0.5, 1, 0, 0, 1, 0.5, 0.5, 0, 1] (interpolation = "vertex"; elementSize = 2)  # joint_weights
@@ -255,27 +234,23 @@ SOUND["skel"] = _sound(f"""
             rel skel:skeleton = </Root/Puppet/Bones>  # target
             uniform token[] skel:blendShapes = ["Smile", "Frown"]  # names
             rel skel:blendShapeTargets = [</Root/Puppet/Skin/Smile>, </Root/Puppet/Skin/Frown>]  # targets
-            def BlendShape "Smile"
-            {{
+            def BlendShape "Smile" {{
                 uniform vector3f[] offsets = [(0, 0, 1), (0, 0.5, 0)]  # offsets
                 uniform vector3f[] normalOffsets = [(0, 0, 0), (0, 0, 0)]  # offsets
                 uniform int[] pointIndices = [1, 2]  # fixed_indices
                 uniform vector3f[] inbetweens:half = [(0, 0, 0.25), (0, 0.5, 0)] (weight = 0.5)  # offsets
             }}
-            def BlendShape "Frown"
-            {{
+            def BlendShape "Frown" {{
                 uniform vector3f[] offsets = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)]
             }}
         }}
-        def Skeleton "Bones" (prepend apiSchemas = ["SkelBindingAPI"])
-        {{
+        def Skeleton "Bones" (prepend apiSchemas = ["SkelBindingAPI"]) {{
             uniform token[] joints = ["Hip", "Hip/Knee"]  # joints
             uniform matrix4d[] bindTransforms = {_TWO}  # matrices
             uniform matrix4d[] restTransforms = {_TWO}  # matrices
             rel skel:animationSource = </Root/Puppet/Walk>  # lenient
         }}
-        def SkelAnimation "Walk"
-        {{
+        def SkelAnimation "Walk" {{
             uniform token[] joints = ["Hip", "Hip/Knee"]  # animated
             float3[] translations = [(0, 0, 1), (0, 2, 0)]  # components
             quatf[] rotations = [(1, 0, 0, 0), (0, 1, 0, 0)]  # components
@@ -295,33 +270,27 @@ SOUND["materials"] = _sound(
     f"""
     def Mesh "Body" (
         prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:paint"]
-    )
-    {{
+    ) {{
         uniform token subdivisionScheme = "none"{_SQUARE}
         texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (1, 1)] (interpolation = "vertex")
         rel material:binding = </Root/Looks/Preview>  # binding
         rel collection:paint:includes = </Root/Body>  # members
         uniform token collection:paint:expansionRule = "expandPrims"  # expansion
     }}
-    def Mesh "Second" (prepend apiSchemas = ["MaterialBindingAPI"])
-    {{{CUBE}
+    def Mesh "Second" (prepend apiSchemas = ["MaterialBindingAPI"]) {{{CUBE}
         rel material:binding = </Root/Looks/Standard>  # binding
     }}
-    def Scope "Looks"
-    {{
-        def Material "Preview"
-        {{
+    def Scope "Looks" {{
+        def Material "Preview" {{
             token outputs:surface.connect = </Root/Looks/Preview/Surface.outputs:surface>  # terminal
-            def Shader "Surface"
-            {{
+            def Shader "Surface" {{
                 uniform token info:id = "UsdPreviewSurface"  # shader
                 color3f inputs:diffuseColor.connect = </Root/Looks/Preview/Image.outputs:rgb>  # connection
                 float inputs:roughness = 0.25  # input
                 float inputs:metallic = 0.5  # input
                 token outputs:surface
             }}
-            def Shader "Image"
-            {{
+            def Shader "Image" {{
                 uniform token info:id = "UsdUVTexture"  # shader
                 asset inputs:file = @color.png@  # image
                 token inputs:wrapS = "repeat"  # input
@@ -330,33 +299,28 @@ SOUND["materials"] = _sound(
                 float2 inputs:st.connect = </Root/Looks/Preview/Turn.outputs:result>  # connection
                 float3 outputs:rgb
             }}
-            def Shader "Turn"
-            {{
+            def Shader "Turn" {{
                 uniform token info:id = "UsdTransform2d"
                 float2 inputs:in.connect = </Root/Looks/Preview/Reader.outputs:result>  # connection
                 float inputs:rotation = 90  # input
                 float2 outputs:result
             }}
-            def Shader "Reader"
-            {{
+            def Shader "Reader" {{
                 uniform token info:id = "UsdPrimvarReader_float2"
                 string inputs:varname = "st"  # varname
                 float2 outputs:result
             }}
         }}
-        def Material "Standard"
-        {{
+        def Material "Standard" {{
             token outputs:mtlx:surface.connect = </Root/Looks/Standard/Surface.outputs:out>  # terminal
-            def Shader "Surface"
-            {{
+            def Shader "Surface" {{
                 uniform token info:id = "ND_standard_surface_surfaceshader"
                 float inputs:base = 1
                 color3f inputs:base_color.connect = </Root/Looks/Standard/Mul.outputs:out>  # connection
                 float inputs:specular_roughness = 0.5  # input
                 token outputs:out
             }}
-            def Shader "Mul"
-            {{
+            def Shader "Mul" {{
                 uniform token info:id = "ND_multiply_color3"  # shader
                 color3f inputs:in1 = (0.5, 0.25, 1)  # input
                 color3f inputs:in2 = (0.5, 1, 1)
@@ -371,10 +335,8 @@ SOUND["materials"] = _sound(
 
 SOUND["camera"] = _sound(
     f"""
-    def Mesh "Body"
-    {{{CUBE}    }}
-    def Camera "Shot"
-    {{
+    def Mesh "Body" {{{CUBE}    }}
+    def Camera "Shot" {{
         float focalLength = 50  # lens
         float horizontalAperture = 36  # lens
         float verticalAperture = 24  # lens
@@ -392,8 +354,7 @@ SOUND["camera"] = _sound(
 
 SOUND["samples"] = _sound(
     f"""
-    def Mesh "Body"
-    {{
+    def Mesh "Body" {{
         uniform token subdivisionScheme = "none"
         point3f[] points.timeSamples = {{ 1: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], 5: [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)] }}  # sampled
         int[] faceVertexCounts.timeSamples = {{ 1: [4], 5: [4] }}  # sampled
@@ -403,8 +364,7 @@ SOUND["samples"] = _sound(
         double3 xformOp:translate.timeSamples = {{ 1: (0, 0, 0), 5: (0, 4, 0) }}
         uniform token[] xformOpOrder = ["xformOp:translate"]
     }}
-    def Mesh "Second"
-    {{{CUBE}    }}""",
+    def Mesh "Second" {{{CUBE}    }}""",
     "    startTimeCode = 1\n    endTimeCode = 5\n",
     time=3.0,
 )
