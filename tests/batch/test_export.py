@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 import time
@@ -104,34 +105,34 @@ def test_the_task_has_every_pose_of_the_first_light_and_scenes_of_nodes_with_any
 def test_domes_that_turn_and_others_that_do_not_have_no_common_timeline(prepared: JobSetups, tmp_path: Path) -> None:
     varied = replace(prepared.setups[0].task.lights[0], constant=False)
     lights = [(replace(varied, emission=Emission(turns=turns)),) for turns in (True, False)]
-    setups = [
-        replace(each, task=replace(each.task, lights=those))
-        for each, those in zip(prepared.setups, lights, strict=True)
-    ]
+    tasks = [replace(setup.task, lights=pair) for setup, pair in zip(prepared.setups, lights, strict=True)]
+    setups = [replace(setup, task=task) for setup, task in zip(prepared.setups, tasks, strict=True)]
     with pytest.raises(RenderError, match="one of the rigs 'tent' and 'bright' turn"):
         blend_task(replace(prepared, setups=setups), tmp_path / "look.blend", [], pack=False)
 
 
-def test_images_are_named_after_their_originals(prepared: JobSetups) -> None:
-    called = image_names(prepared)
-    assert all(image.path.is_file() for image in called)
+def test_images_are_named_after_their_originals_tiles_one_by_one(job: Path) -> None:
+    def names_of(look: str) -> list[str]:
+        job.with_name("chips.usda").write_text(look)
+        gc.collect()  # USD keeps a layer as it was read while a stage of it is left
+        called = image_names(read_setups(job, backend="nodes"))
+        assert all(image.path.is_file() for image in called)
+        assert len(set(called.values())) == len(called)
+        return sorted(name.rpartition("-")[0] for name in called.values())
+
     # Both lights are the same image: its name is the first one's.
-    assert sorted(name.rpartition("-")[0] for name in called.values()) == ["paint_chips", "tent"]
-    assert len(set(called.values())) == len(called)
-
-
-def test_tiles_of_a_set_are_named_one_by_one(job: Path) -> None:
+    assert names_of(LOOK) == ["paint_chips", "tent"]
     for number in (1001, 1012):
         tile = np.full((4, 4, 3), number % 100, np.uint8)
         oiio.ImageBuf(tile).write(str(job.with_name(f"rust.{number}.png")))
-    job.with_name("chips.usda").write_text(LOOK.replace("paint chips.png", "rust.<UDIM>.png"))
-    called = image_names(read_setups(job, backend="nodes"))
-    assert sorted(name.rpartition("-")[0] for name in called.values()) == ["rust.1001", "rust.1012", "tent"]
+    assert names_of(LOOK.replace("paint chips.png", "rust.<UDIM>.png")) == ["rust.1001", "rust.1012", "tent"]
 
 
 def test_images_are_placed_beside_the_file_which_a_second_export_replaces(export: Export, tmp_path: Path) -> None:
-    exported = export()
     folder = tmp_path / "show"
+    assert export(pack=True).images == ()
+    assert names(folder) == ["look.blend"]
+    exported = export()
     assert exported.file == folder / "look.blend"
     assert exported.notes == ("a note",)
     assert {exported.file, *exported.images} == {folder / name for name in names(folder)}
@@ -150,11 +151,6 @@ def test_images_are_placed_beside_the_file_which_a_second_export_replaces(export
     assert names(folder) == before
 
 
-def test_packed_images_leave_no_folder(export: Export, tmp_path: Path) -> None:
-    assert export(pack=True).images == ()
-    assert names(tmp_path / "show") == ["look.blend"]
-
-
 @pytest.mark.parametrize(
     ("does", "error", "message"),
     [
@@ -168,13 +164,13 @@ def test_packed_images_leave_no_folder(export: Export, tmp_path: Path) -> None:
 def test_a_failure_leaves_what_was_there(
     does: str, error: type[Exception], message: str, export: Export, tmp_path: Path
 ) -> None:
-    (tmp_path / "show").mkdir()
-    (tmp_path / "show/look.blend").write_bytes(b"BLENDER before")
+    file = tmp_path / "show" / "look.blend"
+    file.parent.mkdir()
+    file.write_bytes(b"BLENDER before")
     with pytest.raises(error, match=message):
         export(does)
-    assert names(tmp_path / "show") == ["look.blend"]
-    assert not (tmp_path / "show/look_files").exists()
-    assert (tmp_path / "show/look.blend").read_bytes() == b"BLENDER before"
+    assert list(file.parent.iterdir()) == [file]
+    assert file.read_bytes() == b"BLENDER before"
 
 
 @pytest.mark.both_pythons
@@ -221,10 +217,8 @@ def test_a_file_that_cannot_be_written(
 
 def test_all_faults_of_a_job_are_reported(tmp_path: Path, job: Path, export: Export) -> None:
     job.write_text(JOB.replace('builtin = "plane"', 'builtin = "plain"').replace("frames = 4", "frame = 4"))
-    with pytest.raises(FaultsError) as caught:
+    with pytest.raises(FaultsError, match=r"(?s)did you mean 'plane'.*did you mean 'frames'"):
         export()
-    assert "did you mean 'plane'" in str(caught.value)
-    assert "did you mean 'frames'" in str(caught.value)
     assert not (tmp_path / "show").exists()
 
 

@@ -18,15 +18,11 @@ from lookdev.stage import Composition
 
 OUTPUT = "token outputs:surface"
 ROBOT = """#usda 1.0
-(
-    defaultPrim = "Robot"
-    metersPerUnit = 0.01
-    upAxis = "Z"
-)
-def Xform "Robot" (
-    variants = { string size = "small" }
-    prepend variantSets = "size"
-)
+( defaultPrim = "Robot"
+  metersPerUnit = 0.01
+  upAxis = "Z" )
+def Xform "Robot" ( variants = { string size = "small" }
+                    prepend variantSets = "size" )
 {
     SIZES
     def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])
@@ -48,13 +44,7 @@ def Xform "Robot" (
         int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
         float[] primvars:wear = [0, 1, 0, 1] (interpolation = "vertex")
     }
-    def Mesh "Guide"
-    {
-        uniform token purpose = "guide"
-        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 900)]
-        int[] faceVertexCounts = [3]
-        int[] faceVertexIndices = [0, 1, 2]
-    }
+    GUIDE
     def Volume "Smoke"
     {
     }
@@ -70,7 +60,7 @@ def Xform "Robot" (
 """
 SCALED = 'double3 xformOp:scale = ({0}, {0}, {0})\nuniform token[] xformOpOrder = ["xformOp:scale"]'
 LAMP = shader("Shader", "UsdPreviewSurface", "color3f inputs:emissiveColor = (1, 1, 1)", "token outputs:surface")
-ROBOT = ROBOT.replace("LAMP", LAMP)
+ROBOT = ROBOT.replace("LAMP", LAMP).replace("GUIDE", card("Guide", 'uniform token purpose = "guide"'))
 ROBOT = ROBOT.replace("SIZES", variant_set("size", small=SCALED.format(1), large=SCALED.format(2)))
 
 

@@ -12,7 +12,7 @@ import pytest
 from usd_text import card, material, textured, variant_set
 
 from lookdev.batch.prepare import plan_job, prepare_job
-from lookdev.codegen import NodeSource, ShaderSource, Source
+from lookdev.codegen import ShaderSource, Source
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome.maps import KnownMap, load_dome
@@ -123,16 +123,21 @@ def test_turning_a_sphere_of_a_plain_look_is_one_frame(
 
 
 @pytest.mark.parametrize("backend", [name for name in job_backends() if name != "exact"])
-def test_a_backend_makes_the_sources(job: Path, backend: str) -> None:
-    by_shaders = prepare_job(job)
-    assert all(isinstance(source, ShaderSource) for source in by_shaders.plan.frames[0].task.scene.shaders)
+def test_a_backend_of_the_job_or_another_makes_the_sources(job: Path, backend: str) -> None:
+    by_shaders, given = prepare_job(job), prepare_job(job, backend=backend)
+    assert (given.job.render.backend, given.job.file) == (backend, job)
     device = BACKENDS[backend].devices[-1]
     job.write_text(f'{job.read_text()}backend = "{backend}"\ndevice = "{device}"\n')
-    prepared = prepare_job(job)
-    scenes = [frame.task.scene for frame in prepared.plan.frames]
-    assert {(scene.backend, scene.device) for scene in scenes} == {(backend, device)}
-    assert {type(source) for scene in scenes for source in scene.shaders} == {BACKENDS[backend].source}
-    digests = [{frame.task.digest for frame in each.plan.frames} for each in (by_shaders, prepared)]
+    own = prepare_job(job)
+    expected = (
+        ("exact", "cpu", ShaderSource),
+        *((backend, name, BACKENDS[backend].source) for name in ("cpu", device)),
+    )
+    for prepared, (name, on, kind) in zip((by_shaders, given, own), expected, strict=True):
+        scenes = [frame.task.scene for frame in prepared.plan.frames]
+        assert {(scene.backend, scene.device) for scene in scenes} == {(name, on)}
+        assert {type(source) for scene in scenes for source in scene.shaders} == {kind}
+    digests = [{frame.task.digest for frame in prepared.plan.frames} for prepared in (by_shaders, own)]
     assert not digests[0] & digests[1]
 
 
@@ -163,13 +168,6 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
         sources = {setup.ibl: setup.task.shaders[0] for setup in setups if setup.look == look}
         assert sources["city"] == sources["forest"] != sources["white"]
     assert len({setup.task.lights[0].digest for setup in setups}) == 3
-
-
-def test_a_backend_can_be_another_than_the_jobs(job: Path) -> None:
-    prepared = prepare_job(job, backend="nodes")
-    assert prepared.job.render.backend == "nodes"
-    assert prepared.job.file == job
-    assert all(isinstance(frame.task.scene.shaders[0], NodeSource) for frame in prepared.plan.frames)
 
 
 def test_a_look_that_a_backend_cannot_show_is_a_fault_with_its_place(job: Path) -> None:

@@ -19,17 +19,16 @@ from lookdev.job.cameras import element_arcs, job_cameras
 from lookdev.job.scenes import job_scenes
 from lookdev.scene import Camera, frame_camera, frame_fill
 
+TURNTABLE = '[{ kind = "element", frames = 8 }]'
 JOB = """
 output = "out"
 asset = { usd = "asset.usda" }
 look = [{ name = "small", material = "asset.usda" }, { name = "large", material = "asset.usda" }]
 ibl = [{ name = "white", builtin = "white" }]
 render = { resolution = [160, 90] }
-[[turntable]]
-kind = "element"
-frames = 8
+turntable = TURNTABLE
 [camera]
-"""
+""".replace("TURNTABLE", TURNTABLE)
 SHOT = """
 def Camera "Shot"
 {
@@ -92,25 +91,11 @@ def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
 
 
 def test_the_angles_are_those_of_the_turntables(folder: Path) -> None:
-    more = """
-    azimuth = 20
-    [[turntable]]
-    kind = "lighting"
-    name = "sun"
-    frames = 4
-    [[turntable]]
-    kind = "element"
-    name = "part"
-    frames = 5
-    start = 30
-    degrees = -90
-    [[turntable]]
-    kind = "element"
-    name = "still"
-    frames = 1
-    start = 70
-    """
-    assert element_arcs(job_of(folder, more)) == ((-20.0, 360.0), (-20.0, 0.0), (10.0, -90.0), (50.0, 0.0))
+    turntables = """[{ kind = "element", frames = 8 }, { kind = "lighting", name = "sun", frames = 4 },
+        { kind = "element", name = "part", frames = 5, start = 30, degrees = -90 },
+        { kind = "element", name = "still", frames = 1, start = 70 }]"""
+    job = parse_job(JOB.replace(TURNTABLE, turntables) + "azimuth = 20", folder / "job.toml")
+    assert element_arcs(job) == ((-20.0, 360.0), (-20.0, 0.0), (10.0, -90.0), (50.0, 0.0))
 
 
 def test_a_camera_of_a_file_is_read(folder: Path) -> None:

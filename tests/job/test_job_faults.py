@@ -208,8 +208,11 @@ def test_faults_of_every_table_are_reported_at_once(tmp_path: Path) -> None:
     text = """
     output = "out"
     looks = 1
-    [asset]
-    usd = "nope.usda"
+    asset = { usd = "nope.usda" }
+    camera = { fov = 50, sensor_width = 24 }
+    turntable = [{ kind = "elemental", frames = 0 }]
+    render = { resolution = [0, 10.5], samples = 3, background = [1, 2] }
+    ibl = [{ name = "c", builtin = "citty", exposure = nan }, { name = "c" }]
     [[look]]
     name = "Gold"
     material = "paint.usda"
@@ -217,22 +220,6 @@ def test_faults_of_every_table_are_reported_at_once(tmp_path: Path) -> None:
     [[look]]
     name = "gold"
     material = "gone.usda"
-    [[ibl]]
-    name = "c"
-    builtin = "citty"
-    exposure = nan
-    [[ibl]]
-    name = "c"
-    [[turntable]]
-    kind = "elemental"
-    frames = 0
-    [camera]
-    fov = 50
-    sensor_width = 24
-    [render]
-    resolution = [0, 10.5]
-    samples = 3
-    background = [1, 2]
     """
     assert faults(text, tmp_path) == {
         "looks": ("unknown key", "did you mean 'look'?"),

@@ -48,6 +48,11 @@ def test_every_key_is_read(tmp_path: Path) -> None:
     (tmp_path / "jobs").mkdir()
     text = """
     output = "/somewhere/else"
+    camera = { fov = 30, elevation = -5.5, azimuth = 90, margin = 1.25 }
+    outputs = { png = false, sheet = false, overview = true, overview_columns = 11, view = "Raw" }
+    ibl = [{ name = "sky", file = "../sky.exr", exposure = -1, rotation = 45 }]
+    turntable = [{ name = "half", kind = "lighting", frames = 12, start = 90, degrees = -180 }]
+    render = { resolution = [640, 360], error = 1e-3, ibl_samples = 0, background = [0.18, 0.18, 1] }
     [asset]
     usd = "../ball.usdc"
     prim = "/World/Ball"
@@ -56,17 +61,6 @@ def test_every_key_is_read(tmp_path: Path) -> None:
     purposes = ["render", "proxy"]
     subdivision = 3
     missing = "warn"
-    [camera]
-    fov = 30
-    elevation = -5.5
-    azimuth = 90
-    margin = 1.25
-    [outputs]
-    png = false
-    sheet = false
-    overview = true
-    overview_columns = 11
-    view = "Raw"
     [[look]]
     name = "dirty-paint_2.0"
     material = "../paint.usda"
@@ -79,22 +73,6 @@ def test_every_key_is_read(tmp_path: Path) -> None:
     material = "../paint.usda"
     prim = "/Rubber"
     variants = { wear = "new" }
-    [[ibl]]
-    name = "sky"
-    file = "../sky.exr"
-    exposure = -1
-    rotation = 45
-    [[turntable]]
-    name = "half"
-    kind = "lighting"
-    frames = 12
-    start = 90
-    degrees = -180
-    [render]
-    resolution = [640, 360]
-    error = 1e-3
-    ibl_samples = 0
-    background = [0.18, 0.18, 1]
     """
     job = parse_job(text, tmp_path / "jobs" / "job.toml")
     assert job.output == Path("/somewhere/else")

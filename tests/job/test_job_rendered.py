@@ -16,18 +16,16 @@ from lookdev.job import parse_job
 from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.scene import Pose, Scene
 
-CUBE = (
-    METRES
-    + """def Mesh "Cube"
-{
+CUBE = f"""{METRES}
+def Mesh "Cube"
+{{
     uniform token subdivisionScheme = "SCHEME"
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
     int[] faceVertexIndices = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
     point3f[] points = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)]
     texCoord2f[] primvars:map1 = [(0, 0)] ( interpolation = "constant" )
-}
+}}
 """
-)
 
 
 def displaced(height: str, *shaders: str) -> str:
@@ -118,15 +116,11 @@ def test_the_camera_frames_the_limit_surface(make: Make) -> None:
     assert np.max(extents) == pytest.approx(0.7, abs=1e-4)
 
 
-def test_looks_share_what_is_refined(make: Make) -> None:
-    made = make('material = "paint.usda"\n[[look]]\nname = "two"\n')
-    one, two = (scene_of(made, name).asset for name in ("one", "two"))
-    assert one is two
-
-
 def test_a_displaced_look_has_a_surface_of_its_own(make: Make) -> None:
-    made = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"')
-    plain, swollen = (scene_of(made, name) for name in ("one", "two"))
+    third = '\n[[look]]\nname = "three"\n'
+    made = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"' + third)
+    plain, swollen, bare = (scene_of(made, name) for name in ("one", "two", "three"))
+    assert plain.asset is bare.asset  # looks share what is refined
     assert swollen.asset.radius == pytest.approx(plain.asset.radius + 0.5, rel=0.05)
     assert plain.camera == swollen.camera  # that frames both
     alone = scene_of(make('material = "swollen.usda"'))
@@ -150,9 +144,8 @@ def test_a_displacement_reads_a_uv_set_of_another_name(make: Make) -> None:
 
 
 def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp_path: Path) -> None:
-    (tmp_path / "many.usda").write_text(
-        CUBE.replace("SCHEME", "none").replace("    texCoord2f", f"{SECOND}    texCoord2f")
-    )
+    many = CUBE.replace("SCHEME", "none").replace("    texCoord2f", f"{SECOND}    texCoord2f")
+    (tmp_path / "many.usda").write_text(many)
     text = JOB.format(look='[[look]]\nname = "two"\nmaterial = "wavy.usda"', asset="", width=16)
     with pytest.raises(FaultsError) as caught:
         job_scenes(parse_job(text.replace("cube.usda", "many.usda"), tmp_path / "job.toml"))

@@ -127,6 +127,8 @@ def test_an_export_has_no_wedges(tmp_path: Path) -> None:
 
 
 ONE = 'values = [0.1]\nlook = "paint"\n'
+THREE = '\nrig = "three"\nvalues = [1.0]'
+BY = '\nby = { parameter = "exposure", values = [1] }'
 
 
 @pytest.mark.parametrize(
@@ -141,20 +143,12 @@ ONE = 'values = [0.1]\nlook = "paint"\n'
         ('parameter = "Base.roughness"\nlook = "pant"\nvalues = [0.1]', "wedge[0].look", "did you mean 'paint'"),
         ('parameter = "exposure"\nrig = "tree"\nvalues = [0.1]', "wedge[0].rig", "did you mean 'three'"),
         ('parameter = "exposure"\nvalues = [99]', "wedge[0]", "exposure cannot be 99"),
-        (
-            'parameter = "light:kye.intensity"\nrig = "three"\nvalues = [1.0]',
-            "light:kye.intensity",
-            "did you mean 'key'",
-        ),
-        ('parameter = "light:key.intnsity"\nrig = "three"\nvalues = [1.0]', "light:", "did you mean 'intensity'"),
-        ('parameter = "light:key.color"\nrig = "three"\nvalues = [1.0]', "light:", "it is a color3f"),
+        ('parameter = "light:kye.intensity"' + THREE, "light:kye.intensity", "did you mean 'key'"),
+        ('parameter = "light:key.intnsity"' + THREE, "light:", "did you mean 'intensity'"),
+        ('parameter = "light:key.color"' + THREE, "light:", "it is a color3f"),
         ('parameter = "light:key.intensity"\nrig = "white"\nvalues = [1.0]', "wedge[0]", "'white' is one image"),
         ('parmeter = "Base.roughness"\nvalues = [0.1]', "wedge[0].parmeter", "did you mean 'parameter'"),
-        (
-            'parameter = "Base.roughness"\nvalues = [0.1]\nby = { parameter = "Base.roughness", values = [1] }',
-            "wedge[0].by.parameter",
-            "varies what the wedge varies already",
-        ),
+        ('parameter = "exposure"\nvalues = [0]' + BY, "wedge[0].by.parameter", "varies what the wedge varies already"),
     ],
 )
 def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, what: str) -> None:
