@@ -66,11 +66,6 @@ def mean_irradiance(light):
     return (radiance * solid).sum(axis=0) / 4.0
 
 
-@pytest.mark.parametrize("split", [0.0, 0.5, 1.0])
-def test_a_lossless_card_in_a_furnace_is_white(split, white):
-    assert_agrees(estimate(lambert(1.0 - split, split), Plane(), white), 1.0)
-
-
 @pytest.mark.parametrize(
     ("presence", "bounces"), [(0.0, 4), (0.3, 0), (0.3, 1), (0.3, 4), (0.8, 1), (0.8, 4), (1.0, 0), (1.0, 7)]
 )
@@ -114,23 +109,6 @@ def test_a_card_shows_the_light_of_both_sides(reflected, transmitted, pose, lamp
     normals = normals_in_pixels(Plane(), pose)
     front, back = irradiance(normals, lamps, pose), irradiance(-normals, lamps, pose)
     assert_agrees(got, (reflected * front + transmitted * back) / np.pi)
-
-
-def test_an_opaque_card_lit_from_behind_is_black():
-    radiance = np.zeros((16, 32, 3))
-    radiance[:, 2:14] = 1.0  # u below 1/2 is +y; two texels of margin on either side for the interpolation
-    opaque, leaf = (
-        estimate(bsdf, Plane(), dome(radiance), pose=Pose(0.0, 0.0)) for bsdf in (lambert(0.8), lambert(0.0, 0.8))
-    )
-    assert (opaque.value == 0.0).all()
-    assert (leaf.value > 0.1).all()
-
-
-@pytest.mark.parametrize("shape", [Plane(), Sphere()])
-def test_a_card_that_is_partly_there_is_that_much_of_one(shape, lamps):
-    # Without bounces, before a black background; the very same directions.
-    whole, part = (estimate(lambert(0.3, 0.5, presence), shape, lamps) for presence in (1.0, 0.25))
-    np.testing.assert_allclose(part.value, 0.25 * whole.value, rtol=1e-12)
 
 
 def test_light_may_differ_from_place_to_place():

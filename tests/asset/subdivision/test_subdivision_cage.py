@@ -43,20 +43,6 @@ def test_indices_of_many_points_do_not_overflow():
     np.testing.assert_array_equal(refined.points, refine(cage(CUBE, CUBE_FACES), 1).points)
 
 
-@pytest.mark.parametrize("rule", ["none", "edgeOnly", "edgeAndCorner"])
-def test_the_boundary_rule_decides_faces_and_corners(rule):
-    points, faces = lattice(3, 3)
-    refined = refine(cage(points, faces, interpolate_boundary=rule), 2)
-    low, high = refined.points.min(axis=0)[:2], refined.points.max(axis=0)[:2]
-    corner = np.abs(refined.points - [0.0, 0.0, 0.0]).max(axis=1).min()
-    if rule == "none":
-        # The nine faces without those at the boundary: the one in the middle.
-        np.testing.assert_allclose([low, high], [[1.0, 1.0], [2.0, 2.0]], atol=2.0 * EPS)
-    else:
-        assert (corner < EPS) == (rule == "edgeAndCorner")
-        np.testing.assert_allclose(refined.points[:, 0].min(), 0.0, atol=EPS)
-
-
 def test_a_sharpness_of_10_is_infinite_and_less_than_0_is_none():
     edges = np.array([[0, 1], [1, 3], [3, 2], [2, 0]], np.int32)
     mesh = cage(bent(CUBE), CUBE_FACES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -22,24 +21,6 @@ def unit(vectors):
 
 def rows(*arrays):
     return np.column_stack([np.asarray(each, np.float64).reshape(len(each), -1) for each in arrays])
-
-
-@pytest.mark.parametrize("level", range(1, 5))
-def test_a_cubes_limit_has_the_closed_form_of_its_extraordinary_points(level):
-    # Halstead et al. 1993: (9 v + 4 sum e + sum f) / 24 at valence 3; the middles of faces and edges follow from the
-    # mask of valence 4 after one refinement: 68/81, and 395/648 twice.
-    refined = refine(cage(CUBE, CUBE_FACES), level)
-    corners = refined.points[refined.corner_points]
-    for limit, along in (
-        ([0.5, 0.5, 0.5], [1.0, 1.0, 1.0]),
-        ([68.0 / 81.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
-        ([395.0 / 648.0, 395.0 / 648.0, 0.0], [1.0, 1.0, 0.0]),
-    ):
-        for signs in itertools.product([-1.0, 1.0], repeat=3):
-            here = np.abs(corners - np.multiply(limit, signs)).max(axis=1) < 1e-6
-            assert here.any()
-            normal = unit(np.multiply(along, signs))
-            np.testing.assert_allclose(refined.normals[here], np.broadcast_to(normal, (here.sum(), 3)), atol=4.0 * EPS)
 
 
 def test_extraordinary_points_of_a_bent_cube_have_halsteads_normals():
