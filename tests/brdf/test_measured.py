@@ -341,7 +341,7 @@ def _assert_follows(bsdf: Bsdf, wo: Floats, least: int, *cells: tuple[int, int])
 
 @pytest.mark.parametrize("name", ["metal", "satin"])
 def test_samples_of_small_files_follow_the_density(small: None, tmp_path: Path, name: str) -> None:
-    cells = (400, 240), (300, 180)
+    cells = (300, 180), (220, 132)
     wo, bsdf = view_at(45.0, 23.0), measured(small_file(tmp_path, name))
     _assert_follows(bsdf, wo, 150, *cells)
     # The test finds a wrong density.

@@ -30,7 +30,7 @@ from lookdev.closures.setups import view_at
 
 Floats = NDArray[np.float64]
 
-_STACKS, _FEW = 2000, 300
+_STACKS, _FEW = 2000, 150
 _VIEWS = (0.0, 30.0, 60.0, 75.0, 85.0, 89.9)
 _MODES = [("over", *above) for count in range(4) for above in product(("over", "transmit"), repeat=count)]
 _ROUNDING = 1e-6
@@ -143,7 +143,7 @@ def test_no_conserving_stack_sends_more_than_it_receives(stacks: int) -> None:
     assert np.count_nonzero(leaving > 1.0 - _ROUNDING) > stacks / 20
 
 
-@pytest.mark.parametrize("stacks", [20, pytest.param(120, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("stacks", [12, pytest.param(120, marks=pytest.mark.proof)])
 def test_no_conserving_stack_of_exact_metals_sends_more_than_it_receives(stacks: int) -> None:
     rng = np.random.default_rng(2007)
     found = []

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from light_cases import make_tables_small
 
 from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shadow
 from lookdev.light.fit import fitted, with_emission
@@ -13,7 +16,9 @@ SCALE, ORIGIN = 2.5, (3.0, -1.0, 0.5)
 
 
 @pytest.mark.parametrize("kind", LIGHT_KINDS)
-def test_places_scaled_along_see_the_same(kind: str) -> None:
+def test_places_scaled_along_see_the_same(kind: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    make_tables_small(monkeypatch)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
     rng = np.random.default_rng(5)
     light = LIGHT_KINDS[kind].example()
     falloff = Falloff(0.7, 1.3, 0.5, 9.0) if isinstance(light, PlacedLight) else None
