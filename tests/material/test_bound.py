@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 import zipfile
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
 from look_files import PREVIEW, ST, asset, bound, disney, faults_of, lost, materialx, preview, shader, write_gray
 from pxr import UsdUtils
@@ -54,15 +54,117 @@ def any_faults(file: Path, **options: object) -> list[tuple[str, str]]:
     return [fault[:2] for fault in faults_of(file, read_any_look, **options)]
 
 
-def test_constants_are_inputs_of_the_translation(folder: Path) -> None:
-    inputs = "color3f diffuseColor = (0.25, 0.5, 0.75); float roughness = 0.25; int useSpecularWorkflow = 1; "
-    found = bound(folder, preview(inputs + 'token opacityMode = "presence"; normal3f normal = (0, 0, 1)'))
-    values = {"diffuseColor": (0.25, 0.5, 0.75), "roughness": 0.25, "useSpecularWorkflow": "1"}
-    values |= {"opacityMode": "presence", "normal": (0.0, 0.0, 1.0)}
-    assert found.look.layers == (Layer("S", "preview_surface", values),)
-    assert found.look.name == "M"
+RAW = 'token sourceColorSpace = "raw"; '
+OPENGL = "float4 scale = (2, 2, 2, 1); float4 bias = (-1, -1, -1, 0); "
+DIRECTX = "float4 scale = (2, -2, 2, 1); float4 bias = (-1, 1, -1, 0); "
+CONSTANTS = """color3f diffuseColor = (0.25, 0.5, 0.75); float roughness = 0.25; int useSpecularWorkflow = 1
+    token opacityMode = "presence"; normal3f normal = (0, 0, 1)"""
+VALUES = {"diffuseColor": (0.25, 0.5, 0.75), "roughness": 0.25, "useSpecularWorkflow": "1", "opacityMode": "presence"}
+SETTINGS = """token wrapS = "mirror"; token wrapT = "clamp"; float4 scale = (1, 2, 3, 4)
+    float4 bias = (0.5, 0.25, 0.125, 0); float4 fallback = (1, 0, 0, 1)"""
+SET = {"channel": "rgb", "colorspace": "raw", "wrap_s": "mirror", "wrap_t": "clamp", "st": "st"}
+SET |= {"scale": (1.0, 2.0, 3.0, 4.0), "bias": (0.5, 0.25, 0.125, 0.0)}
+TRANSFORM = "token in <- St.result; float2 scale = (2, 3); float rotation = 90; float2 translation = (0.5, 0.25)"
+TRANSFORMED = shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result") + shader("T", "UsdTransform2d", TRANSFORM)
+MAP1 = shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
+
+
+def image(file: str, space: str = "", setting: str = "") -> str:
+    """Return a texture with the colour space of its file as metadata."""
+    metadata = f'(\ncolorSpace = "{space}"\n)' if space else ""
+    return texture(setting, f"asset file = @./{file}@ {metadata}\nfloat2 st <- St.result\n")
+
+
+def reader(kind: str, usd_type: str, varname: str, fallback: object) -> str:
+    return shader("P", f"UsdPrimvarReader_{kind}", f"{varname}; {usd_type} fallback = {fallback}")
+
+
+# Inputs of the surface, nodes, what the inputs become (of textures: some attributes), and what is noted.
+CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
+    (CONSTANTS, "", VALUES | {"normal": (0.0, 0.0, 1.0)}, []),
+    (COLOR.format("rgb"), texture(RAW + SETTINGS), {"diffuseColor": SET}, []),
+    *((ROUGH.format(output), texture(), {"roughness": {"channel": output}}, []) for output in "rgba"),
+    (
+        ROUGH.format("rgb"),
+        texture(),
+        {"roughness": {"channel": "r"}},
+        [("S.roughness", "is a float, connected to 3 channels")],
+    ),
+    (COLOR.format("g"), texture(), {"diffuseColor": {"channel": "g"}}, []),
+    *(
+        (COLOR.format("rgb"), image(*given), {"diffuseColor": {"colorspace": expected}}, [])
+        for *given, expected in (
+            ("rgb.png", "sRGB"),
+            ("rgb16.png", "raw"),
+            ("rgb.png", "", RAW, "raw"),
+            ("rgb.png", "lin_rec709_scene", "raw"),
+            ("rgb16.png", "srgb_texture", "sRGB"),
+            ("rgb16.png", "acescg", "lin_ap1_scene"),
+            ("rgb16.png", "acescg", 'token sourceColorSpace = "sRGB"', "sRGB"),
+        )
+    ),
+    *(
+        (f"{link} <- P.result", reader(kind, usd_type, varname, given), {link.split()[1]: Primvar("w", value)}, [])
+        for kind, usd_type, link, given, value in (
+            ("float", "float", "float roughness", 0.5, 0.5),
+            ("int", "int", "float roughness", 1, 1.0),
+            ("float3", "float3", "color3f diffuseColor", (0.25, 0.5, 1.0), (0.25, 0.5, 1.0)),
+            ("vector", "vector3f", "color3f diffuseColor", (0.25, 0.5, 1.0), (0.25, 0.5, 1.0)),
+        )
+        for varname in ('string varname = "w"', 'token varname = "w"', "string varname <- .name")
+    ),
+    (
+        ROUGH.format("r"),
+        TRANSFORMED + MAP1,
+        {"roughness": {"st": "map1", "transform": pytest.approx((0.0, -3.0, 0.5, 2.0, 0.0, 0.25), abs=1e-12)}},
+        [],
+    ),
+    # The specification's default of UsdUVTexture's st is the constant (0, 0), not a UV set.
+    (
+        ROUGH.format("r"),
+        texture(body=FILE),
+        {"roughness": {"transform": (0.0,) * 6}},
+        [("Tex.st", "texture coordinates are not connected")],
+    ),
+    (
+        ROUGH.format("r"),
+        texture(body=FILE + "float2 st = (0.25, 0.75)\n"),
+        {"roughness": {"transform": (0.0, 0.0, 0.25, 0.0, 0.0, 0.75)}},
+        [],
+    ),
+    *((NORMAL, texture(RAW + scale), {"normal": {"channel": "rgb"}}, []) for scale in (OPENGL, DIRECTX)),
+    *(
+        (NORMAL, texture(settings), {"normal": {"channel": "rgb"}}, [("S.normal", what)])
+        for settings, what in (
+            (OPENGL, "rgb.png is decoded as sRGB, but a normal map is data"),
+            (RAW, "rgb.png holds 0 to 1, so no normal has a negative component"),
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize(("links", "nodes", "expected", "losses"), CARRIED)
+def test_inputs_are_carried(
+    folder: Path,
+    links: str,
+    nodes: str,
+    expected: dict[str, Any],
+    losses: list[tuple[str, str]],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    found = bound(folder, preview(links, nodes) + 'token name = "w"\n')
+    (layer,) = found.look.layers
+    assert (layer.name, layer.model, found.look.name) == ("S", "preview_surface", "M")
     assert found.look.source.endswith("asset.usda</M>")
-    assert not found.lost
+    assert set(layer.inputs) == set(expected)
+    for name, value in expected.items():
+        source = layer.inputs[name]
+        if isinstance(value, dict):
+            assert source.file in (folder / "rgb.png", folder / "rgb16.png")
+            source = {key: getattr(source, key) for key in value}
+        assert source == value
+    assert lost(found) == losses
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("identifier", [name for each in TRANSLATIONS.values() for name in each.identifiers])
@@ -149,70 +251,6 @@ def test_node_graphs_and_interface_inputs_are_followed(folder: Path) -> None:
     assert not found.lost
 
 
-def test_a_texture_with_all_its_settings(folder: Path) -> None:
-    settings = """token sourceColorSpace = "raw"; token wrapS = "mirror"; token wrapT = "clamp"
-    float4 scale = (1, 2, 3, 4); float4 bias = (0.5, 0.25, 0.125, 0); float4 fallback = (1, 0, 0, 1)"""
-    found = bound(folder, preview(COLOR.format("rgb"), texture(settings)))
-    scale, bias = (1.0, 2.0, 3.0, 4.0), (0.5, 0.25, 0.125, 0.0)
-    expected = Texture(folder / "rgb.png", "rgb", "raw", "mirror", "clamp", scale=scale, bias=bias)
-    assert inputs_of(found) == {"diffuseColor": expected}
-    assert not found.lost
-
-
-@pytest.mark.parametrize(
-    ("file", "space", "setting", "expected"),
-    [
-        ("rgb.png", "", "", "sRGB"),
-        ("rgb16.png", "", "", "raw"),
-        ("rgb.png", "", 'token sourceColorSpace = "raw"', "raw"),
-        ("rgb.png", "lin_rec709_scene", "", "raw"),
-        ("rgb16.png", "srgb_texture", "", "sRGB"),
-        ("rgb16.png", "acescg", "", "lin_ap1_scene"),
-        ("rgb16.png", "acescg", 'token sourceColorSpace = "sRGB"', "sRGB"),
-    ],
-)
-def test_colour_spaces_of_images(folder: Path, file: str, space: str, setting: str, expected: str) -> None:
-    metadata = f'(\ncolorSpace = "{space}"\n)' if space else ""
-    body = f"asset file = @./{file}@ {metadata}\nfloat2 st <- St.result\n{setting}"
-    found = bound(folder, preview(COLOR.format("rgb"), texture(body=body)))
-    assert texture_of(found, "diffuseColor").colorspace == expected
-
-
-@pytest.mark.parametrize(
-    ("link", "channel", "what"),
-    [
-        *((ROUGH.format(output), output, "") for output in "rgba"),
-        (ROUGH.format("rgb"), "r", "is a float, connected to 3 channels"),
-        (COLOR.format("g"), "g", ""),
-    ],
-)
-def test_channels(folder: Path, link: str, channel: str, what: str) -> None:
-    name = link.split()[1]
-    found = bound(folder, preview(link, texture()))
-    assert texture_of(found, name).channel == channel
-    assert lost(found) == ([(f"S.{name}", what)] if what else [])
-
-
-@pytest.mark.parametrize("varname", ['string varname = "w"', 'token varname = "w"', "string varname <- .name"])
-@pytest.mark.parametrize(
-    ("reader", "kind", "link", "fallback"),
-    [
-        ("float", "float", "float roughness", 0.5),
-        ("int", "int", "float roughness", 1.0),
-        ("float3", "float3", "color3f diffuseColor", (0.25, 0.5, 1.0)),
-        ("vector", "vector3f", "color3f diffuseColor", (0.25, 0.5, 1.0)),
-    ],
-)
-def test_primvars(
-    folder: Path, varname: str, reader: str, kind: str, link: str, fallback: float | tuple[float, ...]
-) -> None:
-    given = int(fallback) if kind == "int" else fallback
-    node = shader("P", f"UsdPrimvarReader_{reader}", f"{varname}\n{kind} fallback = {given}")
-    found = bound(folder, preview(f"{link} <- P.result", node) + 'token name = "w"\n')
-    assert list(inputs_of(found).values()) == [Primvar("w", fallback)]
-    assert not found.lost
-
-
 def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
     nodes = "".join(
         shader(name, f"UsdPrimvarReader_{kind}", f'string varname = "w"\n{kind} fallback = {fallback}')
@@ -222,53 +260,6 @@ def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
     found = bound(folder, preview(links, nodes))
     assert inputs_of(found) == {"clearcoat": Primvar("w", 0.25), "roughness": Primvar("w", 0.25)}
     assert sorted(where for where, _ in lost(found)) == ["/M/B", "/M/C", "S.diffuseColor"]
-
-
-def test_transforms_and_uv_sets(folder: Path) -> None:
-    transform = "token in <- St.result; float2 scale = (2, 3); float rotation = 90; float2 translation = (0.5, 0.25)"
-    nodes = (
-        shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result")
-        + shader("T", "UsdTransform2d", transform)
-        + shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
-    )
-    found = bound(folder, preview(ROUGH.format("r"), nodes))
-    image = texture_of(found, "roughness")
-    assert image.st == "map1"
-    np.testing.assert_allclose(image.transform, (0.0, -3.0, 0.5, 2.0, 0.0, 0.25), atol=1e-12)
-    assert not found.lost
-
-
-@pytest.mark.parametrize(("authored", "where"), [("", (0.0, 0.0)), ("float2 st = (0.25, 0.75)\n", (0.25, 0.75))])
-def test_coordinates_that_are_not_connected_are_one_place(
-    folder: Path, authored: str, where: tuple[float, float]
-) -> None:
-    """The specification's default of UsdUVTexture's st is the constant (0, 0), not a UV set."""
-    found = bound(folder, preview(ROUGH.format("r"), texture(body=FILE + authored)))
-    assert texture_of(found, "roughness").transform == (0.0, 0.0, where[0], 0.0, 0.0, where[1])
-    assert lost(found) == ([] if authored else [("Tex.st", "texture coordinates are not connected")])
-
-
-RAW = 'token sourceColorSpace = "raw"\n'
-OPENGL = RAW + "float4 scale = (2, 2, 2, 1)\nfloat4 bias = (-1, -1, -1, 0)"
-DIRECTX = RAW + "float4 scale = (2, -2, 2, 1)\nfloat4 bias = (-1, 1, -1, 0)"
-
-
-@pytest.mark.parametrize(
-    ("settings", "what"),
-    [
-        (OPENGL, ""),
-        (DIRECTX, ""),
-        (OPENGL.replace(RAW, ""), "rgb.png is decoded as sRGB, but a normal map is data"),
-        (RAW, "rgb.png holds 0 to 1, so no normal has a negative component"),
-    ],
-)
-def test_normal_maps_are_carried_and_doubtful_ones_noted(
-    folder: Path, settings: str, what: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    found = bound(folder, preview(NORMAL, texture(settings)))
-    assert texture_of(found, "normal")
-    assert lost(found) == ([("S.normal", what)] if what else [])
-    assert capfd.readouterr().err == ""
 
 
 MISSING = "asset file = @./none.png@\nfloat2 st <- St.result\n"
@@ -610,7 +601,7 @@ def test_a_malformed_document_is_an_error_of_the_stage(folder: Path) -> None:
 
 USD = preview(
     f"{COLOR.format('rgb')}\nfloat roughness <- P.result\n{NORMAL}\nint useSpecularWorkflow = 1",
-    shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result\n" + OPENGL),
+    shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result\n" + RAW + OPENGL),
     shader("T", "UsdTransform2d", "float2 in <- St.result\nfloat2 scale = (2, 2)"),
     shader("P", "UsdPrimvarReader_float", 'string varname = "w"\nfloat fallback = 0.5'),
     ST,
