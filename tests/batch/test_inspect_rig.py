@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from usd_text import card
+from usd_text import METRES, card, translate
 
 from lookdev.batch.inspect import inspect_file
 from lookdev.batch.inspect_rig import InspectedRig
@@ -15,14 +15,11 @@ from lookdev.errors import RigError
 from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
 from lookdev.stage import Composition
 
-RIG = """#usda 1.0
-( defaultPrim = "Rig"
-  upAxis = "Z"
-  metersPerUnit = 1 )
+RIG = f"""{METRES}
 def Xform "Rig"
-{
+{{
     def RectLight "Key" (prepend apiSchemas = ["ShapingAPI", "ShadowAPI"])
-    {
+    {{
         float inputs:width = 2
         float inputs:intensity = 7
         float inputs:specular = 0.5
@@ -30,21 +27,19 @@ def Xform "Rig"
         float inputs:shadow:distance = 4
         bool lookdev:turns = false
         token lookdev:lightGroup = "keys"
-        double3 xformOp:translate = (0, 0, 5)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
+        {translate(0, 0, 5)}
         rel collection:lightLink:excludes = </Car>
-    }
-    def SphereLight "Off"
-    {
+    }}
+    def SphereLight "Off" {{
         token visibility = "invisible"
-    }
+    }}
     def DistantLight "Sun"
-    {
+    {{
         bool inputs:normalize = true
         float inputs:intensity = 3
         FALLOFF
-    }
-}
+    }}
+}}
 """
 
 

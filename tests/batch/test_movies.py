@@ -16,10 +16,11 @@ av = pytest.importorskip("av")
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 WANTED = "sheet = false\nmovie = true\nprores = true\nvp9 = true\ngrid = true\n"
 SUFFIXES = (".mp4", ".mov", ".webm")
+KINDS = ("element", "lighting")
 NAMES = sorted(
-    [f"{look}/city/{turntable}{suffix}" for look in ("gold", "tin") for turntable in ("element", "lighting")
-     for suffix in SUFFIXES] + [f"city/{turntable}.looks.mp4" for turntable in ("element", "lighting")]
-)  # fmt: skip
+    [f"{look}/city/{kind}{suffix}" for look in ("gold", "tin") for kind in KINDS for suffix in SUFFIXES]
+    + [f"city/{kind}.looks.mp4" for kind in KINDS]
+)
 
 
 def run(folder: Path, outputs: str = WANTED) -> dict[str, bytes]:
@@ -66,10 +67,8 @@ def test_each_turntable_has_its_movies_and_all_looks_are_in_step(whole: tuple[Pa
 
 def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path, first: dict[str, bytes]) -> None:
     written = ages(tmp_path)
-    leftovers = [
-        tmp_path / "out" / name
-        for name in ("gold/city/.element.4711-0123abcd.mp4", "city/.element.looks.4711-0123abcd.mp4")
-    ]
+    names = ("gold/city/.element.4711-0123abcd.mp4", "city/.element.looks.4711-0123abcd.mp4")
+    leftovers = [tmp_path / "out" / name for name in names]
     for leftover in leftovers:
         leftover.write_bytes(b"half a movie, of a batch that was killed")
     assert run(tmp_path) == first

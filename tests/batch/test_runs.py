@@ -123,19 +123,10 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
     frames.mkdir()
     with Run(tmp_path / "other") as other:
         own = other.info.id[:8]
-    left = [
-        folder / ".pictures.0123abcd-0a1b2c3d.json",
-        frames / ".element.0001.77-0a1b2c3d.exr",
-        frames / ".element.0001.0123abcd-0a1b2c3d.png",
-    ]
-    kept = [
-        folder / "pictures.json",
-        frames / f".element.0001.{own}-0a1b2c3d.exr",
-        frames / "element.0001.exr",
-        frames / ".element.0001.exr",
-        frames / ".notes.77-0a1b2c.txt",
-        frames / "element.77-0a1b2c3d.exr",
-    ]
+    left = [folder / ".pictures.0123abcd-0a1b2c3d.json"]
+    left += [frames / f".element.0001.{name}" for name in ("77-0a1b2c3d.exr", "0123abcd-0a1b2c3d.png")]
+    kept = [folder / "pictures.json", frames / f".element.0001.{own}-0a1b2c3d.exr", frames / "element.0001.exr"]
+    kept += [frames / name for name in (".element.0001.exr", ".notes.77-0a1b2c.txt", "element.77-0a1b2c3d.exr")]
     for path in left + kept:
         path.touch()
     with Run(tmp_path) as run:

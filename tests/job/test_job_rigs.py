@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, material, variant_set
+from usd_text import METRES, material, translate, variant_set
 
 from lookdev.batch.prepare import prepare_job
 from lookdev.errors import FaultsError, JobError
@@ -35,25 +35,22 @@ def Xform "Car" ( prepend variantSets = "size"
     {variant_set("size", small=SCALED.format(1), large=SCALED.format(2))}
 }}
 """
-RIG = """#usda 1.0
-( defaultPrim = "Rig"
-  upAxis = "Z"
-  metersPerUnit = 1 )
+HEADER = METRES.replace("(", '( defaultPrim = "Rig"\n', 1)
+RIG = f"""{HEADER}
 def Xform "Rig"
-{
+{{
     custom bool lookdev:fit = false
     def RectLight "Key"
-    {
+    {{
         float inputs:width = 2
-        double3 xformOp:translate = (0, 0, 5)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
+        {translate(0, 0, 5)}
         rel collection:lightLink:excludes = [</Car/Body>, </Car/Bdoy>]
-    }
+    }}
     def DomeLight_1 "Sky"
-    {
+    {{
         float inputs:intensity = 0.5
-    }
-}
+    }}
+}}
 """
 JOB = """
 output = "out"
@@ -191,8 +188,7 @@ def test_a_rig_in_place_of_a_look_or_a_job_is_pointed_out(folder: Path) -> None:
 
 def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
     turned = 'float xformOp:rotateZ = 90\nuniform token[] xformOpOrder = ["xformOp:rotateZ"]'
-    header = '#usda 1.0\n( defaultPrim = "Rig"\n upAxis = "Z" )\n'
-    (folder / "sky.usda").write_text(f'{header}def DomeLight_1 "Rig"\n{{\n{turned}\n}}\n')
+    (folder / "sky.usda").write_text(f'{HEADER}def DomeLight_1 "Rig"\n{{\n{turned}\n}}\n')
     (folder / "job.toml").write_text(JOB.replace('"rig.usda"', '"sky.usda"').replace("rotation = 30", "rotation = 0"))
     prepared = prepare_job(folder / "job.toml")
     files = [reel.files[0].relative_to(folder / "out") for reel in prepared.plan.reels]

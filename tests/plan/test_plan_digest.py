@@ -16,6 +16,9 @@ from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
 
 POSE = Pose(30.0, 60.0)
+CAMERA = {"fov": 40.0, "elevation": 11.0, "distance": 4.0, "target": (0.0, 0.0, 0.0)}
+SAMPLING = {"samples": 128, "passes": ("depth",), "error": 1e-3, "brdf_samples": 3, "ibl_samples": 3}
+SAMPLING |= {"bounces": 3, "seed": 1}
 Change = Callable[[SceneTask], SceneTask]
 
 
@@ -41,19 +44,10 @@ def camera(**values: Any) -> Change:
         (lambda scene: replace(scene, shaders=(replace(scene.shaders[0], digest="1"),)), "look"),
         (lambda scene: replace(scene, worn=(0, 0)), "look"),
         (lambda scene: replace(scene, lights=(replace(scene.lights[0], map_digest="1"),)), "ibl"),
-        (camera(fov=40.0), "camera"),
-        (camera(elevation=11.0), "camera"),
-        (camera(distance=4.0), "camera"),
-        (camera(target=(0.0, 0.0, 0.0)), "camera"),
+        *((camera(**{name: value}), "camera") for name, value in CAMERA.items()),
         (lambda scene: replace(scene, resolution=(48, 64)), "render"),
         (lambda scene: replace(scene, device="cuda"), "render"),
-        (sampling(samples=128), "render"),
-        (sampling(passes=("depth",)), "render"),
-        (sampling(error=1e-3), "render"),
-        (sampling(brdf_samples=3), "render"),
-        (sampling(ibl_samples=3), "render"),
-        (sampling(bounces=3), "render"),
-        (sampling(seed=1), "render"),
+        *((sampling(**{name: value}), "render") for name, value in SAMPLING.items()),
     ],
 )
 def test_a_scene_change_changes_its_part_only(scene: SceneTask, change: Change, part: str) -> None:
