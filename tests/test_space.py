@@ -7,7 +7,6 @@ import PyOpenColorIO as ocio
 import pytest
 
 from lookdev.light import DistantLight, Emission, RectLight, Shadow, Shaping, prepare_light
-from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.picture import prepare_texture
 from lookdev.light.space import in_space
@@ -80,8 +79,8 @@ LIGHTS = {
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_a_light_sends_the_same_in_another_space(rng, monkeypatch, name):
-    for module, constant, number in ((slots, "SLOTS", 64), (points, "SIDE", 32), (bins, "COUNT", 4)):
-        monkeypatch.setattr(module, constant, number)  # tables of a dome that take little time
+    for table, size in (("slots.SLOTS", 64), ("points.SIDE", 32), ("bins.COUNT", 4)):
+        monkeypatch.setattr(f"lookdev.light.dome.{table}", size)  # tables of the light that take little time
     light = LIGHTS[name](rng)
     other = in_space(light, "acescg")
     place = np.zeros(3)

@@ -34,15 +34,22 @@ _PLAN: tuple[tuple[Any, ...], ...] = (
         for spot in sound.spots
         for mutation in ROLES[spot.role]
     ),
-    *(("a file", name) for name in FILES),
+    *((f"files: {name.split()[0]}", name) for name in FILES),
 )
-_ARC = "#usda 1.0\n(\n{stage}    {sub}\n)\n\n{body}\n"
-_WAYS = ("usda", "usdc", "reference", "payload", "sublayer", "variant", "usdz")
+_ROOTS = {
+    "sublayer": "subLayers = [{0}]\n)\n",
+    "reference": ')\ndef "Root" (references = {0}</Root>) {{}}\n',
+    "payload": ')\ndef "Root" (payload = {0}</Root>) {{}}\n',
+    "variant": ')\ndef "Root" (variants = {{string model = "full"}}; prepend variantSets = "model") {{\n'
+    'variantSet "model" = {{\n"full" (references = {0}</Root>) {{}}\n"none" {{}}\n}}\n}}\n',
+}
+"""The rest of a root layer, behind its metadata, that refers to another one."""
+_WAYS = ("usda", "usdc", "usdz", *_ROOTS)
 
 
 def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
     """Write the files of a case."""
-    if planned[0] == "a file":
+    if planned[0].startswith("files"):
         return _file_case(planned[1], rng, folder)
     _, base, spot, mutation = planned
     sound = SOUND[base]
@@ -108,21 +115,8 @@ def written(layer: Sdf.Layer, sound: Sound, way: str, folder: Path) -> Path:
             Sdf.AttributeSpec(prim, path.name, Sdf.ValueTypeNames.Find(given[1]))
         root.Save()
         return folder / "asset.usda"
-    stage = '    metersPerUnit = 0.5\n    upAxis = "Y"\n'
-    arc = f"@{inner.name}@"
-    text = {
-        "sublayer": _ARC.format(stage=stage, sub=f"subLayers = [{arc}]", body=""),
-        "reference": _ARC.format(stage=stage, sub="", body=f'def "Root" (references = {arc}</Root>)\n{{\n}}'),
-        "payload": _ARC.format(stage=stage, sub="", body=f'def "Root" (payload = {arc}</Root>)\n{{\n}}'),
-        "variant": _ARC.format(
-            stage=stage,
-            sub="",
-            body='def "Root" (variants = {string model = "full"}; prepend variantSets = "model")\n{\n'
-            f'    variantSet "model" = {{\n        "full" (references = {arc}</Root>) {{\n        }}\n'
-            '        "none" {\n        }\n    }\n}',
-        ),
-    }[way]
-    (folder / "asset.usda").write_text(text)
+    head = '#usda 1.0\n(\n    metersPerUnit = 0.5\n    upAxis = "Y"\n    '
+    (folder / "asset.usda").write_text(head + _ROOTS[way].format(f"@{inner.name}@"))
     return folder / "asset.usda"
 
 
