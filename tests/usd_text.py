@@ -1,8 +1,25 @@
-"""Text of small USD and MaterialX files: materials of Disney's model, plain or with an image, variants, and cards."""
+"""Text of small files: jobs, and USD and MaterialX files of materials, plain or with an image, variants, and cards."""
 
 from __future__ import annotations
 
 METRES = '#usda 1.0\n( upAxis = "Z"\n  metersPerUnit = 1 )\n'
+
+
+JOB_KEYS = {
+    "output": '"out"',
+    "asset": '{ builtin = "plane" }',
+    "ibl": '[{ name = "white", builtin = "white" }]',
+    "turntable": '[{ kind = "element", frames = 2 }]',
+    "render": "{ resolution = [8, 8] }",
+}
+
+
+def job_toml(look: str = "", **keys: str) -> str:
+    """Return a job of looks, as "gold = gold.usda, tin = tin.usda", with `JOB_KEYS` and other values or further keys."""
+    named = [pair.split(" = ") for pair in look.split(", ") if pair]
+    looks = ", ".join(f'{{ name = "{name}", material = "{file}" }}' for name, file in named)
+    keys = JOB_KEYS | ({"look": f"[{looks}]"} if looks else {}) | keys
+    return "".join(f"{key} = {value}\n" for key, value in keys.items())
 
 
 def shader(name: str, kind: str, *lines: str) -> str:

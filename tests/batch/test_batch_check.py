@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from usd_text import job_toml
 
 from lookdev.asset import load_asset
 from lookdev.batch import check
@@ -24,20 +25,12 @@ from lookdev.render.task import FrameTask
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 METAL = MATERIALS / "brushed_metal.usda"
-JOB = f"""
-output = "out"
-asset = {{ builtin = "plane" }}
-look = [
-    {{ name = "leaf", material = "{MATERIALS}/classic/lambert.usda" }},
-    {{ name = "gold", material = "{MATERIALS}/brushed_metal.usda" }},
-]
-ibl = [{{ name = "white", builtin = "white" }}, {{ name = "studio", builtin = "white", rotation = 90.0 }}]
-turntable = [{{ kind = "element", frames = 5 }}]
-[render]
-resolution = [400, 200]
-samples = 64
-seed = 3
-"""
+JOB = job_toml(
+    f"leaf = {MATERIALS}/classic/lambert.usda, gold = {MATERIALS}/brushed_metal.usda",
+    ibl='[{ name = "white", builtin = "white" }, { name = "studio", builtin = "white", rotation = 90.0 }]',
+    turntable='[{ kind = "element", frames = 5 }]',
+    render="{ resolution = [400, 200], samples = 64, seed = 3 }",
+)
 
 
 @pytest.fixture
@@ -163,6 +156,6 @@ def test_a_job_has_its_own_backend_and_none_but_those_of_jobs_is_known(job: Path
         list(check_file(job, backend="nodes"))
     with pytest.raises(LookdevError, match=r"no backend 'node' \(did you mean 'nodes'\?\)"):
         list(check_file(METAL, backend="node"))
-    job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))
+    job.write_text(JOB.replace("seed = 3", 'seed = 3, backend = "nodes"'))
     assert all("flip" in finding.figures for finding in check_file(job, only=["image"], depth="quick"))
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource, ShaderSource}

@@ -10,19 +10,13 @@ from typing import Any
 
 import pytest
 import yaml
-from usd_text import material
+from usd_text import job_toml, material
 
 from lookdev.batch.export_openjd import Needs, export_openjd
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Division
 
-JOB = """
-output = "out"
-asset = { builtin = "plane" }
-look = [{ name = "gold", material = "gold.usda" }]
-ibl = [{ name = "white", builtin = "white" }]
-turntable = [{ kind = "element", frames = 5 }]
-"""
+JOB = job_toml("gold = gold.usda", turntable='[{ kind = "element", frames = 5 }]', render="{ seed = 0 }")
 
 
 @pytest.fixture
@@ -78,7 +72,7 @@ def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Pa
 
 
 def test_a_host_of_a_job_on_a_gpu_has_one(job: Path) -> None:
-    job.write_text(JOB + '[render]\nbackend = "nodes"\ndevice = "cuda"\n')
+    job.write_text(JOB.replace("seed = 0", 'backend = "nodes", device = "cuda"'))
     export_openjd(job, job.with_name("t.yaml"), Division(1))
     assert {"name": "amount.worker.gpu", "min": 1} in read(job.with_name("t.yaml"))["steps"][0]["hostRequirements"][
         "amounts"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import mtlx, textured
+from usd_text import job_toml, mtlx, textured
 
 from lookdev.batch.manifest import input_files
 from lookdev.batch.prepare import plan_job
@@ -24,14 +24,7 @@ def "Car" ( references = @FOLDER/parts/body.usda@ ) {}
 BODY = '#usda 1.0\n( defaultPrim = "Body" )\ndef Sphere "Body" {}\n'
 LOOK = "#usda 1.0\n( subLayers = [@FOLDER/parts/base.usda@] )\n"
 BASE = '#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look", file="FOLDER/parts/color.png", space="sRGB")
-JOB = """
-output = "out"
-asset = { usd = "FOLDER/car.usda" }
-look = [{ name = "paint", material = "look.usda" }, { name = "metal", material = "metal.mtlx" }]
-ibl = [{ name = "white", builtin = "white" }]
-turntable = [{ kind = "element", frames = 2 }]
-render = { resolution = [16, 16], samples = 4 }
-"""
+JOB = job_toml("paint = look.usda, metal = metal.mtlx", asset='{ usd = "FOLDER/car.usda" }')
 FILES = {
     "car.usda": CAR,
     "parts/body.usda": BODY,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, card, material
+from usd_text import METRES, card, job_toml, material
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
@@ -20,15 +20,8 @@ from lookdev.job.scenes import job_scenes
 from lookdev.scene import Camera, frame_camera, frame_fill
 
 TURNTABLE = '[{ kind = "element", frames = 8 }]'
-JOB = """
-output = "out"
-asset = { usd = "asset.usda" }
-look = [{ name = "small", material = "asset.usda" }, { name = "large", material = "asset.usda" }]
-ibl = [{ name = "white", builtin = "white" }]
-render = { resolution = [160, 90] }
-turntable = TURNTABLE
-[camera]
-""".replace("TURNTABLE", TURNTABLE)
+KEYS = {"asset": '{ usd = "asset.usda" }', "render": "{ resolution = [160, 90] }", "turntable": TURNTABLE}
+JOB = job_toml("small = asset.usda, large = asset.usda", **KEYS) + "[camera]\n"
 SHOT = """
 def Camera "Shot"
 {

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from usd_text import job_toml
 
 from lookdev.asset import load_asset
 from lookdev.errors import FaultsError
@@ -17,14 +18,8 @@ from lookdev.scene import Camera
 from lookdev.scene.ground import GREY, PATH, on_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"
-JOB = f"""
-output = "out"
-asset = {{ builtin = "suzanne" }}
-look = [{{ name = "metal", material = "{MATERIALS}/classic/mirror.usda" }}]
-ibl = [{{ name = "white", builtin = "white" }}]
-rig = [{{ name = "fitted", builtin = "three_point" }}]
-turntable = [{{ kind = "element", frames = 1 }}]
-"""
+LOOK = f"metal = {MATERIALS}/classic/mirror.usda"
+JOB = job_toml(LOOK, asset='{ builtin = "suzanne" }', rig='[{ name = "fitted", builtin = "three_point" }]')
 
 
 def test_a_camera_below_the_ground_is_a_fault(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, image, material, shader
+from usd_text import METRES, image, job_toml, material, shader
 
 from lookdev.asset.silhouette import outline
 from lookdev.errors import FaultsError
@@ -45,19 +45,14 @@ MATERIALS = {
         image("Paint"),
     ),
 }
-JOB = """
-output = "out"
-asset = {{ usd = "cube.usda"{asset} }}
-ibl = [{{ name = "white", builtin = "white" }}]
-turntable = [{{ kind = "element", frames = 2 }}]
-render = {{ resolution = [{width}, {width}] }}
-[[look]]
-name = "one"
-{look}
-"""
 SECOND = '    texCoord2f[] primvars:map2 = [(0, 0)] ( interpolation = "constant" )\n'
 
 Make = Callable[..., JobScenes]
+
+
+def job_text(look: str = "", asset: str = "", width: int = 16, file: str = "cube.usda") -> str:
+    keys = {"asset": f'{{ usd = "{file}"{asset} }}', "render": f"{{ resolution = [{width}, {width}] }}"}
+    return f'{job_toml(**keys)}[[look]]\nname = "one"\n{look}\n'
 
 
 @pytest.fixture
@@ -69,7 +64,7 @@ def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
 
     def made(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
         (tmp_path / "cube.usda").write_text(CUBE.replace("SCHEME", scheme))
-        return job_scenes(parse_job(JOB.format(look=look, asset=asset, width=width), tmp_path / "job.toml"))
+        return job_scenes(parse_job(job_text(look, asset, width), tmp_path / "job.toml"))
 
     return made
 
@@ -146,9 +141,9 @@ def test_a_displacement_reads_a_uv_set_of_another_name(make: Make) -> None:
 def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp_path: Path) -> None:
     many = CUBE.replace("SCHEME", "none").replace("    texCoord2f", f"{SECOND}    texCoord2f")
     (tmp_path / "many.usda").write_text(many)
-    text = JOB.format(look='[[look]]\nname = "two"\nmaterial = "wavy.usda"', asset="", width=16)
+    text = job_text('[[look]]\nname = "two"\nmaterial = "wavy.usda"', file="many.usda")
     with pytest.raises(FaultsError) as caught:
-        job_scenes(parse_job(text.replace("cube.usda", "many.usda"), tmp_path / "job.toml"))
+        job_scenes(parse_job(text, tmp_path / "job.toml"))
     (fault,) = caught.value.faults
     assert (fault.file, fault.where) == (str(tmp_path / "job.toml"), "look[1]")
     assert "'st'; it has: map1, map2" in fault.what
@@ -169,10 +164,9 @@ def test_a_time_is_noted_where_nothing_is_animated(make: Make, tmp_path: Path) -
     moving = f"point3f[] points.timeSamples = {{ 0: {cube}, 10: {high} }}"
     text = re.sub(r"point3f\[\] points = .*", moving, CUBE.replace("SCHEME", "none"))
     (tmp_path / "moving.usda").write_text(text)
-    job = JOB.replace("cube.usda", "moving.usda")
     tops = {}
     for time in ("", ", time = 5", ", time = 20"):
-        made = job_scenes(parse_job(job.format(look="", asset=time, width=16), tmp_path / "job.toml"))
+        made = job_scenes(parse_job(job_text(asset=time, file="moving.usda"), tmp_path / "job.toml"))
         assert not [note for note in made.notes if "animated" in note]
         tops[time] = float(scene_of(made).asset.meshes[0].points[:, 2].max())
     assert tops == {"": 1.0, ", time = 5": 2.0, ", time = 20": 3.0}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, material, translate, variant_set
+from usd_text import JOB_KEYS, METRES, job_toml, material, translate, variant_set
 
 from lookdev.batch.prepare import prepare_job
 from lookdev.errors import FaultsError, JobError
@@ -52,13 +52,9 @@ def Xform "Rig"
     }}
 }}
 """
-JOB = """
-output = "out"
-asset = { usd = "car.usda" }
-turntable = [{ kind = "lighting", frames = 2 }]
-render = { resolution = [16, 16] }
-look = [{ name = "paint", material = "paint.usda" }]
-ibl = [{ name = "white", builtin = "white" }]
+KEYS = {"asset": '{ usd = "car.usda" }', "turntable": '[{ kind = "lighting", frames = 2 }]'}
+IBL = f"ibl = {JOB_KEYS['ibl']}\n"
+JOB = f"""{job_toml("paint = paint.usda", **KEYS).replace(IBL, "")}{IBL}
 [[rig]]
 name = "studio"
 usd = "rig.usda"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from usd_text import METRES, image, material, shader, textured, variant_set
+from usd_text import METRES, image, job_toml, material, shader, textured, variant_set
 
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job, scenes, schema
@@ -78,16 +78,6 @@ class Xform "Wheel"
     }}
 }}
 """
-JOB = """
-output = "out"
-asset = {{ {asset} }}
-ibl = [{{ name = "white", builtin = "white" }}]
-turntable = [{{ kind = "element", frames = 2 }}]
-render = {{ resolution = [8, 8] }}
-[[look]]
-name = "one"
-{look}
-"""
 GOLD = 'material = "gold.usda"'
 CAR = 'usd = "car.usda"'
 OWN = {
@@ -118,7 +108,8 @@ def make(folder: Path) -> Make:
     """Return a function that makes the scenes of a job from the lines of its look and its asset."""
 
     def made(look: str = "", asset: str = CAR) -> JobScenes:
-        return job_scenes(parse_job(JOB.format(look=look, asset=asset), folder / "job.toml"))
+        text = f'{job_toml(asset=f"{{ {asset} }}")}[[look]]\nname = "one"\n{look}\n'
+        return job_scenes(parse_job(text, folder / "job.toml"))
 
     return made
 

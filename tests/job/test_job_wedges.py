@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, card, shader
+from usd_text import METRES, card, job_toml, shader
 
 from lookdev.batch.prepare import plan_job, prepare_job, read_setups
 from lookdev.codegen import ShaderSource
@@ -31,15 +31,8 @@ def Material "Paint"
     {shader("Amount", "LookdevExpression", *AMOUNT)}
 }}
 """
-JOB = """
-output = "out"
-asset = { builtin = "plane" }
-look = [{ name = "paint", material = "paint.usda" }, { name = "other", material = "paint.usda" }]
-ibl = [{ name = "white", builtin = "white" }]
-rig = [{ name = "three", builtin = "three_point" }]
-turntable = [{ kind = "element", frames = 1 }]
-render = { resolution = [8, 8] }
-"""
+RIG = '[{ name = "three", builtin = "three_point" }]'
+JOB = job_toml("paint = paint.usda, other = paint.usda", rig=RIG, turntable='[{ kind = "element", frames = 1 }]')
 
 
 def scenes(folder: Path, wedges: str) -> JobScenes:
