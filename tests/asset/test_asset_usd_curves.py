@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from asset_arrays import area, at_corners, corner_st, corners, facets, volume
 from pxr import Usd, UsdGeom, Vt
-from scipy.interpolate import BSpline
+from scipy.interpolate import BPoly, BSpline, CubicHermiteSpline
 from scipy.spatial import cKDTree
 
 from lookdev.asset.shape import Attribute
@@ -119,20 +119,14 @@ def test_a_periodic_spline_is_a_ring_without_ends_or_seam():
 
 def bezier(points, t):
     p = np.asarray(points, float)
-    number = np.minimum((t * ((len(p) - 1) // 3)).astype(int), (len(p) - 1) // 3 - 1)
-    s = (t * ((len(p) - 1) // 3) - number)[:, None]
-    a, b, c, d = (p[3 * number + i] for i in range(4))
-    return (1 - s) ** 3 * a + 3 * (1 - s) ** 2 * s * b + 3 * (1 - s) * s**2 * c + s**3 * d
+    pieces = (len(p) - 1) // 3
+    return BPoly([p[i::3][:pieces] for i in range(4)], np.linspace(0.0, 1.0, pieces + 1))(t)
 
 
 def catmull_rom(points, t):
     """Through the inner points, with tangents along the chords between their neighbours."""
     p = np.asarray(points, float)
-    number = np.minimum((t * (len(p) - 3)).astype(int), len(p) - 4)
-    s = (t * (len(p) - 3) - number)[:, None]
-    a, b, c, d = (p[number + i] for i in range(4))
-    hermite = (2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, -2 * s**3 + 3 * s**2, s**3 - s**2)
-    return hermite[0] * b + hermite[1] * (c - a) / 2 + hermite[2] * c + hermite[3] * (d - b) / 2
+    return CubicHermiteSpline(np.linspace(0.0, 1.0, len(p) - 2), p[1:-1], (p[2:] - p[:-2]) / 2 * (len(p) - 3))(t)
 
 
 def bspline(points, t):
@@ -146,8 +140,7 @@ def phantoms(points):
 
 
 def linear(points, t):
-    x = t * (len(points) - 1)
-    return np.stack([np.interp(x, np.arange(len(points)), column) for column in np.transpose(points)], axis=-1)
+    return BSpline(np.linspace(-1.0, len(points), len(points) + 2), points, 1)(t * (len(points) - 1))
 
 
 def same(points):

@@ -65,24 +65,24 @@ def test_every_example_look_has_f(file: Path) -> None:
     assert f.max() > 0.0
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("disny:roughness=1", "did you mean 'disney'"),
-        ("red_plastik", "did you mean 'red_plastic'"),
-        ("qqqq", "no model, no preset and no file"),
-        ("disney:rougness=1", "did you mean 'roughness'"),
-        ("disney:roughness", "is no NAME=VALUE"),
-        ("disney:roughness=a", "a number would be right"),
-        ("disney:roughness=2", "its range is 0 to 1"),
-        ("disney:baseColor=1/2", "R/G/B or one number"),
-        ("disney:variant=2013", "one of 2014, 2012"),
-        ("nothing.binary", "no such file"),
-        ("nothing.usda", "nothing.usda"),
-        (f"{MATERIALS / 'car_paint.usda'}:9", "no layer '9'"),
-        (f"{MATERIALS / 'car_paint.usda'}@1", "is no place"),
-    ],
-)
+REFUSED = {
+    "disny:roughness=1": "did you mean 'disney'",
+    "red_plastik": "did you mean 'red_plastic'",
+    "qqqq": "no model, no preset and no file",
+    "disney:rougness=1": "did you mean 'roughness'",
+    "disney:roughness": "is no NAME=VALUE",
+    "disney:roughness=a": "a number would be right",
+    "disney:roughness=2": "its range is 0 to 1",
+    "disney:baseColor=1/2": "R/G/B or one number",
+    "disney:variant=2013": "one of 2014, 2012",
+    "nothing.binary": "no such file",
+    "nothing.usda": "nothing.usda",
+    f"{MATERIALS / 'car_paint.usda'}:9": "no layer '9'",
+    f"{MATERIALS / 'car_paint.usda'}@1": "is no place",
+}
+
+
+@pytest.mark.parametrize(("words", "message"), REFUSED.items())
 def test_what_is_nothing_is_refused(words: str, message: str) -> None:
     with pytest.raises(LookdevError, match=message):
         read_subject(words)
