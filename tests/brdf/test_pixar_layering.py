@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from random_parameters import directions, random_parameters
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, stack_bsdf
-from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
 
@@ -81,49 +80,6 @@ def test_the_tables_are_whole() -> None:
         assert [outcomes.count(name) for name in side] == [1, 3, 5]
 
 
-# White metals: from roughness 0.5 on, both weights of the specular lobe are 1 - roughness, and of the diffuse lobe
-# roughness, for all views. Cones are 30 roughness + 5 degrees.
-_METAL = {"metallic": 1.0, "surfaceColor": (1.0, 1.0, 1.0)}
-
-
-def _over(below: dict[str, Any], above: dict[str, Any], mask: float, wo: Floats = ZENITH) -> Partition:
-    parts = (layer_partition(_parameters(**each), wo) for each in (above, below))
-    return _layered(*parts, mask, "over")
-
-
-def test_cones_are_averaged_by_energy() -> None:
-    result = _over(_METAL | {"roughness": 0.75}, _METAL | {"roughness": 0.5}, 0.4)
-    specular = result.terms["specular"]
-    np.testing.assert_allclose(specular.normal, 0.4 * 0.5 + 0.6 * 0.25, rtol=1e-15)
-    # Energies 0.4 x 0.5 and 0.6 x 0.25; cones 20 and 27.5.
-    assert specular.cone == pytest.approx((0.2 * 20.0 + 0.15 * 27.5) / 0.35, rel=1e-15)
-
-
-def test_energy_is_seen_from_the_view() -> None:
-    # At 60 degrees Schlick's weight is 1/32: a dielectric reflects 0.05 + 0.95 / 32 of its half.
-    wo = np.array([np.sqrt(0.75), 0.0, 0.5])
-    result = _over(_METAL | {"roughness": 0.75}, {"roughness": 0.5}, 0.4, wo)
-    energy = 0.4 * 0.5 * (0.05 + 0.95 / 32.0)
-    assert result.terms["specular"].cone == pytest.approx((energy * 20.0 + 0.15 * 27.5) / (energy + 0.15), rel=1e-12)
-
-
-def test_normals_are_averaged_by_energy() -> None:
-    leaning = {"diffuseNormal": (0.6, 0.0, 0.8), "highlightNormal": (0.0, 0.6, 0.8)}
-    result = _over(_METAL | {"roughness": 0.75}, _METAL | leaning | {"roughness": 0.5}, 0.4)
-    # Highlights 0.2 to 0.15 as above; diffuse ones 0.4 x 0.5 to 0.6 x 0.75. The highlight of 0.2 leans.
-    highlight = np.array([0.0, 0.2 * 0.6, 0.2 * 0.8 + 0.15])
-    diffuse = np.array([0.2 * 0.6, 0.0, 0.2 * 0.8 + 0.45])
-    np.testing.assert_allclose(result.frames["highlight"].normal, highlight / np.linalg.norm(highlight), rtol=1e-12)
-    np.testing.assert_allclose(result.frames["diffuse"].normal, diffuse / np.linalg.norm(diffuse), rtol=1e-12)
-
-
-def test_an_index_is_averaged_by_energy() -> None:
-    glass = {"metallic": 0.0, "surfaceColor": (1.0, 1.0, 1.0), "roughness": 0.5, "clear": 1.0}
-    result = _over(glass | {"ior": 2.0, "clear": 0.5}, glass | {"ior": 1.2}, 0.4)
-    # Energies are as 0.4 x 1 to 0.6 x 0.5.
-    assert result.terms["specularTransmission"].bend == pytest.approx((0.4 * 0.2 + 0.3 * 1.0) / 0.7, rel=1e-12)
-
-
 def _random(rng: np.random.Generator, count: int, wo: Floats, **given: Any) -> Partition:
     return layer_partition(random_parameters(rng, "pixar", {}, count) | given, wo)
 
@@ -132,16 +88,6 @@ def _assert_weights(result: Partition, wanted: dict[str, tuple[Floats, Floats]])
     for name, (normal, grazing) in wanted.items():
         np.testing.assert_allclose(result.terms[name].normal, normal, rtol=1e-12, atol=1e-12, err_msg=name)
         np.testing.assert_allclose(result.terms[name].grazing, grazing, rtol=1e-12, atol=1e-12, err_msg=name)
-
-
-def _mixed(a: Partition, b: Partition, of_a: Floats, of_b: Floats) -> dict[str, tuple[Floats, Floats]]:
-    def mixed(x: Floats, y: Floats) -> Floats:
-        return x * of_a[..., None] + y * of_b[..., None]
-
-    return {
-        name: (mixed(a.terms[name].normal, b.terms[name].normal), mixed(a.terms[name].grazing, b.terms[name].grazing))
-        for name in a.terms
-    }
 
 
 def _assert_same(one: Partition, other: Partition) -> None:
@@ -201,21 +147,6 @@ def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
             np.testing.assert_allclose(getattr(sole, kind), wanted[name], rtol=1e-12)
             np.testing.assert_array_equal((sole.eta, sole.k), _INDICES["gold"])
     assert all(not result.terms[name].metals for name in THROUGH)
-
-
-@pytest.mark.parametrize("mode", ["over", "transmit"])
-def test_presence_lets_what_is_beneath_through_unchanged(mode: Any) -> None:
-    rng = np.random.default_rng(32)
-    wo, presence = directions(rng, _COUNT), rng.random(_COUNT)
-    parameters = random_parameters(rng, "pixar", {}, _COUNT)
-    whole, partly = (layer_partition(parameters | {"presence": p}, wo) for p in (np.ones(_COUNT), presence))
-    below = _random(rng, _COUNT, wo)
-    layered = _layered(whole, below, 1.0, mode)
-    result = _layered(partly, below, 1.0, mode)
-    _assert_weights(result, _mixed(layered, below, presence, 1.0 - presence))
-    np.testing.assert_allclose(result.presence, presence + (1.0 - presence) * below.presence, rtol=1e-12)
-    # A mask has the effect of presence.
-    _assert_same(_layered(whole, below, presence, mode), result)
 
 
 @pytest.mark.parametrize("mode", ["over", "transmit"])
