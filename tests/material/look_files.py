@@ -91,22 +91,6 @@ def short(place: str) -> str:
     return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", place)
 
 
-def over(name: str, body: str) -> str:
-    return f'over "{name}" {{\n{expand(body)}\n}}\n'
-
-
-def variants(name: str, **bodies: str) -> str:
-    """Return a variant set."""
-    return f'variantSet "{name}" = {{\n' + "".join(f'"{key}" {{\n{body}\n}}\n' for key, body in bodies.items()) + "}\n"
-
-
-def selecting(**selections: str) -> str:
-    """Return the metadata of a prim that has variant sets, with the variant that is selected of each."""
-    names = ", ".join(f'"{name}"' for name in selections)
-    chosen = "; ".join(f'string {name} = "{variant}"' for name, variant in selections.items())
-    return f"(\nprepend variantSets = [{names}]\nvariants = {{ {chosen} }}\n)"
-
-
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
     """Return place, text and hint of each fault for which a file is refused."""
     with pytest.raises(LookError) as caught:

@@ -19,24 +19,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from look_files import (
-    BASE,
-    LAYER1,
-    STACK,
-    disney,
-    expand,
-    look,
-    over,
-    pixar,
-    rough,
-    selecting,
-    shader,
-    stack,
-    texture,
-    variants,
-    write_gray,
-)
+from look_files import BASE, LAYER1, STACK, disney, expand, look, pixar, rough, shader, stack, texture, write_gray
 from pxr import Sdf
+from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look

@@ -356,8 +356,6 @@ def test_coordinates_as_a_colour_are_noted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("category", NODES)
 def test_a_node_without_inputs_is_read_or_listed(folder: Path, category: str) -> None:
-    kinds = ("", "_color3", "_float", "_vector2", "_vector3")
-    for kind in kinds:
-        for link in (COLOR, ROUGH, NORMAL):
-            found = bound(folder, materialx(link, shader("N", f"ND_{category}{kind}")))
-            assert found.look.layers[0].inputs or found.lost
+    for kind in ("", "_color3", "_float", "_vector2", "_vector3"):
+        found = bound(folder, materialx(COLOR + ROUGH + NORMAL, shader("N", f"ND_{category}{kind}")))
+        assert len(found.look.layers[0].inputs) + len(found.lost) >= 3

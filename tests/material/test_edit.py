@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, STACK, disney, expression, look, over, selecting, stack, variants, write_preset
+from look_files import BASE, LAYER1, STACK, disney, expression, look, stack, write_preset
 from pxr import Usd
+from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookdevError, LookError
 from lookdev.material.change import constant_of, with_constants

@@ -8,22 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from look_files import (
-    BASE,
-    LAYER1,
-    STACK,
-    disney,
-    expression,
-    faults_of,
-    over,
-    pixar,
-    rough,
-    selecting,
-    shader,
-    stack,
-    texture,
-    variants,
-)
+from look_files import BASE, LAYER1, STACK, disney, expression, faults_of, pixar, rough, shader, stack, texture
+from variant_sets import over, selecting, variants
 
 from lookdev.brdf import layer_shaders
 from lookdev.codegen.inputs import Inputs

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, over, pixar, preview, selecting, shader, short, stack, variants
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, short, stack
+from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
