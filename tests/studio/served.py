@@ -10,10 +10,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from lookdev.lifetime import end_with_parent
 
 STARTED = re.compile(r"(http://\S+)/  \(Ctrl-C")
 
@@ -70,8 +72,9 @@ def served(
     command = [sys.executable, "-u", "-m", "lookdev", verb, "--no-browser", "--port", "0", *arguments]
     environment = os.environ | ({"TMPDIR": str(temporary)} if temporary else {})
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment
-    )
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment,
+        preexec_fn=end_with_parent,
+    )  # fmt: skip
     found = Served(process)
 
     def read() -> None:
@@ -86,7 +89,7 @@ def served(
         while not (started := STARTED.search(found.log)):
             assert process.poll() is None, found.log
             assert time.monotonic() < until, found.log
-            time.sleep(0.05)
+            time.sleep(0.02)
         found.url = started[1]
         yield found
     finally:
@@ -95,9 +98,3 @@ def served(
             process.wait()
         reader.join(timeout=10)
         process.stdout.close()  # type: ignore[union-attr]
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run an explorer that does not start."""
-    command: Sequence[str] = [sys.executable, "-m", "lookdev", "explore", "--no-browser", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

@@ -12,10 +12,11 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
-from served import Served, run, served
+from served import Served, served
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from lookdev.cli import run
 from lookdev.studio.access import authorities
 
 ASKED = 10**6
@@ -206,26 +207,27 @@ def socket_of(port: int) -> None:
     socket.create_connection(("127.0.0.1", port), timeout=5).close()
 
 
-def test_a_taken_port_is_an_error_if_it_is_asked_for(server: Served) -> None:
-    done = run("--port", str(server.port))
-    assert done.returncode == 2
-    assert f"port {server.port} is taken" in done.stderr
-    assert "--port" in done.stderr
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--port", "{taken}"], "port {taken} is taken by another program; another --port"),
         (["disny"], "did you mean 'disney'"),
         (["disney:roughness=2"], "its range is 0 to 1"),
         (["--root", "missing"], "no such file or folder"),
         (["--host", "203.0.113.1"], "cannot be listened at"),
     ],
 )
-def test_what_is_wrong_is_said_before_it_starts(arguments: list[str], message: str) -> None:
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert message in done.stderr
+def test_what_is_wrong_is_said_before_it_starts(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        words = [word.format(taken=port) for word in arguments]
+        monkeypatch.setattr("sys.argv", ["lookdev", "explore", "--no-browser", *words])
+        with pytest.raises(SystemExit) as left:
+            run()
+    assert left.value.code == 2
+    assert message.format(taken=port) in " ".join(capsys.readouterr().err.split())
 
 
 def test_sigterm_ends_it_too(tmp_path: Path) -> None:

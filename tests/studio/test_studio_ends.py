@@ -1,0 +1,70 @@
+"""A test process that is killed leaves no browser, no driver, no server, and no file of theirs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HOLDER = """
+import pytest
+from served import served
+
+def test_holds(tab, tmp_path):
+    tab.get("about:blank")
+    with served() as server:
+        print("held", server.process.pid, flush=True)
+        server.process.wait()
+"""
+
+
+def descendants(parent: int) -> dict[int, str]:
+    """Return the processes below one, by number, with their command lines."""
+    rows = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    listed = {int(pid): (int(above), line) for pid, above, line in (row.split(None, 2) for row in rows.splitlines())}
+    family = {parent}
+    while more := {pid for pid, (above, _) in listed.items() if above in family} - family:
+        family |= more
+    return {pid: listed[pid][1] for pid in family - {parent} if pid in listed}
+
+
+def is_alive(pid: int) -> bool:
+    """Return whether a process runs; one that ended and that nobody has waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.both_pythons
+def test_a_killed_test_process_leaves_nothing(browser: object, tmp_path: Path) -> None:
+    """`browser` is here for its mark, and to be in its process of xdist: the killed one has its own."""
+    (tmp_path / "test_holder.py").write_text(HOLDER)
+    command = [sys.executable, "-m", "pytest", "-q", "-s", "-n", "0", "-p", "chromium", "--rootdir", str(tmp_path)]
+    folders = os.pathsep.join(map(str, (Path(__file__).parents[1], Path(__file__).parent)))
+    environment = os.environ | {"PYTHONPATH": folders}
+    holder = subprocess.Popen(
+        [*command, "--basetemp", str(tmp_path / "base"), str(tmp_path)],
+        stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path,
+    )  # fmt: skip
+    with holder:
+        assert holder.stdout is not None
+        assert any(line.startswith("held") for line in holder.stdout)
+        below = descendants(holder.pid)
+        for name in ("lifeline.py", "chromedriver --port", "--type=renderer", "lookdev explore"):
+            assert any(name in line for line in below.values()), name
+        driver = next(pid for pid, line in below.items() if Path(line.split()[0]).name == "chromedriver")
+        variables = Path(f"/proc/{driver}/environ").read_text().split("\0")
+        folder = next(Path(each.removeprefix("TMPDIR=")) for each in variables if each.startswith("TMPDIR="))
+        assert list(folder.iterdir())
+        holder.send_signal(signal.SIGKILL)
+    until = time.monotonic() + 60.0
+    while (left := [line for pid, line in below.items() if is_alive(pid)]) and time.monotonic() < until:
+        time.sleep(0.02)  # processes that are no children end without an event for us
+    assert left == []
+    assert not folder.exists()
