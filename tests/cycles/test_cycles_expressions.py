@@ -9,7 +9,8 @@ import numpy as np
 import OpenEXR
 import pytest
 from numpy.typing import NDArray
-from osl_probe import evaluate
+from osl_snippets import evaluate
+from warm_blender import BlenderProcess
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import Block
@@ -81,7 +82,7 @@ def _tiles_code(texture: Texture) -> str:
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def answers(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("expressions")
     rng = np.random.default_rng(3)
     with pytest.MonkeyPatch.context() as patch:
@@ -92,7 +93,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         texture = Texture(folder / "dirt.<UDIM>.exr", "rgb", "raw", transform=(0.5, 0.05, 0.9, -0.05, 0.5, 1.0))
         probes = {f"e{number}": (_points(), _code(text)) for number, text in enumerate(EXPRESSIONS)}
         probes["tiles"] = _points(), _tiles_code(texture)
-        _, found = evaluate(folder, probes, expand_template("texture.h", {}))
+        _, found = evaluate(blender, probes, expand_template("texture.h", {}))
         return found | {"wanted tiles": sample_texture(texture, _points()[:, :2])}
 
 

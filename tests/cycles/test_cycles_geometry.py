@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scripts import run_script
+from warm_blender import BlenderProcess
 
 from lookdev.asset import Asset, Instance, Slot
 from lookdev.asset.builtin import make_sphere
@@ -16,7 +15,7 @@ from lookdev.asset.store import make_asset
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, ShaderSource
 
 # Blender is started, but nothing is rendered.
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
 
 BALL = make_sphere(8, 4).meshes[0]
 CORNERS, FACES = len(BALL.corner_points), len(BALL.face_sizes)
@@ -99,9 +98,7 @@ def crowd(each: int = 3) -> Asset:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    folder = tmp_path_factory.mktemp("geometry")
-    request, out = folder / "request.pickle", folder / "answer.pickle"
+def built(blender: BlenderProcess) -> dict[str, Any]:
     cases = {
         "balls": (balls(), SOURCES, (0, 1, 2, 3, 2, 1), {}),
         "covered": (balls(), SOURCES, (0,) * 6, {"covered": True}),
@@ -112,9 +109,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "crowd apart": (crowd(), SOURCES, (0,), {"apart": True}),
         "crowd of many": (crowd(1000), SOURCES, (0,), {}),
     }
-    request.write_bytes(pickle.dumps(cases))
-    run_script("geometry_probe.py", request, out)
-    answers: dict[str, Any] = pickle.loads(out.read_bytes())
+    answers: dict[str, Any] = blender.call("probes.build_assets", cases)
     return answers
 
 

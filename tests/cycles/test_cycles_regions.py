@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from frames import POSE, RenderScene, orbit_camera
-from scripts import run_script
+from warm_blender import BlenderProcess
 
 from lookdev.asset import load_asset
 from lookdev.light import Dome
@@ -35,18 +33,16 @@ BOXES = [
 ]
 
 
-@pytest.mark.parametrize("backend", ["exact", "nodes-exact", "nodes"])
-def test_a_rectangle_is_that_part_of_the_frame(backend: str, tmp_path: Path, light_of: Callable[[str], Dome]) -> None:
+@pytest.mark.parametrize("backend", ["exact", "nodes-exact", pytest.param("nodes", marks=pytest.mark.proof)])
+def test_a_rectangle_is_that_part_of_the_frame(
+    backend: str, blender: BlenderProcess, light_of: Callable[[str], Dome]
+) -> None:
     asset = load_asset(builtin="shaderball")
     look = Look("copper", (COPPER,))
     camera = orbit_camera(asset.center, asset.radius)
     shown = Scene.of_look(asset, look, light_of("studio"), (WIDTH, HEIGHT), camera)
     task = one_frame(scene_task(shown, Sampling(), backend), POSE, "regions")
-    request, out = tmp_path / "request.pickle", tmp_path / "found.npz"
-    request.write_bytes(pickle.dumps((task, BOXES, 4)))
-    run_script("region_probe.py", request, out)
-    with np.load(out, allow_pickle=False) as stored:
-        found = dict(stored)
+    found = blender.call("probes.render_regions", task, BOXES, 4)
     for number, (left, bottom, right, top) in enumerate(BOXES):
         part = found[f"part{number}"]
         assert part.shape == (top - bottom, right - left, 4)

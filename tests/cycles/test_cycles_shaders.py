@@ -12,9 +12,10 @@ import numpy as np
 import OpenEXR
 import pytest
 from numpy.typing import NDArray
-from osl_probe import evaluate
-from scripts import run_script
+from osl_snippets import evaluate
+from warm_blender import BlenderCallError, BlenderProcess
 
+from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
 from lookdev.light import Dome, make_environment, prepare_light
@@ -26,7 +27,7 @@ from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
 
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +86,7 @@ def _texture_places() -> Floats:
 
 
 @pytest.fixture(scope="module")
-def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
+def probes(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
     folder = tmp_path_factory.mktemp("probes")
     rng = np.random.default_rng(_RNG)
     with pytest.MonkeyPatch.context() as patch:
@@ -153,7 +154,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
         parameters = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
         arrays = {"slots": np.load(light.slots_file.path), "numbers": np.load(light.bins_file.path)}
         given = {"dome_slots": arrays["slots"], "dome_bins": arrays["numbers"]}
-        rounded, values = evaluate(folder, asked, headers, parameters, given, samples)
+        rounded, values = evaluate(blender, asked, headers, parameters, given, samples)
         points = read_exr(light.points_file.path, "RGBA").reshape(-1, 4)
         yield Probes(rounded, values, image, light, points, **arrays)
 
@@ -301,25 +302,26 @@ def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> Non
     assert (~right).mean(axis=0).max() <= allowed
 
 
-def test_a_shader_that_does_not_compile_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shader_that_does_not_compile_is_named(
+    blender: BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    run_script("refused_probe.py", tmp_path / "answer.txt")
-    message = (tmp_path / "answer.txt").read_text()
+    source = ShaderSource("paint", "surface s(output color c = 0)\n{\n    c = nope;\n}\n", (), (), "")
+    with pytest.raises(BlenderCallError) as caught:
+        blender.call("lookdev.cycles.shaders.compile_osl", source)
     (refused,) = (file for file in (tmp_path / "cache").rglob("*") if file.is_file())
-    number, line = next(each for each in enumerate(refused.read_text().splitlines(), 1) if "c = nope" in each[1])
+    number, line = next(row for row in enumerate(refused.read_text().splitlines(), 1) if "c = nope" in row[1])
     assert line.strip() == "c = nope;"
-    what = "error: 'nope' was not declared in this scope"
-    assert message.strip() == f"the shader of 'paint' does not compile: {refused}:{number}: {what}"
+    place, reason = f"{refused}:{number}", "error: 'nope' was not declared in this scope"
+    assert str(caught.value).strip() == f"RenderError: the shader of 'paint' does not compile: {place}: {reason}"
 
 
-def test_arrays_are_read_from_memory(tmp_path: Path) -> None:
+def test_arrays_are_read_from_memory(blender: BlenderProcess) -> None:
     """As constants of the compiled code, half a million numbers take longer to compile than all else."""
     oso = "shader s\nparam\tfloat[2]\tb\t0\t\t%read{1,2}\nparam\tint\tc\t7\nparam\tint[3]\ta\t0\t\t%read{3,4}\ncode\n"
     arrays = {"a": np.array([1, -2, 3], np.int32), "b": np.array([0.5, 0.1], np.float32)}
-    np.savez(tmp_path / "request.npz", oso=oso, **arrays)
-    run_script("oso_probe.py", tmp_path / "request.npz", tmp_path / "answer.oso")
     mark = "%meta{int,interactive,1}"
-    assert (tmp_path / "answer.oso").read_text().split("\n")[1:4] == [
+    assert blender.call("probes.write_arrays", oso, arrays).split("\n")[1:4] == [
         f"param\tfloat[2]\tb\t0.5 0.100000001\t{mark} \t%read{{1,2}}",
         "param\tint\tc\t7",
         f"param\tint[3]\ta\t1 -2 3\t{mark} \t%read{{3,4}}",

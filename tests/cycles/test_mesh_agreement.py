@@ -1,37 +1,65 @@
-"""Frames of meshes against the float64 reference: textures, masks and normals of several layers, and bounces."""
+"""Frames of meshes against the float64 reference: textures, masks, normals, views, recesses, and bounces."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
-from agreement import assert_mesh_agreement
-from frames import POSE, RenderScene, orbit_camera
+from agreement import assert_scene_agreement, check_scene, scene_pixels
+from failed_pictures import comparison
+from frames import POSE, render_seeds, replaced, scene_of
 from numpy.typing import NDArray
 from painted import embossed, image, painted, sparkling
+from stored_references import StoredReference
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
-from lookdev.checks.images import choose_pixels
-from lookdev.light import Dome
-from lookdev.material import Layer, Look, Texture
-from lookdev.reference.mesh import MeshScene
-from lookdev.reference.render import frame_pixels
+from lookdev.checks.albedo import check_albedo
+from lookdev.checks.finding import Finding
+from lookdev.light import Light
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Texture, View
+from lookdev.material.expression import parse
+from lookdev.render.worker import Worker
+from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
-SIZE, SAMPLES, SEEDS, BOUNCES = 48, 32, 6, 2
+Floats = NDArray[np.float64]
+Agree = Callable[..., Finding]
+
+SIZE = 48
+
+
+@pytest.fixture
+def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
+    """Return a function that compares frames of a scene with the reference, and finds that light bounces in them."""
+
+    def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> Finding:
+        # No light is sampled by nodes that are exact: their noise is larger.
+        samples, seeds = (128, 8) if backend == "nodes-exact" else (32, 6)
+        options: dict[str, Any] = {"samples": samples, "brdf_samples": 2, "ibl_samples": 4, "bounces": bounces}
+        frames = render_seeds(worker, scene, range(seeds), backend=backend, **options)
+        name = f"{scene.asset.name} {scene.looks[0].name}"
+        found = assert_scene_agreement(name, frames, scene, samples, stored_reference, count=80, bounces=bounces)
+        others = {f"{name} direct": (scene, 0)} | ({f"{name} wrong": (wrong, bounces)} if wrong else {})
+        for label, (other, depth) in others.items():
+            assert not check_scene(label, frames, other, samples, stored_reference, count=80, bounces=depth).passed
+        return found
+
+    return agree
 
 
 @pytest.mark.parametrize(
     ("name", "look"),
     [
-        ("suzanne", painted),
+        pytest.param("suzanne", painted, marks=pytest.mark.both_pythons),
         pytest.param("shaderball", painted, marks=pytest.mark.proof),
         pytest.param("suzanne", embossed, marks=pytest.mark.proof),
         ("shaderball", embossed),
@@ -39,21 +67,53 @@ SIZE, SAMPLES, SEEDS, BOUNCES = 48, 32, 6, 2
         pytest.param("shaderball", sparkling, marks=pytest.mark.proof),
     ],
 )
-def test_meshes_agree_within_their_own_noise(name: str, look, render: RenderScene, light_of, tmp_path: Path) -> None:
-    assert_agreement(render, load_asset(builtin=name), look(tmp_path), light_of("city"))
+def test_meshes_agree_within_their_own_noise(name: str, look, assert_agrees: Agree, light_of, tmp_path: Path) -> None:
+    layers = Look(look.__name__, look(tmp_path))
+    found = assert_agrees(scene_of(load_asset(builtin=name), layers, (light_of("city"),), SIZE))
+    # The comparison is accurate enough for a fault of a few percent to show.
+    assert found.figures["bias_limit"] < 0.05
 
 
-def test_a_reflected_instance_has_its_bitangent_on_the_other_side(render: RenderScene, light_of) -> None:
+def test_a_reflected_instance_has_its_bitangent_on_the_other_side(assert_agrees: Agree, light_of) -> None:
     suzanne = load_asset(builtin="suzanne")
     reflected = make_asset("reflected", suzanne.meshes, [Instance(0, np.diag([-1.0, 1.0, 1.0, 1.0]))], suzanne.slots)
     inputs = {"baseColor": (0.5, 0.5, 0.5), "roughness": 0.5, "normal": (0.0, 0.6, 0.8)}
-    assert_agreement(render, reflected, (Layer("Leaning", "disney", inputs),), light_of("city"))
+    look = Look("leaning", (Layer("Leaning", "disney", inputs),))
+    assert assert_agrees(scene_of(reflected, look, (light_of("city"),), SIZE)).figures["bias_limit"] < 0.05
 
 
-@pytest.mark.parametrize("backend", ["exact", "nodes"])
-@pytest.mark.parametrize("name", ["brushed", "normal-mapped"])
+@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 1, marks=pytest.mark.proof)])
+def test_a_mesh_by_exact_nodes_agrees(name: str, bounces: int, assert_agrees: Agree, light_of) -> None:
+    wave = parse("0.3 + 0.5 * smoothstep(8 * st[0] - floor(8 * st[0]), 0.4, 0.6)")
+    stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
+    inputs = {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}
+    look = Look("striped", (Layer("Striped", "disney", inputs),))
+    scene = scene_of(load_asset(builtin=name), look, (light_of("white"),), SIZE)
+    assert_agrees(scene, backend="nodes-exact", bounces=bounces)
+
+
+def tangent_pixels(asset: Asset, look: Look, light: Light) -> Mapping[str, Floats]:
+    """Return pixels of a mesh with its tangents, and with others, a quarter turn from them."""
+    (mesh,), (tangents,) = asset.meshes, tangents_of(asset.meshes)
+    found = {}
+    for name, directions in (("right", tangents), ("turned", np.cross(mesh.normals, tangents))):
+        other = replace(asset, meshes=(replace(mesh, tangents=directions),))
+        reference = scene_pixels(scene_of(other, look, (light,), SIZE), POSE, 200)
+        found |= {"pixels": reference["pixels"], name: reference["value"]}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "backend"),
+    [
+        ("brushed", "exact"),
+        pytest.param("normal-mapped", "nodes", marks=pytest.mark.both_pythons),
+        pytest.param("brushed", "nodes", marks=pytest.mark.proof),
+        pytest.param("normal-mapped", "exact", marks=pytest.mark.proof),
+    ],
+)
 def test_looks_that_read_tangents_get_them(
-    name: str, backend: str, render: RenderScene, light_of, tmp_path: Path
+    name: str, backend: str, worker: Worker, light_of, tmp_path: Path, stored_reference: StoredReference
 ) -> None:
     asset, light = load_asset(builtin="suzanne"), light_of("slopes")
     inputs: dict[str, Any] = {"baseColor": (0.9, 0.7, 0.4), "metallic": 1.0, "roughness": 0.4}
@@ -62,30 +122,108 @@ def test_looks_that_read_tangents_get_them(
     else:
         grain = image(tmp_path / "grain.png", 2)
         inputs["normal"] = Texture(grain, "rgb", "raw", scale=(0.8, 0.8, 0.2, 1.0), bias=(-0.1, -0.4, 0.8, 0.0))
-    layers = (Layer("Metal", "disney", inputs),)
-    frames = [
-        render(asset, layers, light, samples=64, seed=seed, size=SIZE, bounces=0, backend=backend) for seed in range(4)
-    ]
-    alpha = frames[0].alpha
-    chosen = choose_pixels(alpha, 200, seed=1)
-    columns, rows = chosen.T
-    shown = np.mean([(frame.a.astype(np.float64) + frame.b)[rows, columns] / 2.0 for frame in frames], axis=0)
-
-    def reference(tangents: NDArray[np.float32]) -> NDArray[np.float64]:
-        scene = MeshScene(replace(asset, meshes=(replace(asset.meshes[0], tangents=tangents),)), [Look("look", layers)])
-        camera = orbit_camera(asset.center, asset.radius)
-        return frame_pixels(scene, [light], camera, POSE, alpha.shape, chosen).value
-
-    (mesh,), (tangents,) = asset.meshes, tangents_of(asset.meshes)
-    right, turned = reference(tangents), reference(np.cross(mesh.normals, tangents))
-    assert np.abs(shown - right).mean() < 0.25 * np.abs(turned - right).mean()
+    look = Look("look", (Layer("Metal", "disney", inputs),))
+    frames = render_seeds(
+        worker, scene_of(asset, look, (light,), SIZE), range(2), backend=backend, samples=128, bounces=0
+    )
+    found = stored_reference(f"tangents {name}", tangent_pixels, asset=asset, look=look, light=light)
+    columns, rows = found["pixels"].T
+    picture = np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0)
+    with comparison(picture, found["right"], found["pixels"]):
+        shown, right, turned = picture[rows, columns], found["right"], found["turned"]
+        assert np.abs(shown - right).mean() < 0.25 * np.abs(turned - right).mean()
 
 
-def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...], light: Dome) -> None:
-    frames = [
-        render(asset, layers, light, samples=SAMPLES, seed=seed, size=SIZE, bounces=BOUNCES) for seed in range(SEEDS)
-    ]
+def of_view(text: str, **inputs: Any) -> Formula:
+    return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **dict.fromkeys(inputs, "float")})
 
-    found = assert_mesh_agreement(frames, asset, layers, light, samples=SAMPLES, bounces=BOUNCES)
-    # The comparison is accurate enough for a fault of a few percent to show.
-    assert found.figures["bias_limit"] < 0.05
+
+def pearl(bump: Bump | None = None, exponent: int = 2) -> tuple[Layer, ...]:
+    """Two-tone paint, rougher where it faces the viewer, under dust that is seen where the view grazes."""
+    inputs = {
+        "baseColor": of_view(f"mix([.8, .1, .05], [.05, .2, .8], (1 - view) ^ {exponent})"),
+        "roughness": of_view("0.2 + 0.5 * view"),
+        "metallic": 0.5,
+    }
+    dust = Layer("Dust", "pixar", {"surfaceColor": (0.6, 0.5, 0.3)}, of_view("smoothstep(1 - view, 0.4, 0.9)"))
+    return Layer("Paint", "disney", inputs | ({"normal": bump} if bump else {})), dust
+
+
+VEIL = Look(
+    "veil",
+    (Layer("Veil", "pixar", {"presence": of_view("0.9 - 0.6 * view"), "clear": 0.4, "back": of_view("1 - view")}),),
+)
+
+
+@pytest.fixture
+def bump(tmp_path: Path) -> Bump:
+    blocks = np.kron(np.random.default_rng(1).integers(0, 256, (8, 8)), np.ones((2, 2))).astype(np.uint8)
+    assert oiio.ImageBuf(blocks[..., None]).write(str(tmp_path / "height.png"))
+    return Bump(Texture(tmp_path / "height.png", "r", "raw"), 0.02)
+
+
+@pytest.mark.parametrize("name", ["shaderball", pytest.param("suzanne", marks=pytest.mark.proof)])
+def test_a_look_that_depends_on_the_view_agrees(name: str, bump: Bump, assert_agrees: Agree, light_of) -> None:
+    # Another dependence on the view is another frame.
+    scene, wrong = (
+        scene_of(load_asset(builtin=name), Look("pearl", pearl(bump, exponent)), (light_of("city"),), SIZE)
+        for exponent in (2, 3)
+    )
+    assert_agrees(scene, wrong=wrong)
+
+
+def test_a_view_behind_a_hole_is_that_of_the_ray(assert_agrees: Agree, light_of) -> None:
+    assert_agrees(scene_of(load_asset(builtin="suzanne"), VEIL, (light_of("city"),), SIZE))
+
+
+def test_the_view_of_exact_nodes_agrees(bump: Bump, assert_agrees: Agree, light_of) -> None:
+    look = Look("pearl", pearl(bump))
+    assert_agrees(scene_of(load_asset(builtin="shaderball"), look, (light_of("slopes"),), SIZE), backend="nodes-exact")
+
+
+@pytest.mark.parametrize("backend", ["exact", "nodes"])
+def test_albedos_are_those_of_each_view(backend: str, worker) -> None:
+    def render(task: Any) -> Any:
+        worker.start()
+        return worker.render(task, lambda progress: None)
+
+    found = check_albedo(Look("pearl", pearl()), render, angles=(0.0, 45.0, 80.0), backend=backend)
+    assert found.figures["curves"] == 1.0
+    assert found.passed, "\n".join((found.summary, *found.details))
+
+
+COPPER: dict[str, Any] = {"baseColor": (0.95, 0.64, 0.54), "metallic": 1.0, "roughness": 0.45}
+OFTEN = replaced("#define LEAST_DENSITY 0.01\n", "#define LEAST_DENSITY 0.3\n")
+Compare = Callable[[Callable[[str], str]], Finding]
+
+
+@pytest.fixture(params=[0.0, pytest.param(0.7, marks=pytest.mark.proof)], ids=["copper", "brushed copper"])
+def compare(
+    request: pytest.FixtureRequest, worker: Worker, light_of: Callable[[str], Light], stored_reference: StoredReference
+) -> Compare:
+    """Return a function that renders recesses of glossy looks by altered OSL and compares them with the reference.
+
+    They have the directions that suit them, of which roulette chooses those that are traced.
+    """
+    look = Look("look", (Layer("Metal", "disney", COPPER | {"anisotropic": request.param}),))
+    scene = scene_of(load_asset(builtin="shaderball"), look, (light_of("slopes"),), SIZE)
+
+    def found(alter: Callable[[str], str]) -> Finding:
+        frames = render_seeds(worker, scene, range(6), alter=alter, samples=32)
+        options = {"count": 80, "bounces": Sampling.bounces}
+        return check_scene(f"recess {request.param}", frames, scene, 32, stored_reference, **options)
+
+    return found
+
+
+def test_few_directions_and_roulette_keep_the_mean(compare: Compare) -> None:
+    """Also where roulette ends more than half of the light's directions."""
+    for alter in (str, OFTEN):
+        found = compare(alter)
+        assert found.passed, "\n".join((found.summary, *found.details))
+        assert found.figures["bias_limit"] < 0.05
+
+
+def test_survivors_without_their_weight_are_found(compare: Compare) -> None:
+    fault = replaced("ratio /= traced;", "")
+    assert not compare(lambda osl: fault(OFTEN(osl))).passed

@@ -1,8 +1,9 @@
-"""What Cycles' nodes look up of textures and their slopes is what the reference looks up."""
+"""What Cycles' nodes compute of a traced expression, of textures and of their slopes is what NumPy computes."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,90 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from scripts import tree_pictures
+from warm_blender import BlenderProcess
 
 from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import dot, mix, mix_color, normalize
 from lookdev.codegen import Link, NodeSource, NodeTree
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs
 from lookdev.codegen.trace.graph import Graph, reachable
-from lookdev.codegen.trace.symbolic import elements_of
+from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.material import Bump, Coordinates, Formula, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture
 from lookdev.material.values import Values
 
 pytestmark = pytest.mark.cycles
+
+
+SIDE = 32
+
+
+def stacked(*values: Any) -> Any:
+    return np.stack(values, axis=-1)
+
+
+# Of numbers a and b in (0, 2), and of vectors u and v; nowhere near a jump, and nothing negative.
+EXPRESSIONS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
+    "sums": lambda a, b, u, v: stacked(a + b, a - b + 2.0, 1.0 - 0.3 * a),
+    "products": lambda a, b, u, v: stacked(a * b, a / b, a * b + 1.0),
+    "roots": lambda a, b, u, v: stacked(np.sqrt(a), 1.0 / np.sqrt(b), a**b),
+    "exponentials": lambda a, b, u, v: stacked(np.exp(-a), np.log(a) + 5.0, np.expm1(a)),
+    "a small expm1": lambda a, b, u, v: stacked(-1e5 * np.expm1(-1e-5 * a), np.expm1(1e-5 * b) * 1e5, a),
+    "angles": lambda a, b, u, v: stacked(np.sin(a) + 1.0, np.cos(b) + 1.0, np.tan(0.5 * a)),
+    "the whole circle": lambda a, b, u, v: stacked(np.arctan2(a - 1.0, b - 1.0) + 4.0, np.floor(3.1 * a), a),
+    "ends": lambda a, b, u, v: stacked(np.maximum(a, b), np.minimum(a, b), np.abs(a - b)),
+    "comparisons": lambda a, b, u, v: stacked(*(np.where(each, 1.0, 0.0) for each in (a > b, a < b, a >= 1.01 * b))),
+    "more comparisons": lambda a, b, u, v: stacked(
+        np.where(a <= 1.01 * b, a, b), np.where(np.floor(2.1 * a) == np.floor(2.1 * b), a, b), np.where(a < 1.0, 2.0, a)
+    ),
+    "logic": lambda a, b, u, v: stacked(
+        np.where((a > 0.7) & (b > 0.3), a, b), np.where((a > 1.5) | (b > 1.1), a, 0.0), np.where(~(a > b), a, 3.0)
+    ),
+    "blends": lambda a, b, u, v: stacked(mix(a, b, 0.5 * a), mix(1.0, a, 0.5 * b), mix(a, 1.0, 0.5 * b)),
+    "vectors": lambda a, b, u, v: u * v + np.maximum(u, v) / v,
+    "vectors and numbers": lambda a, b, u, v: u * np.expand_dims(a, -1) + np.abs(u - v) * 0.5,
+    "vectors in steps": lambda a, b, u, v: np.floor(2.1 * u) + np.sin(v) + np.minimum(u, 0.5),
+    "waves of vectors": lambda a, b, u, v: np.cos(0.5 * u) + np.tan(0.5 * v) + u**v,
+    "blended vectors": lambda a, b, u, v: mix_color(u, v, 0.5 * a) + mix(u, v, 0.5 * u),
+    "chosen vectors": lambda a, b, u, v: np.where(np.expand_dims(a > b, -1), u, v),
+    "directions": lambda a, b, u, v: normalize(u) + np.expand_dims(dot(u, v) * 0.1, -1),
+    "parts": lambda a, b, u, v: stacked((u * v)[..., 2], b, normalize(u)[..., 0]),
+}
+
+
+def arguments(x: Any, y: Any) -> tuple[Any, ...]:
+    """Return a, b, u and v at a place of the square: constant over a pixel, wherever in it the sample is."""
+    a, b = ((np.floor((place + 1.0) * (0.5 * SIDE)) + 0.5) * (2.0 / SIDE) for place in (x, y))
+    return a, b, stacked(a, b, 0.5 * a + 0.3), stacked(0.5 * b + 0.1, a * 0.9, b)
+
+
+def source(name: str) -> NodeSource:
+    """Return a surface that shines by an expression."""
+    graph, builder = Graph(), TreeBuilder(name)
+    builder.bind([f"place_{i}" for i in range(3)], Link(builder.add("NewGeometry"), "Position"))
+    place = symbols(graph, [f"place_{i}" for i in range(3)])
+    value = EXPRESSIONS[name](*arguments(place[0], place[1]))
+    emission = builder.add("Emission", inputs={"Color": builder.vector(elements_of(value)), "Strength": 1.0})
+    builder.add("OutputMaterial", inputs={"Surface": Link(emission, "Emission")})
+    return NodeSource(name, (builder.tree(),), (), name, exact=False)
+
+
+@pytest.fixture(scope="module")
+def pictures(blender: BlenderProcess) -> dict[str, Any]:
+    found: dict[str, Any] = blender.call("probes.render_trees", {name: source(name) for name in EXPRESSIONS}, SIDE)
+    return found
+
+
+@pytest.mark.parametrize("name", EXPRESSIONS)
+def test_cycles_computes_what_numpy_does(name: str, pictures: dict[str, Any]) -> None:
+    centres = (np.arange(SIDE) + 0.5) * (2.0 / SIDE) - 1.0
+    x, y = np.meshgrid(centres, centres)
+    # float32, some operations deep.
+    np.testing.assert_allclose(pictures[name], EXPRESSIONS[name](*arguments(x, y)), rtol=1e-5, atol=2e-6)
+
 
 WRAPS: tuple[Any, ...] = ("black", "clamp", "repeat", "mirror")
 # The probe's square reaches from -1 to 1: coordinates from -2.3 to 2.9.
@@ -68,7 +138,10 @@ def emitting(source: Any) -> NodeSource:
     return NodeSource("emitting", (on_the_square(builder.tree()),), (), "", False)
 
 
-def test_cycles_looks_up_what_the_reference_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.both_pythons
+def test_cycles_looks_up_what_the_reference_does(
+    blender: BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     file = picture(tmp_path / "picture.exr", 1)
     for seed, tile in enumerate((1001, 1002, 1012)):
@@ -87,7 +160,7 @@ def test_cycles_looks_up_what_the_reference_does(tmp_path: Path, monkeypatch: py
     place = Formula(parse("st + 2"), {"st": Coordinates("st")}, {"st": "color"})
     sources = {name: emitting(each) for name, each in {**textures, **bumps, "place": place}.items()}
 
-    pictures = tree_pictures(sources, tmp_path)
+    pictures = blender.call("probes.render_trees", sources, 32)
     st = pictures["place"][..., :2].astype(np.float64) - 2.0
     # Coordinates of a few units, and values of a few, in float32; slopes between texels of about 10 a unit.
     for name, texture in textures.items():
