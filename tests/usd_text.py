@@ -15,7 +15,7 @@ JOB_KEYS = {
 
 
 def job_toml(look: str = "", **keys: str) -> str:
-    """Return a job of looks, as "gold = gold.usda, tin = tin.usda", with `JOB_KEYS` and other values or further keys."""
+    """Return a job of looks, as "gold = gold.usda, tin = tin.usda", with `JOB_KEYS` but for the keys that are given."""
     named = [pair.split(" = ") for pair in look.split(", ") if pair]
     looks = ", ".join(f'{{ name = "{name}", material = "{file}" }}' for name, file in named)
     keys = JOB_KEYS | ({"look": f"[{looks}]"} if looks else {}) | keys

@@ -23,6 +23,7 @@ from lookdev.output.exr import read_header
 from lookdev.plan.chunks import Chunk, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
 
+METRIC = r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)"
 FRAMES = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
 RenderFile = Callable[..., RunResult]
 
@@ -134,9 +135,7 @@ def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render_file: Rende
     assert status.seconds == pytest.approx(4 * 0.125 / 2)
     assert status.frame_seconds == pytest.approx(0.125)
     metrics = {
-        (name, label): float(value)
-        for line in status_metrics(status).splitlines()
-        for name, label, value in re.findall(r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)", line)
+        (name, label): float(value) for name, label, value in re.findall(METRIC, status_metrics(status), re.MULTILINE)
     }
     states = {"frames": {"done": 2.0, "rendering": 2.0, "waiting": 2.0, "failed": 0.0}}
     states["runs"] = {"working": 1.0, "stalled": 0.0, "dead": 0.0}

@@ -20,7 +20,7 @@ from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.light import Emission
-from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask
+from lookdev.render.blend import BLEND_TASK, BlendImage
 from lookdev.scene import Pose
 
 LOOK = '#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look", file="paint chips.png")
@@ -82,12 +82,9 @@ def names(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.fixture
-def task(prepared: JobSetups, tmp_path: Path) -> BlendTask:
-    return blend_task(prepared, tmp_path / "look.blend", [BlendImage(Content("a", ".exr"), "files/a.exr")], pack=False)
-
-
-def test_the_task_has_every_pose_of_the_first_light_and_scenes_of_nodes_with_any_backend(task: BlendTask) -> None:
+def test_the_task_has_every_pose_of_the_first_light_and_scenes_of_nodes(prepared: JobSetups, tmp_path: Path) -> None:
+    images = [BlendImage(Content("a", ".exr"), "files/a.exr")]
+    task = blend_task(prepared, tmp_path / "look.blend", images, pack=False)
     assert [(turntable.name, turntable.poses) for turntable in task.turntables] == [
         ("element", tuple(Pose(angle, 20.0) for angle in (350.0, 80.0, 170.0, 260.0))),
         ("sun", (Pose(350.0, 20.0), Pose(350.0, 65.0))),

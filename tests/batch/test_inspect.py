@@ -143,9 +143,8 @@ def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
 
 
 def test_a_part_without_material_shows_its_colour(robot: Path) -> None:
-    robot.write_text(
-        ROBOT.replace("float[] primvars:wear", "color3f[] primvars:displayColor = [(1, 0, 0)]\nfloat[] primvars:wear")
-    )
+    color = "color3f[] primvars:displayColor = [(1, 0, 0)]\nfloat[] primvars:wear"
+    robot.write_text(ROBOT.replace("float[] primvars:wear", color))
     assert inspected(robot).text().splitlines()[4].endswith("  displayColor")
 
 

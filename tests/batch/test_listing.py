@@ -9,14 +9,6 @@ from lookdev.batch.listing import LINKED, Range, plan_data, plan_ranges, plan_te
 from lookdev.plan.skips import Skip
 
 
-def test_consecutive_frames_in_one_state_are_one_line(tmp_path: Path) -> None:
-    job = case.make_job(tmp_path)
-    assert list(plan_ranges(case.make_plan(job), job.output)) == [
-        Range("gold/city/element", "0001", "0004", 4, "new", "no file"),
-        Range("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
-    ]
-
-
 def test_states_and_reasons_split_a_range(finished: Path) -> None:
     for name in ("element.0002.exr", "lighting.0001.exr", "lighting.0003.png"):
         (finished / "out" / "gold" / "city" / name).unlink()
@@ -33,7 +25,13 @@ def test_states_and_reasons_split_a_range(finished: Path) -> None:
     ]
 
 
-def test_a_changed_look_is_the_reason(finished: Path) -> None:
+def test_consecutive_frames_in_one_state_are_one_line_and_a_changed_look_is_a_reason(finished: Path) -> None:
+    job = case.make_job(finished)
+    job = job.model_copy(update={"output": finished / "other"})
+    assert list(plan_ranges(case.make_plan(job), job.output)) == [
+        Range("gold/city/element", "0001", "0004", 4, "new", "no file"),
+        Range("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
+    ]
     job = case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
     (part,) = plan_ranges(case.make_plan(job), job.output)
     assert (part.first, part.last, part.state) == ("0001", "0004", "stale")

@@ -94,18 +94,15 @@ def test_an_interrupted_batch_ends_with_the_same_movies(
     assert run(tmp_path) == whole[1]
 
 
-def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_movie_needs_pyav_and_options_need_a_movie(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.job.outputs.find_spec", lambda name: None)
     with pytest.raises(JobError) as caught:
         case.make_job(tmp_path, render=case.RENDER + "movie = true\n")
-    ((fault),) = caught.value.faults
-    assert fault.where == "outputs.movie"
+    (fault,) = caught.value.faults
+    assert (fault.where, fault.hint) == ("outputs.movie", "pip install 'lookdev[movie]'")
     assert "'av', which is not installed" in fault.what
-    assert fault.hint == "pip install 'lookdev[movie]'"
     case.make_job(tmp_path, render=case.RENDER + "movie = false\n")
-
-
-def test_options_of_movies_go_with_any_of_them(tmp_path: Path) -> None:
+    monkeypatch.undo()
     case.make_job(tmp_path, render=case.RENDER + "grid = true\nfps = 25.0\n")
     with pytest.raises(JobError, match="'movie' or 'prores' or 'vp9' or 'grid'"):
         case.make_job(tmp_path, render=case.RENDER + "fps = 25.0\n")

@@ -137,23 +137,9 @@ def test_an_overview_shows_first_frames_and_is_made_again_only_if_it_would_diffe
     assert [columns for *_, columns in written_again(OVERVIEW + "overview_columns = 1\n")] == [1, 1]
     assert [labels for _, labels, *_ in written_again(OVERVIEW, ("copper", "tin"))] == [["gold", "copper", "tin"]] * 2
     assert len(case.requests(tmp_path)) == 9
-
-
-def test_an_overview_lacks_no_look(tmp_path: Path, written: Written) -> None:
-    case.misbehave(tmp_path, element_0001=["ok", "failed", "failed", "ok"])
-    assert run(tmp_path, OVERVIEW).exit_code == 1
-    assert written == []  # the lighting turntable begins with the same pose
-    assert run(tmp_path, OVERVIEW).exit_code == 0
-    assert [end for end, *_ in written] == [f"out/city/{kind}.looks.png" for kind in KINDS]
-
-
-def test_overviews_are_beside_the_sheets_of_turntables_and_only_if_wanted(tmp_path: Path, written: Written) -> None:
-    run(tmp_path, "overview = true\n", ("tin",))
-    names = {Path(end).name for end, *_ in written}
-    assert names == {f"{kind}.{sheet}.png" for kind in KINDS for sheet in ("sheet", "looks")}
-    written.clear()
-    run(tmp_path, "")
-    assert {labels[0] for _, labels, *_ in written} == {"0001"}
+    beside = {Path(end).name for end, *_ in written_again("overview = true\n", ("tin",))}
+    assert beside == {f"{kind}.{sheet}.png" for kind in KINDS for sheet in ("sheet", "looks")}
+    assert {labels[0] for _, labels, *_ in written_again("")} == {"0001"}  # without overviews
 
 
 def wedge_files(folder: Path) -> dict[str, bytes]:
@@ -182,14 +168,17 @@ def test_a_wedge_shows_the_first_frame_of_each_cell_and_is_made_again_only_if_it
     assert wedge_files(tmp_path) == first
 
 
-def test_an_interrupted_batch_ends_with_the_same_wedge(tmp_path: Path, written: Written) -> None:
+def test_an_interrupted_batch_ends_with_the_same_wedge_and_an_overview_lacks_no_look(
+    tmp_path: Path, written: Written
+) -> None:
     whole, halted = tmp_path / "whole", tmp_path / "halted"
     run(whole, "sheet = false\n", wedges=(WEDGE,))
     written.clear()
     halted.mkdir()
     case.misbehave(halted, element_0001=["ok", "failed", "failed", "ok"])
-    run(halted, "sheet = false\n", wedges=(WEDGE,))
-    assert written == []
-    run(halted, "sheet = false\n", wedges=(WEDGE,))
+    assert run(halted, OVERVIEW, wedges=(WEDGE,)).exit_code == 1
+    assert written == []  # the lighting turntable begins with the same pose
+    assert run(halted, OVERVIEW, wedges=(WEDGE,)).exit_code == 0
+    assert {Path(end).name for end, *_ in written} >= {f"{kind}.looks.png" for kind in KINDS}
     assert len(wedge_files(whole)) == 2
     assert wedge_files(halted) == wedge_files(whole)

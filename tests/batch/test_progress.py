@@ -6,32 +6,22 @@ from types import SimpleNamespace
 
 import pytest
 
-from lookdev.batch.events import (
-    Event,
-    FrameDone,
-    FrameFailed,
-    FrameProgressed,
-    FrameRetried,
-    FrameStarted,
-    Noted,
-    RunStarted,
-    SheetWritten,
-)
+from lookdev.batch import events
 from lookdev.batch.progress import Tally, show_progress
 
-STORY: tuple[Event, ...] = (
-    Noted("city: 3 negative texels repaired"),
-    RunStarted(total=5, pending=3),
-    FrameStarted("gold/city/element.0001"),
-    FrameProgressed("gold/city/element.0001", 8, 64, None),
-    FrameProgressed("gold/city/element.0001", 64, 64, 2.5e-4),
-    FrameDone("gold/city/element.0001", 40.0, 64, 2.5e-4),
-    FrameStarted("gold/city/element.0002"),
-    FrameRetried("gold/city/element.0002", "died [of SIGKILL]", 2, 3),
-    FrameFailed("gold/city/element.0002", "died [of SIGKILL]"),
-    FrameStarted("gold/city/element.0003"),
-    FrameDone("gold/city/element.0003", 20.0, 64, 1e-3),
-    SheetWritten(Path("out/element.sheet.png")),
+STORY: tuple[events.Event, ...] = (
+    events.Noted("city: 3 negative texels repaired"),
+    events.RunStarted(total=5, pending=3),
+    events.FrameStarted("gold/city/element.0001"),
+    events.FrameProgressed("gold/city/element.0001", 8, 64, None),
+    events.FrameProgressed("gold/city/element.0001", 64, 64, 2.5e-4),
+    events.FrameDone("gold/city/element.0001", 40.0, 64, 2.5e-4),
+    events.FrameStarted("gold/city/element.0002"),
+    events.FrameRetried("gold/city/element.0002", "died [of SIGKILL]", 2, 3),
+    events.FrameFailed("gold/city/element.0002", "died [of SIGKILL]"),
+    events.FrameStarted("gold/city/element.0003"),
+    events.FrameDone("gold/city/element.0003", 20.0, 64, 1e-3),
+    events.SheetWritten(Path("out/element.sheet.png")),
 )
 
 
@@ -61,7 +51,7 @@ def test_a_log_file_gets_plain_lines_at_once(clock: list[float]) -> None:
     log = LogFile()
     with show_progress(log) as report:
         for event in STORY:
-            clock[0] += event.seconds if isinstance(event, FrameDone) else 0.0
+            clock[0] += event.seconds if isinstance(event, events.FrameDone) else 0.0
             report(event)
             assert log.flushed == len(log.getvalue())
     assert log.getvalue().splitlines() == [
@@ -80,9 +70,9 @@ def test_no_name_controls_the_terminal(monkeypatch: pytest.MonkeyPatch, kind: ty
     monkeypatch.setenv("TERM", "xterm-256color")
     stream, name = kind(), "gold\x1b[5m\x9b\u202e/city"
     with show_progress(stream) as report:
-        report(Noted(f"{name}: noted"))
-        report(FrameStarted(name))
-        report(FrameFailed(name, f"the worker said {name}"))
+        report(events.Noted(f"{name}: noted"))
+        report(events.FrameStarted(name))
+        report(events.FrameFailed(name, f"the worker said {name}"))
     assert "gold?[5m??/city" in stream.getvalue()
     assert "\x1b[5m" not in stream.getvalue()
     assert not {"\x9b", "\u202e"} & set(stream.getvalue())
@@ -94,9 +84,9 @@ def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch, clock
     terminal = Terminal()
     with show_progress(terminal) as report:
         for event in STORY[:-2]:
-            clock[0] += event.seconds if isinstance(event, FrameDone) else 0.0
+            clock[0] += event.seconds if isinstance(event, events.FrameDone) else 0.0
             report(event)
-        report(FrameProgressed("gold/city/element.0003", 16, 64, 3e-3))
+        report(events.FrameProgressed("gold/city/element.0003", 16, 64, 3e-3))
     shown = terminal.getvalue()
     assert "\x1b[?25l" in shown  # the cursor is hidden while it lives
     assert "\x1b[?25h" in shown
@@ -109,14 +99,14 @@ def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch, clock
 
 def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(clock: list[float]) -> None:
     tally, left = Tally(), []
-    tally.take(RunStarted(total=10, pending=4))
+    tally.take(events.RunStarted(total=10, pending=4))
     assert tally.time_left() == ""
     # Two at once, of 15 s each: they overlap.
     for seconds, event in (
-        (10.0, FrameDone("a", 15.0, 64, 0.0)),
-        (2.0, FrameFailed("b", "reason")),
-        (12.0, FrameDone("c", 15.0, 64, 0.0)),
-        (1.0, FrameDone("d", 15.0, 64, 0.0)),
+        (10.0, events.FrameDone("a", 15.0, 64, 0.0)),
+        (2.0, events.FrameFailed("b", "reason")),
+        (12.0, events.FrameDone("c", 15.0, 64, 0.0)),
+        (1.0, events.FrameDone("d", 15.0, 64, 0.0)),
     ):
         clock[0] += seconds
         tally.take(event)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usd_text import METRES, card, job_toml, material
+from usd_text import METRES, card, job_toml, material, translate
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
@@ -28,10 +28,9 @@ def Camera "Shot"
     float focalLength = 40
     float horizontalAperture = 32
     float verticalAperture = 18
-    double3 xformOp:translate = (0, 0, 9)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
+    TRANSLATE
 }
-"""
+""".replace("TRANSLATE", translate(0, 0, 9))
 ASSET = METRES + card("Card") + material() + SHOT
 
 
@@ -46,8 +45,7 @@ SHOWN = {"small": moved(0.2), "large": moved(1.0, 3.0)}
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+def folder(tmp_path: Path) -> Path:
     (tmp_path / "asset.usda").write_text(ASSET)
     return tmp_path
 

@@ -129,12 +129,9 @@ def test_a_look_without_material_wears_what_the_asset_binds(tmp_path: Path) -> N
     }
 
 
-def test_assigned_materials_dress_a_built_in_asset(tmp_path: Path) -> None:
+def test_assigned_materials_dress_a_built_in_asset_and_a_turntable_has_the_name_of_its_kind(tmp_path: Path) -> None:
     look = parse(MINIMAL.replace("material", '[[look.assign]]\nprims = ["/Ball"]\nmaterial'), tmp_path).look[0]
     assert (look.material, look.assign[0].prims) == (None, ("/Ball",))
-
-
-def test_a_turntable_without_name_has_that_of_its_kind(tmp_path: Path) -> None:
     job = parse(MINIMAL + '[[turntable]]\nkind = "element"\nframes = 8\nname = "fine"\n', tmp_path)
     assert [turntable.name for turntable in job.turntable] == ["element", "fine"]
 

@@ -92,8 +92,7 @@ Make = Callable[..., JobScenes]
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+def folder(tmp_path: Path) -> Path:
     (tmp_path / "car.usda").write_text(ASSET)
     looks = {name: material(name.title(), ROUGH.format(value)) for name, value in {"gold": 0.25, "dirt": 1.0}.items()}
     looks |= {name: textured(name.title(), st=st) for name, st in {"checks": "st", "stripes": "map1"}.items()}
@@ -242,21 +241,13 @@ def test_built_in_assets_are_dressed_by_part_have_uvs_for_any_look_and_no_collec
     assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"
 
 
-LAYER = """#usda 1.0
-over "Car"
-{
-    over "Body" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-    {
-        rel material:binding = </Car/Rubber>
-    }
-    over "Left" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-    {
-        rel material:binding = </Gold>
-    }
-}
-def "Gold" ( references = @./gold.usda@</Gold> ) {
-}
-"""
+def bound(prim: str, material: str, lines: str = "") -> str:
+    schema = 'prepend apiSchemas = ["MaterialBindingAPI"]'
+    return f"{prim} ( {schema} )\n{{\n{lines}\nrel material:binding = <{material}>\n}}\n"
+
+
+OVERS = bound('over "Body"', "/Car/Rubber") + bound('over "Left"', "/Gold")
+LAYER = f'#usda 1.0\nover "Car"\n{{\n{OVERS}}}\ndef "Gold" ( references = @./gold.usda@</Gold> ) {{\n}}\n'
 
 
 def test_a_layer_is_composed_over_the_asset(make: Make, folder: Path) -> None:
@@ -386,22 +377,12 @@ def preview(name: str) -> str:
     return f'def Material "{name}"\n{{\n{output}\n{surface}{image(name)}}}\n'
 
 
-BOUND = """
-def Mesh "{name}" ( prepend apiSchemas = ["MaterialBindingAPI"] )
-{{
-    {square}
-    rel material:binding = </{material}>
-}}
-"""
-
-
 def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_told_once(
     make: Make, folder: Path
 ) -> None:
     meshes = [("A", "Red"), ("B", "Blue"), ("C", "Red")]
-    bound = (BOUND.format(name=name, square=SQUARE, material=material) for name, material in meshes)
-    materials = map(preview, ("Red", "Blue"))
-    (folder / "car.usda").write_text("".join(["#usda 1.0\n", *bound, *materials]))
+    parts = [bound(f'def Mesh "{name}"', f"/{material}", SQUARE) for name, material in meshes]
+    (folder / "car.usda").write_text("".join(["#usda 1.0\n", *parts, preview("Red"), preview("Blue")]))
     made = make('\n[[look]]\nname = "two"\n')
     assert [look.name for look in made.scenes["one", "white"].looks] == ["Red", "Blue", "Red"]
     (lost, uvs) = made.notes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -35,18 +34,18 @@ def test_required_keys_and_constraints_are_exported() -> None:
     assert SCHEMA["properties"]["look"]["minItems"] == 1
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "names"),
-    [
-        ("JobAsset", "builtin", BUILTINS),
-        ("JobIbl", "builtin", BUILTIN_LIGHTS),
-        ("JobRig", "builtin", BUILTIN_RIGS),
-        ("JobRender", "backend", job_backends()),
-    ],
-)
-def test_choices_are_the_names_of_registries(table: str, key: str, names: Iterable[str]) -> None:
-    schema = TABLES[table]["properties"][key]
-    assert schema.get("anyOf", [schema])[0]["enum"] == list(names)
+CHOICES = {
+    ("JobAsset", "builtin"): BUILTINS,
+    ("JobIbl", "builtin"): BUILTIN_LIGHTS,
+    ("JobRig", "builtin"): BUILTIN_RIGS,
+    ("JobRender", "backend"): job_backends(),
+}
+
+
+def test_choices_are_the_names_of_registries() -> None:
+    for (table, key), names in CHOICES.items():
+        schema = TABLES[table]["properties"][key]
+        assert schema.get("anyOf", [schema])[0]["enum"] == list(names), table
 
 
 def test_models_are_frozen_and_strict() -> None:

@@ -66,6 +66,12 @@ def test_values_of_a_look_are_looks_under_the_lights_of_the_job(tmp_path: Path) 
     assert sheet.columns is None
 
 
+def test_expressions_of_masks_are_numbered(tmp_path: Path) -> None:
+    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Coat.mask"\nvalues = ["view", "1 - view", 0.5]'))
+    assert {look for look, _ in shown.scenes} >= {"paint_Coat.mask_view", "paint_Coat.mask_2", "paint_Coat.mask_0.5"}
+    assert shown.sheets[0].labels == ("view", "1 - view", "0.5")
+
+
 def test_two_parameters_make_all_pairs_row_by_row(tmp_path: Path) -> None:
     by = "values = [0, 1]\nby = { parameter = 'exposure', values = [-1, 0.5] }"
     shown = scenes(tmp_path, wedge(f'look = "paint"\nrig = "three"\nparameter = "Coat.mask.amount"\n{by}'))
@@ -90,12 +96,6 @@ def test_values_of_lights_of_a_rig(tmp_path: Path) -> None:
     ratios = [np.divide(b.emission.color, a.emission.color) for a, b in zip(one, two, strict=True)]
     assert sorted(round(float(ratio[0]), 6) for ratio in ratios) == [1.0, 1.0, 2.0]
     assert {rig.name: rig.rotation for rig in shown.job.rigs}["white_rotation_90"] == 90.0
-
-
-def test_expressions_of_masks_are_numbered(tmp_path: Path) -> None:
-    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Coat.mask"\nvalues = ["view", "1 - view", 0.5]'))
-    assert {look for look, _ in shown.scenes} >= {"paint_Coat.mask_view", "paint_Coat.mask_2", "paint_Coat.mask_0.5"}
-    assert shown.sheets[0].labels == ("view", "1 - view", "0.5")
 
 
 def test_looks_of_a_wedge_share_one_program_and_frames_are_planned_once(tmp_path: Path) -> None:

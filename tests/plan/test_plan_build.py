@@ -249,5 +249,4 @@ def test_pictures_that_are_missing_older_or_none_are_due(disk: Disk, plan_of: Pl
 
 
 def test_the_background_renders_nothing_again(plan_of: PlanOf) -> None:
-    black, grey = (plan_of(more).pending()[0] for more in ("", "[render]\nbackground = [0.1, 0.2, 1]\n"))
-    assert black == grey
+    assert plan_of().pending()[0] == plan_of("[render]\nbackground = [0.1, 0.2, 1]\n").pending()[0]

@@ -74,7 +74,5 @@ def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_th
 
 def test_what_did_not_turn_as_seen_stands_at_0() -> None:
     pose = Pose(72.0, 310.0)
-    assert unturned(pose, asset=False, light=False) == pose
-    assert unturned(pose, asset=True, light=False) == Pose(0.0, 310.0)
-    assert unturned(pose, asset=False, light=True) == Pose(72.0, 0.0)
-    assert unturned(pose, asset=True, light=True) == Pose(0.0, 0.0)
+    seen = [unturned(pose, asset=asset, light=light) for asset in (False, True) for light in (False, True)]
+    assert seen == [pose, Pose(72.0, 0.0), Pose(0.0, 310.0), Pose(0.0, 0.0)]
