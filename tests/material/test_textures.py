@@ -153,27 +153,28 @@ def test_texel_centres_and_orientation(ramp: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrap", "texels"),
+    ("wrap", "texels", "below", "beyond"),
     [
-        ("repeat", [0, 1, 2, 0, 1, 2, 0, 1, 2]),
-        ("clamp", [0, 0, 0, 0, 1, 2, 2, 2, 2]),
-        ("mirror", [2, 1, 0, 0, 1, 2, 2, 1, 0]),
-        ("black", [0, 0, 0, 0, 1, 2, 0, 0, 0]),
+        ("repeat", [0, 1, 2, 0, 1, 2, 0, 1, 2], 0.0, [3.0, -3.0]),
+        ("clamp", [0, 0, 0, 0, 1, 2, 2, 2, 2], 3.0, [0.0, -3.0]),
+        ("mirror", [2, 1, 0, 0, 1, 2, 2, 1, 0], 3.0, [-3.0, -3.0]),
+        ("black", [0, 0, 0, 0, 1, 2, 0, 0, 0], 0.0, [0.0, 0.0]),
     ],
 )
-def test_wrap_modes(ramp: Path, wrap: str, texels: list[float]) -> None:
+def test_wrap_modes(ramp: Path, wrap: str, texels: list[float], below: float, beyond: list[float]) -> None:
     # Texels -3 to 5 of the top row, plus 1 by the bias, which black texels get as well.
-    texture = Texture(ramp, "r", "raw", wrap, "clamp", bias=(1.0, 0.0, 0.0, 0.0))
-    columns = np.arange(-3, 6)
-    top = np.full(9, 0.75)
-    at_centres = sample_texture(texture, np.stack([(columns + 0.5) / 3, top], -1))
+    biased = Texture(ramp, "r", "raw", wrap, "clamp", bias=(1.0, 0.0, 0.0, 0.0))
+    columns, top = np.arange(-3, 6), np.full(9, 0.75)
+    at_centres = sample_texture(biased, np.stack([(columns + 0.5) / 3, top], -1))
     np.testing.assert_allclose(at_centres, np.array(texels) + 1.0, atol=1e-12)
-    between = sample_texture(texture, np.stack([(columns[:-1] + 1.0) / 3, top[:-1]], -1))
+    between = sample_texture(biased, np.stack([(columns[:-1] + 1.0) / 3, top[:-1]], -1))
     np.testing.assert_allclose(between, (at_centres[:-1] + at_centres[1:]) / 2, atol=1e-12)
     # The same along t, on a column: row 0 of the file is at the top, texel -1 below row 1.
-    turned = Texture(ramp, "r", "raw", "clamp", wrap)
-    below = sample_texture(turned, [0.5 / 3, -0.25])
-    assert below == pytest.approx({"repeat": 0.0, "clamp": 3.0, "mirror": 3.0, "black": 0.0}[wrap], abs=1e-12)
+    column = Texture(ramp, "r", "raw", "clamp", wrap)
+    assert sample_texture(column, [0.5 / 3, -0.25]) == pytest.approx(below, abs=1e-12)
+    # Rows 0 1 2 over 3 4 5: slopes of 3 a unit along s, and along t (2 texels, half a step at each edge) of -3.
+    slopes = sample_slopes(Texture(ramp, "r", "raw", wrap, "clamp"), [[0.5, 0.5], [-0.5, 0.5]])
+    np.testing.assert_allclose(slopes, [[3.0, -3.0], beyond], atol=1e-12)
 
 
 def test_transform_scale_and_bias_per_channel(tmp_path: Path) -> None:
@@ -266,17 +267,6 @@ def test_slopes_are_the_derivative_of_the_height(
     off = 2 * np.pi * x**2 * (1 / 6 + 2 / 8) + np.pi**2 / rows
     assert np.abs(expected).max() > 10 * off
     np.testing.assert_allclose(sample_slopes(texture, st), expected, atol=off * np.abs(matrix[:, :2]).sum(axis=0).max())
-
-
-@pytest.mark.parametrize(
-    ("wrap", "beyond"),
-    [("clamp", [0.0, -3.0]), ("mirror", [-3.0, -3.0]), ("repeat", [3.0, -3.0]), ("black", [0.0, 0.0])],
-)
-def test_slopes_beyond_an_edge_where_the_height_has_a_slope(ramp: Path, wrap: str, beyond: list[float]) -> None:
-    texture = Texture(ramp, "r", "raw", wrap, "clamp")
-    # Rows 0 1 2 over 3 4 5: 3 a unit along s, and along t (2 texels, half a step at each edge) -3.
-    slopes = sample_slopes(texture, [[0.5, 0.5], [-0.5, 0.5]])
-    np.testing.assert_allclose(slopes, [[3.0, -3.0], beyond], atol=1e-12)
 
 
 def package(folder: Path, layers: dict[str, str], images: dict[str, float], name: str = "look.usdz") -> Path:
