@@ -83,7 +83,7 @@ BALL = make_sphere(segments=16, rings=8)
 def pair(scale: float) -> Asset:
     sheared = scale * np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     places = (1.0, (0.0, 0.0, 0.0)), (0.4, (1.2, -0.8, 0.5))
-    instances = [Instance(0, affine(FAR + scale * np.array(place), size * sheared)) for size, place in places]
+    instances = [Instance(0, affine(FAR + scale * np.array(offset), size * sheared)) for size, offset in places]
     return make_asset("pair", BALL.meshes, instances, BALL.slots)
 
 

@@ -30,16 +30,16 @@ def random_shape(rng: np.random.Generator, name: str) -> Shape:
         values = rng.normal(size=(counts[kind], width)) if width > 1 else rng.normal(size=counts[kind])
         return Attribute(name, values, kind, is_uv)  # type: ignore[arg-type]
 
-    given = [attribute("wear", 1), attribute("tint", 3)]
+    attributes = [attribute("wear", 1), attribute("tint", 3)]
     if rng.random() < 0.5:
-        given += [attribute("map1", 2, True), attribute("st", 2, True)]
+        attributes += [attribute("map1", 2, True), attribute("st", 2, True)]
     cage = rng.random() < 0.3
     return Shape(
         name,
         points,
         sizes,
         corners,
-        attributes=tuple(given),
+        attributes=tuple(attributes),
         normals=attribute("normals", 3) if not cage and rng.random() < 0.5 else None,
         flat=not cage and rng.random() < 0.5,
         left_handed=rng.random() < 0.5,
@@ -72,8 +72,8 @@ def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatc
         monkeypatch.setattr("lookdev.asset.normals._BATCH", batch)
         for left, right in zip(finish(shapes, y_up), alone, strict=True):
             assert_same(left, right)
-        kept = [mesh for mesh in alone if mesh is not None]
-        for mesh, tangents in zip(kept, tangents_of(kept), strict=True):
+        meshes = [mesh for mesh in alone if mesh is not None]
+        for mesh, tangents in zip(meshes, tangents_of(meshes), strict=True):
             np.testing.assert_array_equal(tangents, tangents_of([mesh])[0])
     assert sum(mesh is None for mesh in alone) < 40
     for mesh in alone:

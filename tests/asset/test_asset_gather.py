@@ -34,7 +34,7 @@ def many(count: int = 80, mesh: Mesh = BALL, spread: float = 10.0) -> Asset:
 
 def surface(asset: Asset) -> dict[int, np.ndarray]:
     """Return, for the number of each slot, all that its corners have in the world, (m, ...), normals unit."""
-    found = {}
+    rows_by_slot = {}
     for instance in asset.instances:
         mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
         places = mesh.points[mesh.corner_points] @ linear.T + instance.matrix[:3, 3]
@@ -45,8 +45,8 @@ def surface(asset: Asset) -> dict[int, np.ndarray]:
         sizes = np.repeat(mesh.face_sizes, mesh.face_sizes)[:, None]
         rows = np.concatenate([places, normals, tangents, *carried, sizes], axis=1)
         slots = np.repeat(mesh.face_slots, mesh.face_sizes)
-        found |= {slot: rows[slots == slot] for slot in np.unique(slots)}
-    return found
+        rows_by_slot |= {slot: rows[slots == slot] for slot in np.unique(slots)}
+    return rows_by_slot
 
 
 def assert_same_surface(one: Asset, other: Asset) -> None:

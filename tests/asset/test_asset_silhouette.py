@@ -39,7 +39,7 @@ def scattered(count, points_of, spread) -> Callable[[], Asset]:
         meshes = tuple(faces_of(points) for points in points_of(rng))
         places = rng.normal(size=(count, 3)) * spread
         turns = (np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.5, 2.0) for _ in places)
-        matrices = [affine(place, linear) for place, linear in zip(places, turns, strict=True)]
+        matrices = [affine(offset, linear) for offset, linear in zip(places, turns, strict=True)]
         instances = tuple(Instance(number % len(meshes), matrix) for number, matrix in enumerate(matrices))
         return Asset("asset", meshes, instances, (Slot("/a"),), (0.0, 0.0, 0.0), 1.0)
 
@@ -63,7 +63,7 @@ def tiles() -> Asset:
 
 
 def row(points, *places) -> Callable[[], Asset]:
-    return lambda: asset_of(faces_of(points), (affine(place) for place in places))
+    return lambda: asset_of(faces_of(points), (affine(offset) for offset in places))
 
 
 def ball(rng, count):

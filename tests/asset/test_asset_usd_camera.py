@@ -99,9 +99,9 @@ def test_an_animated_lens_is_refused(name: str) -> None:
 
 def animate(stage, path):
     """Move a prim by its first operation."""
-    place = UsdGeom.Xformable(stage.GetPrimAtPath(path)).GetOrderedXformOps()[0]
+    operation = UsdGeom.Xformable(stage.GetPrimAtPath(path)).GetOrderedXformOps()[0]
     for time in (1.0, 2.0):
-        place.Set(Gf.Vec3d(time, 0.0, 0.0), time)
+        operation.Set(Gf.Vec3d(time, 0.0, 0.0), time)
 
 
 @pytest.mark.parametrize("path", ["/Cameras", PATH])
@@ -115,7 +115,7 @@ def test_an_animated_transform_is_refused_that_of_ancestors_too(path: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "what"),
+    ("name", "value", "message"),
     [
         ("focalLength", 0.0, "is 0; a positive length is needed"),
         ("focalLength", math.nan, "is nan"),
@@ -127,14 +127,14 @@ def test_an_animated_transform_is_refused_that_of_ancestors_too(path: str) -> No
         ("projection", "orthographic", "the projection is 'orthographic'; only perspective cameras render"),
     ],
 )
-def test_a_lens_without_sense_is_refused(name: str, value: object, what: str) -> None:
+def test_a_lens_without_sense_is_refused(name: str, value: object, message: str) -> None:
     stage, camera = stage_of()
     camera.GetPrim().GetAttribute(name).Set(value)
-    assert [fault[:2] for fault in faults(stage)] == [(f"{PATH}.{name}", what)]
+    assert [fault[:2] for fault in faults(stage)] == [(f"{PATH}.{name}", message)]
 
 
 @pytest.mark.parametrize(
-    ("rows", "what"),
+    ("rows", "message"),
     [
         ([[1, 0, 0], [0, 0, 0], [0, 0, 1]], "singular"),
         ([[1, 0, 0], [0.5, 1, 0], [0, 0, 1]], "shears"),
@@ -142,8 +142,8 @@ def test_a_lens_without_sense_is_refused(name: str, value: object, what: str) ->
         ([[1, 0, math.nan], [0, 1, 0], [0, 0, 1]], "not within"),
     ],
 )
-def test_a_transform_that_places_no_camera_is_refused(rows: list[list[float]], what: str) -> None:
+def test_a_transform_that_places_no_camera_is_refused(rows: list[list[float]], message: str) -> None:
     stage, camera = stage_of()
     camera.ClearXformOpOrder()
     camera.AddTransformOp().Set(Gf.Matrix4d(Gf.Matrix3d(*(number for row in rows for number in row)), Gf.Vec3d(0.0)))
-    assert what in faults(stage)[0][1]
+    assert message in faults(stage)[0][1]

@@ -211,7 +211,7 @@ def test_pinned_curves_take_as_many_varying_values_as_usd_counts():
 def test_primvars_go_to_points_and_faces():
     points = [(x, 0, z) for x in range(2) for z in range(4)]
     prim = curves(points, [4, 4], "linear", widths=[0.1])
-    given = [
+    attributes = [
         Attribute("all", np.array([7.0]), "constant"),
         Attribute("each", np.array([1.0, 2.0]), "uniform"),
         Attribute("root", np.array([[0.1, 0.2], [0.3, 0.4]]), "uniform", is_uv=True),
@@ -219,7 +219,7 @@ def test_primvars_go_to_points_and_faces():
         Attribute("tint", np.arange(24.0).reshape(8, 3), "varying"),
         Attribute("widths", np.array([1.0]), "constant"),
     ]
-    shape = shape_of(prim, *given)
+    shape = shape_of(prim, *attributes)
     got = {attribute.name: attribute for attribute in shape.attributes}
     assert list(got) == ["st", "all", "each", "root", "along", "tint"]
     first = np.cumsum(shape.face_sizes) - shape.face_sizes

@@ -106,6 +106,6 @@ def test_all_numbers_but_optional_ones_are_fitted() -> None:
     ],
 )
 def test_a_fit_that_cannot_be_is_refused(arguments: dict[str, Any], message: str) -> None:
-    given = {"data": subject_of(MODELS["lambert"], {}, "lambert"), "model": DISNEY, **arguments}
+    inputs = {"data": subject_of(MODELS["lambert"], {}, "lambert"), "model": DISNEY, **arguments}
     with pytest.raises(LookdevError, match=message):
-        fit(**given)
+        fit(**inputs)

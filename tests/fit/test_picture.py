@@ -53,10 +53,10 @@ def linear(truth: dict[str, float], noise: float, seed: int = 0, alike: bool = F
 
     def render(values, slopes: bool, samples: int, seeds: tuple[int, int]) -> np.ndarray:
         parts = [picture(values), *(shapes[name] for name in truth if slopes)]
-        halves = [[noisy(each, seed, samples, n) for n, each in enumerate(parts)] for seed in seeds]
+        halves = [[noisy(value, seed, samples, n) for n, value in enumerate(parts)] for seed in seeds]
         return np.concatenate([np.array(halves), np.ones((2, len(parts), SIZE, SIZE, 1))], axis=-1)
 
-    value = noisy(picture({name: (each,) for name, each in truth.items()}), 10**6, 64, 0)
+    value = noisy(picture({name: (value,) for name, value in truth.items()}), 10**6, 64, 0)
     photo = Photo(Path("photo.exr"), value, None, np.full_like(value, noise), np.ones((SIZE, SIZE)), "the test")
     return render, Target.of(photo, 1, np.ones((SIZE, SIZE)), 1.0, see_through=False)
 
@@ -66,10 +66,10 @@ def test_parameters_are_found_within_their_errors() -> None:
     scores = []
     for seed in range(12):
         render, target = linear(truth, 0.05, seed)
-        found = Search(render, target, [unknown(name, 0.5) for name in truth], Settings(seed=seed)).run()
-        assert found.converged
-        assert not found.undetermined
-        scores += [(found.values[n][0] - each) / found.errors[n][0] for n, each in truth.items()]
+        result = Search(render, target, [unknown(name, 0.5) for name in truth], Settings(seed=seed)).run()
+        assert result.converged
+        assert not result.undetermined
+        scores += [(result.values[n][0] - value) / result.errors[n][0] for n, value in truth.items()]
     # Of 36 normal numbers: the variance has a standard error of .24, no mean is further off than 4 of .17.
     assert abs(np.mean(scores)) < 0.67
     assert 0.3 < np.var(scores) < 2.0
@@ -89,27 +89,27 @@ def test_the_loss_has_no_bias_of_the_renders_noise() -> None:
 
 def test_what_the_picture_does_not_tell_is_reported() -> None:
     render, target = linear({"a": 0.5, "b": 0.3}, 0.05, alike=True)
-    found = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
-    assert set(found.undetermined) == {"a", "b"}
-    [(one, other, correlation)] = found.alike
+    result = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
+    assert set(result.undetermined) == {"a", "b"}
+    [(one, other, correlation)] = result.alike
     assert (one, other) == ("a", "b")
     assert correlation < -0.95
-    assert found.values["a"][0] + found.values["b"][0] == pytest.approx(0.8, abs=0.02)
+    assert result.values["a"][0] + result.values["b"][0] == pytest.approx(0.8, abs=0.02)
 
 
 def test_a_value_at_its_bound_is_that_bound() -> None:
     render, target = linear({"a": 0.0, "b": 0.5}, 0.02)
-    found = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
-    assert found.values["a"][0] == pytest.approx(0.0, abs=4.0 * found.errors["a"][0])
-    assert found.values["a"][0] >= 0.0
+    result = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
+    assert result.values["a"][0] == pytest.approx(0.0, abs=4.0 * result.errors["a"][0])
+    assert result.values["a"][0] >= 0.0
 
 
 def test_exposure_is_found_too() -> None:
     render, target = linear({"a": 0.5}, 0.02)
     brighter = replace(target, value=2.0**0.5 * target.value)
-    found = Search(render, brighter, [unknown("a", 0.3), exposure_unknown()]).run()
-    assert found.values["exposure"][0] == pytest.approx(0.5, abs=4.0 * found.errors["exposure"][0])
-    assert found.values["a"][0] == pytest.approx(0.5, abs=4.0 * found.errors["a"][0])
+    result = Search(render, brighter, [unknown("a", 0.3), exposure_unknown()]).run()
+    assert result.values["exposure"][0] == pytest.approx(0.5, abs=4.0 * result.errors["exposure"][0])
+    assert result.values["a"][0] == pytest.approx(0.5, abs=4.0 * result.errors["a"][0])
 
 
 def test_nothing_that_changes_is_an_error() -> None:
@@ -127,8 +127,8 @@ def test_other_primaries_are_converted(tmp_path: Path) -> None:
     aces = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
     matrix = to_rec709(aces)
     # ACEScg to Rec.709 with Bradford's adaptation, as OpenColorIO's built-in configs have it.
-    known = [[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]]
-    np.testing.assert_allclose(matrix, known, atol=2e-4)
+    published = [[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]]
+    np.testing.assert_allclose(matrix, published, atol=2e-4)
     np.testing.assert_allclose(to_rec709(REC709), np.eye(3), atol=1e-12)
     pixels = np.random.default_rng(0).random((8, 8, 3))
     photo = read_photo(write(tmp_path / "aces.exr", pixels, chromaticities=aces))
@@ -154,9 +154,9 @@ def test_noise_is_estimated_by_brightness() -> None:
     rng = np.random.default_rng(2)
     smooth = np.broadcast_to(np.linspace(0.1, 2.0, 200)[:, None, None], (200, 200, 3))
     noise = 0.05 * np.sqrt(smooth)
-    found = estimated_noise(smooth + noise * rng.normal(size=smooth.shape), np.ones((200, 200)))
-    assert np.mean(found / noise) == pytest.approx(1.0, abs=0.05)
-    assert found[180:].mean() > 2.0 * found[:20].mean()
+    result = estimated_noise(smooth + noise * rng.normal(size=smooth.shape), np.ones((200, 200)))
+    assert np.mean(result / noise) == pytest.approx(1.0, abs=0.05)
+    assert result[180:].mean() > 2.0 * result[:20].mean()
 
 
 @pytest.mark.parametrize(("size", "pixels", "side"), [((128, 128), 4096, 2), ((96, 96), 4096, 1), ((97, 101), 16, 1),
@@ -175,14 +175,14 @@ def test_pictures_that_show_too_little_are_refused() -> None:
 
 
 def test_units_and_values_are_inverse() -> None:
-    look = Look("look", (Layer("L", "phong", {"exponent": 40.0}), ))  # fmt: skip
-    for each in (*unknowns_of(look, ["exponent"]), *unknowns_of(look, ["exponent=10..90"]), exposure_unknown()):
-        value = np.array([max(each.low, 12.5) if each.name != "exposure" else 0.7])
-        unit = each.unit(value)
-        assert each.value(unit) == pytest.approx(value)
+    look = Look("look", (Layer("L", "phong", {"exponent": 40.0}),))
+    for parameter in (*unknowns_of(look, ["exponent"]), *unknowns_of(look, ["exponent=10..90"]), exposure_unknown()):
+        value = np.array([max(parameter.low, 12.5) if parameter.name != "exposure" else 0.7])
+        unit = parameter.unit(value)
+        assert parameter.value(unit) == pytest.approx(value)
         h = 1e-6
-        slope = (each.value(unit + h) - each.value(unit - h)) / (2.0 * h)
-        assert each.rate(unit) == pytest.approx(slope, rel=1e-5)
+        slope = (parameter.value(unit + h) - parameter.value(unit - h)) / (2.0 * h)
+        assert parameter.rate(unit) == pytest.approx(slope, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,9 @@ def library(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_model_has_its_parameters() -> None:
     subject = read_subject("disney:roughness=.3,baseColor=.8/.2/.1,metallic=1")
-    given = {"roughness": 0.3, "baseColor": (0.8, 0.2, 0.1), "metallic": 1.0}
+    parameters = {"roughness": 0.3, "baseColor": (0.8, 0.2, 0.1), "metallic": 1.0}
     model = MODELS["disney"]
-    assert np.array_equal(evaluate(subject.bsdf, WO, WI), evaluate(model.bsdf(model.complete(given)), WO, WI))
+    assert np.array_equal(evaluate(subject.bsdf, WO, WI), evaluate(model.bsdf(model.complete(parameters)), WO, WI))
     assert subject.label == "disney:roughness=.3,baseColor=.8/.2/.1,metallic=1"
 
 

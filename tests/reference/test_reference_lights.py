@@ -33,10 +33,10 @@ class Roofed(Plane):
         return before & (np.abs(onto[:, [0, 2]]) < 3.0).all(axis=-1), onto
 
 
-def assert_agree(got, wanted) -> None:
-    error = np.hypot(got.error, wanted.error)
-    assert (np.abs(got.value - wanted.value) <= SIGMAS * error).all()
-    assert (error < 0.01 * wanted.value.max()).all()
+def assert_agree(got, expected) -> None:
+    error = np.hypot(got.error, expected.error)
+    assert (np.abs(got.value - expected.value) <= SIGMAS * error).all()
+    assert (error < 0.01 * expected.value.max()).all()
 
 
 def small_light(y: float, **emission) -> SphereLight:
@@ -54,8 +54,8 @@ def test_a_card_under_a_rectangle_has_its_irradiance() -> None:
         across, up = np.meshgrid((np.arange(200) + 0.5) / 200 - 0.5, (np.arange(100) + 0.5) / 200 - 0.25)
         surface = np.stack([0.4 + across, np.full_like(across, -1.5), 0.3 + up], axis=-1).reshape(-1, 3)
         squared = ((surface - point[:, None]) ** 2).sum(axis=-1)
-        wanted = 0.5 / np.pi * (1.5**2 / squared**2).mean() * light.size_factor
-        assert (np.abs(value - wanted) < SIGMAS * error + 1e-3 * wanted).all()
+        expected = 0.5 / np.pi * (1.5**2 / squared**2).mean() * light.size_factor
+        assert (np.abs(value - expected) < SIGMAS * error + 1e-3 * expected).all()
 
 
 @pytest.mark.parametrize(("shape", "bounces"), [(Sphere(), 2), (Roofed(), 0)])
@@ -93,9 +93,9 @@ def test_a_light_is_occluded_only_by_what_lies_before_it() -> None:
     ],
 )
 def test_a_shadow_is_as_dark_as_the_light_wants(shadow: Shadow, share: tuple[float, ...]) -> None:
-    lit = estimate(GREY, Plane(), small_light(-2.0))
+    unshadowed = estimate(GREY, Plane(), small_light(-2.0))
     shadowed = estimate(GREY, Roofed(), small_light(-2.0, shadow=shadow))
-    np.testing.assert_allclose(shadowed.value, lit.value * np.array(share), rtol=1e-12)
+    np.testing.assert_allclose(shadowed.value, unshadowed.value * np.array(share), rtol=1e-12)
 
 
 @pytest.mark.parametrize("presence", [0.3, 1.0])
@@ -105,9 +105,9 @@ def test_light_that_casts_no_shadow_is_counted_once_behind_holes(presence: float
     A path from the camera goes on by half of what is there, inside, and by all that is not, to the wall behind.
     """
     unshadowed = replace(dome(np.ones((1, 1, 3))), emission=Emission(shadow=Shadow(enable=False)))
-    for bounces, wanted in ((0, presence), (1, presence + 0.5 * presence**2 + (1.0 - presence) * presence)):
+    for bounces, expected in ((0, presence), (1, presence + 0.5 * presence**2 + (1.0 - presence) * presence)):
         got = estimate(lambert(0.5, 0.5, presence), Sphere(), unshadowed, bounces=bounces)
-        assert (np.abs(got.value - wanted) < SIGMAS * got.error + 1e-9).all()
+        assert (np.abs(got.value - expected) < SIGMAS * got.error + 1e-9).all()
         assert (got.error < 0.02).all()
 
 

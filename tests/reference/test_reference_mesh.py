@@ -117,8 +117,8 @@ def test_rays_pass_the_groups_that_a_light_spares():
     scene = scene_of(polygons(points, faces), [GREY] * 3, groups=(0, 1, 2))
     up = np.array([[0.0, 0.0, 1.0]])
     _, floor = scene.hit(np.array([0.2, 0.3, 0.5]), -up)
-    for spared, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
-        met, place = scene.onward(floor, up, spared)
+    for excluded, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
+        met, place = scene.onward(floor, up, excluded)
         assert met[0] == (height is not None)
         if height:
             np.testing.assert_allclose(scene.points(place), [[0.2, 0.3, height]], atol=1e-7)

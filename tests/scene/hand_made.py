@@ -21,8 +21,8 @@ def squares(name: str, slots: Sequence[int] = (0,), uvs: Sequence[str] = ("st",)
     numbers, sizes = np.arange(corners, dtype=np.int32), np.full(len(slots), 4, np.int32)
     normals, tangents = (np.tile(np.float32(axis), (corners, 1)) for axis in ([0, -1, 0], [1, 0, 0]))
     sets = {uv: st + np.float32(number) for number, uv in enumerate(uvs)}
-    own = np.array(slots, np.int32)
-    return Mesh(name, points, numbers, sizes, own, normals, tangents, sets, default_uv=default_uv)
+    face_slots = np.array(slots, np.int32)
+    return Mesh(name, points, numbers, sizes, face_slots, normals, tangents, sets, default_uv=default_uv)
 
 
 def asset_of(meshes: Sequence[Mesh], placed: Sequence[tuple[int, str]], slots: Sequence[Slot]) -> Asset:

@@ -39,10 +39,10 @@ def test_patches_are_those_of_another_implementation() -> None:
     assert patch_colors().shape == (24, 3)
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("side", PLACES)
 @pytest.mark.parametrize("resolution", [(512, 512), (640, 360), (300, 500)])
-def test_props_are_in_their_strip_and_apart(place: str, resolution: tuple[int, int]) -> None:
-    strip = Strip(place, 0.12, resolution)
+def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, int]) -> None:
+    strip = Strip(side, 0.12, resolution)
     outer = strip.box
     for box in strip.props:
         assert outer.left <= box.left <= outer.left + outer.width - box.width + 1e-9
@@ -101,10 +101,10 @@ def test_an_asset_behind_the_camera_leaves_no_place() -> None:
 FRAMED = {"fill = 0.7": True, "fill = 1.0": False, "margin = 1.05": False, "": True}
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("side", PLACES)
 @pytest.mark.parametrize("framed", FRAMED)
 @pytest.mark.parametrize("builtin", ["suzanne", "plane"])
-def test_no_asset_reaches_into_the_strip(tmp_path, place: str, framed: str, builtin: str) -> None:  # type: ignore[no-untyped-def]
+def test_no_asset_reaches_into_the_strip(tmp_path, side: str, framed: str, builtin: str) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "gold.usda").touch()
     text = f"""
     output = "out"
@@ -116,7 +116,7 @@ def test_no_asset_reaches_into_the_strip(tmp_path, place: str, framed: str, buil
     render = {{ resolution = [320, 240] }}
     """
     plain = parse_job(text, tmp_path / "job.toml")
-    job = parse_job(f'{text}\ncharts = {{ place = "{place}", size = 0.13 }}', tmp_path / "job.toml")
+    job = parse_job(f'{text}\ncharts = {{ place = "{side}", size = 0.13 }}', tmp_path / "job.toml")
     asset = load_asset(builtin=builtin)
     camera = job_cameras(job, {"gold": asset})[0]["gold"]
     points = asset.meshes[0].points.astype(np.float64)

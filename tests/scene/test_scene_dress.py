@@ -22,12 +22,12 @@ def wheels() -> Asset:
 
 
 def paths(asset: Asset) -> list[str]:
-    return [part.path for own in asset_parts(asset).values() for part in own]
+    return [part.path for parts in asset_parts(asset).values() for part in parts]
 
 
 def looks_of_parts(asset: Asset, looks: Mapping[str, str]) -> dict[str, str]:
     """Return the look of each part of an asset, by the looks of its slots."""
-    return {part.path: looks[part.slot.path] for own in asset_parts(asset).values() for part in own}
+    return {part.path: looks[part.slot.path] for parts in asset_parts(asset).values() for part in parts}
 
 
 def test_a_part_has_the_path_of_its_instance() -> None:
@@ -55,7 +55,7 @@ def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_cop
     dressed, wears = dress(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
     assert looks_of_parts(dressed, wears) == dict.fromkeys(paths(asset), "grey") | {"/B/Wheel/rim": "gold"}
     assert set(wears) == {slot.path for slot in dressed.slots}
-    assert [each.mesh for each in dressed.instances] == [0, 1, 2]
+    assert [instance.mesh for instance in dressed.instances] == [0, 1, 2]
     assert dressed.slots[3:] == (Slot("/B/Wheel", "/A/Rubber"), Slot("/B/Wheel/rim"))
     wheel, body, split = dressed.meshes
     assert (wheel, body) == asset.meshes
@@ -71,7 +71,7 @@ def test_what_wears_the_same_shares_one_split() -> None:
     mesh = squares("/A/Mesh")
     asset = asset_of([mesh], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
     dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
-    assert [each.mesh for each in dressed.instances] == [0, 1, 0, 1]
+    assert [instance.mesh for instance in dressed.instances] == [0, 1, 0, 1]
     assert wears == {"/A/Mesh": False, "/B/Mesh": True}
 
 

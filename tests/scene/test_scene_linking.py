@@ -37,7 +37,7 @@ def light(*rules: tuple[str, str], linked: bool = True) -> Light:
 
 
 @pytest.mark.parametrize(
-    ("rules", "meshes", "wanted"),
+    ("rules", "meshes", "expected"),
     [
         ((("/", "expandPrims"),), 1, {"/a/one": (0, 1)}),
         ((("/a", "expandPrims"),), 2, {"/a/one": (0, 1), "/b": (1,)}),
@@ -46,12 +46,12 @@ def light(*rules: tuple[str, str], linked: bool = True) -> Light:
     ],
 )
 def test_meshes_are_split_where_instances_are_lit_differently(
-    rules: tuple[tuple[str, str], ...], meshes: int, wanted: dict[str, tuple[int, ...]]
+    rules: tuple[tuple[str, str], ...], meshes: int, expected: dict[str, tuple[int, ...]]
 ) -> None:
     linked = link_lights(three(), {"/a/one": GREY}, (light(*rules), light(linked=False)))
     assert len(linked.asset.meshes) == meshes
-    assert linked.lit == wanted
-    assert linked.wears == dict.fromkeys(wanted, GREY)
+    assert linked.lit == expected
+    assert linked.wears == dict.fromkeys(expected, GREY)
     assert not linked.groups
 
 
@@ -101,7 +101,7 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
     assert task.lit == ((0, 1), (1,))
     assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]
     other = replace(task, lit=((0, 1), (0,)))
-    one, two = (part_digests(each, Pose(0.0, 0.0), 0.0) for each in (task, other))
+    one, two = (part_digests(variant, Pose(0.0, 0.0), 0.0) for variant in (task, other))
     assert [part for part in one if one[part] != two[part]] == ["ibl"]
 
 

@@ -45,12 +45,12 @@ def test_a_set_that_is_there_is_read_without_a_note() -> None:
 def test_the_default_set_stands_for_one_that_is_not_there(sets: tuple[str, ...], default: str) -> None:
     mesh = squares("/A", uvs=sets, default_uv=default)
     asset = one(mesh)
-    made, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("uv"))})
+    result, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("uv"))})
     assert notes == (f"/A has no UV set 'uv', which looks ask for: '{default}' is read",)
-    assert list(made.meshes[0].uvs) == [*sets, "uv"]
-    assert made.meshes[0].uvs["uv"] is mesh.uvs[default]
-    assert made.meshes[0].points is mesh.points
-    assert made.digest != asset.digest
+    assert list(result.meshes[0].uvs) == [*sets, "uv"]
+    assert result.meshes[0].uvs["uv"] is mesh.uvs[default]
+    assert result.meshes[0].points is mesh.points
+    assert result.digest != asset.digest
 
 
 def test_a_note_counts_the_meshes() -> None:
@@ -68,9 +68,9 @@ def test_a_set_that_nothing_can_stand_for_stays_missing(sets: tuple[str, ...]) -
 
 def test_the_assets_own_look_reads_zero_on_a_mesh_without_any() -> None:
     asset = one(squares("/A", uvs=()))
-    made, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
+    result, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
     assert notes == ("/A has no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)",)
-    np.testing.assert_array_equal(made.meshes[0].uvs["st"], np.zeros((4, 2), np.float32))
+    np.testing.assert_array_equal(result.meshes[0].uvs["st"], np.zeros((4, 2), np.float32))
     candidates = one(squares("/A", uvs=("map1", "map2")))
     assert with_uvs(candidates, {"/A": look("x", baseColor=texture("st"))}, own=["/A"]) == (candidates, ())
 
@@ -83,13 +83,13 @@ def test_a_look_of_the_job_beside_it_is_not_given_zero() -> None:
 
 
 def test_primvars_that_meshes_lack_are_noted_once() -> None:
-    worn, hue = Primvar("worn", 0.5), Primvar("hue", (1.0, 0.0, 0.0))
-    formula = Formula(parse("a"), {"a": worn}, {"a": "float"})
+    wear, hue = Primvar("worn", 0.5), Primvar("hue", (1.0, 0.0, 0.0))
+    formula = Formula(parse("a"), {"a": wear}, {"a": "float"})
     meshes = [replace(squares(f"/{name}", [slot]), primvars={}) for slot, name in enumerate("ABC")]
     meshes[1] = replace(meshes[1], primvars={"worn": np.zeros(meshes[1].corner_points.shape, np.float32)})
     asset = three(meshes)
     reads = look("x", baseColor=hue, roughness=formula)
-    assert absent_primvars(asset, {"/A": reads, "/B": look("y", roughness=worn), "/C": reads}) == (
+    assert absent_primvars(asset, {"/A": reads, "/B": look("y", roughness=wear), "/C": reads}) == (
         "/A and 1 more have no primvar 'hue', which looks ask for: its fallback is read",
         "/A and 1 more have no primvar 'worn', which looks ask for: its fallback is read",
     )

@@ -56,8 +56,8 @@ def own_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], 
     """
     faces = np.arange(len(mesh.face_sizes), dtype=np.float32)
     marked = replace(mesh, uvs={}, primvars={"face": np.repeat(faces, mesh.face_sizes)})
-    shown = np.unique(refine(ruled(marked, interpolation={"face": "uniform"}), level).primvars["face"])
-    corners = np.flatnonzero(np.isin(np.repeat(faces, mesh.face_sizes), shown))
+    visible = np.unique(refine(ruled(marked, interpolation={"face": "uniform"}), level).primvars["face"])
+    corners = np.flatnonzero(np.isin(np.repeat(faces, mesh.face_sizes), visible))
     children = np.arange(len(corners))
     assert mesh.subdivision is not None
     for _ in range(level):
@@ -105,8 +105,8 @@ def chart(points: Any, faces: Sequence[Sequence[int]], charts: Sequence[int], jo
     flat = bent(np.asarray(points)[:, [1, 0, 2]], 0.2)[:, :2]
     return np.array(
         [
-            flat[p] + (0.0 if p in joined else 1.0) * np.array([0.9, -0.4]) * own
-            for face, own in zip(faces, charts, strict=True)
+            flat[p] + (0.0 if p in joined else 1.0) * np.array([0.9, -0.4]) * shift
+            for face, shift in zip(faces, charts, strict=True)
             for p in face
         ]
     )

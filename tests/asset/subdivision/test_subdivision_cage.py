@@ -19,9 +19,9 @@ def test_a_hole_is_refined_and_not_shown(level):
     points, faces = lattice(4, 4)
     whole = refine(cage(bent(points), faces), level)
     pierced = refine(cage(bent(points), faces, holes=[5, 10]), level)
-    shown = ~np.isin(whole.face_slots, [5, 10])
-    np.testing.assert_array_equal(pierced.face_slots, whole.face_slots[shown])
-    corners = np.repeat(shown, whole.face_sizes)
+    visible = ~np.isin(whole.face_slots, [5, 10])
+    np.testing.assert_array_equal(pierced.face_slots, whole.face_slots[visible])
+    corners = np.repeat(visible, whole.face_sizes)
     np.testing.assert_array_equal(pierced.points[pierced.corner_points], whole.points[whole.corner_points[corners]])
     np.testing.assert_array_equal(pierced.normals, whole.normals[corners])
 

@@ -74,10 +74,10 @@ def test_a_flat_cage_is_refined_for_uvs_that_are_not_linear():
 
 def test_the_level_follows_the_size_of_a_pixel():
     mesh = CAGES["cube"]
-    found = [levels([mesh], size)[0] for size in (1e3, 1.0, 0.1, 0.01, 0.001, 1e-6, 0.0)]
-    assert found == sorted(found)
-    assert found[0] == 0
-    assert found[-1] == 6
+    result = [levels([mesh], size)[0] for size in (1e3, 1.0, 0.1, 0.01, 0.001, 1e-6, 0.0)]
+    assert result == sorted(result)
+    assert result[0] == 0
+    assert result[-1] == 6
     assert levels([mesh], 1e-6, finest=3) == (3,)
 
 
@@ -113,19 +113,19 @@ def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
     meshes.append(replace(cage(*(lambda p, f: (bent(p), f))(*lattice(8, 8))), name="/large"))
     free = refinement_levels(asset_of(meshes), pixels_of(0.001))
     assert free.notes == ()
-    found = refinement_levels(asset_of(meshes), pixels_of(0.001), corners=100_000)
-    total = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(meshes, found.levels, strict=True))
+    result = refinement_levels(asset_of(meshes), pixels_of(0.001), corners=100_000)
+    total = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(meshes, result.levels, strict=True))
     assert 25_000 < total <= 100_000
-    (note,) = found.notes
+    (note,) = result.notes
     assert "refined less than their size in the frame asks for" in note
-    assert f"{found.levels[-1]} times instead of {free.levels[-1]}" in note
+    assert f"{result.levels[-1]} times instead of {free.levels[-1]}" in note
     assert "/large" in note
 
 
 def test_a_cage_too_large_to_measure_is_not_refined():
-    found = refinement_levels(asset_of([CAGES["cube"]]), pixels_of(0.01), corners=90)
-    assert found.levels == (0,)
-    assert "0 times instead of 1" in found.notes[0]
+    result = refinement_levels(asset_of([CAGES["cube"]]), pixels_of(0.01), corners=90)
+    assert result.levels == (0,)
+    assert "0 times instead of 1" in result.notes[0]
 
 
 def test_an_orbits_pixel_is_that_of_the_nearest_place_of_the_camera():

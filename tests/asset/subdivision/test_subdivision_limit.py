@@ -20,7 +20,7 @@ def unit(vectors):
 
 
 def rows(*arrays):
-    return np.column_stack([np.asarray(each, np.float64).reshape(len(each), -1) for each in arrays])
+    return np.column_stack([np.asarray(array, np.float64).reshape(len(array), -1) for array in arrays])
 
 
 def test_extraordinary_points_of_a_bent_cube_have_halsteads_normals():
@@ -36,11 +36,11 @@ def test_extraordinary_points_of_a_bent_cube_have_halsteads_normals():
         ring = []
         here, at = face, i
         for _ in range(3):
-            own = CUBE_FACES[here]
-            ring.append((own[(at + 1) % 4], own[(at + 2) % 4]))
-            back = own[at - 1]
-            here = next(f for f in range(6) if f != here and {own[at], back} <= set(CUBE_FACES[f]))
-            at = CUBE_FACES[here].index(own[at])
+            members = CUBE_FACES[here]
+            ring.append((members[(at + 1) % 4], members[(at + 2) % 4]))
+            back = members[at - 1]
+            here = next(f for f in range(6) if f != here and {members[at], back} <= set(CUBE_FACES[f]))
+            at = CUBE_FACES[here].index(members[at])
         edges, faces = points[[e for e, _ in ring]], points[[f for _, f in ring]]
         k = np.arange(3)[:, None]
         tangents = [
@@ -195,9 +195,9 @@ def test_level_0_is_the_cage_with_mean_normals(name):
     starts = np.cumsum(mesh.face_sizes) - mesh.face_sizes
     sums = np.zeros((len(mesh.points), 3))
     for start, size in zip(starts, mesh.face_sizes, strict=True):
-        own = mesh.corner_points[start : start + size]
-        p = mesh.points[own].astype(np.float64)
-        sums[own] += np.cross(p - p[0], np.roll(p, -1, axis=0) - p[0]).sum(axis=0)
+        members = mesh.corner_points[start : start + size]
+        p = mesh.points[members].astype(np.float64)
+        sums[members] += np.cross(p - p[0], np.roll(p, -1, axis=0) - p[0]).sum(axis=0)
     np.testing.assert_allclose(refined.normals, unit(sums)[mesh.corner_points], atol=4.0 * EPS)
 
 

@@ -69,8 +69,8 @@ def test_face_varying_values_without_a_seam_are_those_of_points():
 
 def test_a_name_without_interpolation_is_face_varying():
     mesh = CAGES["seams, cornersPlus1"]
-    named = ruled(mesh, interpolation={"st": "faceVarying"})
-    np.testing.assert_array_equal(refine(mesh, 2).uvs["st"], refine(named, 2).uvs["st"])
+    explicit = ruled(mesh, interpolation={"st": "faceVarying"})
+    np.testing.assert_array_equal(refine(mesh, 2).uvs["st"], refine(explicit, 2).uvs["st"])
 
 
 def test_uv_sets_are_refined_apart_and_keep_their_names_and_their_order():
