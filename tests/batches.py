@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lookdev.lifetime import end_with_parent
 from lookdev.output.exr import read_header
 
 LOOK = """#usda 1.0
@@ -61,10 +62,10 @@ def write_job(folder: Path, more: str = "", **keys: str) -> Path:
 
 
 def start(job: Path, *options: str) -> subprocess.Popen[str]:
-    """Start ``lookdev render`` with its output in one pipe."""
+    """Start ``lookdev render`` with its output in one pipe; it ends with this process."""
     command = (sys.executable, "-m", "lookdev", "render", str(job), *options)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    return subprocess.Popen(command, **pipes, text=True, start_new_session=True)
+    return subprocess.Popen(command, **pipes, text=True, start_new_session=True, preexec_fn=end_with_parent)
 
 
 def finish(batch: subprocess.Popen[str], code: int, retries: int = 0) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import OpenImageIO as oiio
 import pytest
 
+from lookdev.lifetime import end_with_parent
 from lookdev.output.exr import read_frame, read_header
 
 pytest.importorskip("av")
@@ -26,7 +27,8 @@ def finish(folder: Path, kills: random.Random | None, longest: float) -> int:
     """Run the batch until it ends by itself; return how often it was killed."""
     killed = 0
     while True:
-        process = subprocess.Popen([sys.executable, str(PROGRAM), str(folder)], stdout=subprocess.DEVNULL)
+        command = [sys.executable, str(PROGRAM), str(folder)]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=end_with_parent)
         try:
             assert process.wait(kills.uniform(0.0, longest) if kills else 120.0) == 0
             return killed
@@ -83,6 +85,7 @@ def test_a_killed_batch_ends_with_the_same_bytes(rounds: int, tmp_path: Path) ->
 @pytest.mark.parametrize("kills", [20, pytest.param(1000, marks=pytest.mark.chaos)], ids=lambda kills: f"{kills} kills")
 def test_a_storm_leaves_all_frames_and_nothing_else(kills: int) -> None:
     # A process of its own, as it forks: this one may have threads.
-    ended = subprocess.run([sys.executable, str(STORM), str(kills), "23"], capture_output=True, text=True)
+    command = [sys.executable, str(STORM), str(kills), "23"]
+    ended = subprocess.run(command, capture_output=True, text=True, preexec_fn=end_with_parent)
     assert ended.returncode == 0, ended.stderr[-4000:]
     assert "'run killed'" in ended.stdout

@@ -76,7 +76,7 @@ def test_the_error_of_a_frame_is_what_it_reports() -> None:
     assert np.std(ratios) < 0.15
 
 
-@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize("own", [False, pytest.param(True, marks=pytest.mark.proof)])
 def test_no_pixel_drifts_unless_a_half_chooses_for_itself(own: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     # Small tiles and rare bright samples, so that a choice is nearly that of a pixel.
     monkeypatch.setattr(adaptive, "_TILE", 4)

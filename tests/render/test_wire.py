@@ -84,6 +84,7 @@ def test_a_frame_that_is_cancelled_is_known_before_the_tasks_ahead_of_it(task: F
     assert requests.next() == task
 
 
+@pytest.mark.both_pythons
 def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None:
     """As one that comes just before the wait: `interrupt_main` wakes nothing, either."""
     requests = Requests()

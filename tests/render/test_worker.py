@@ -13,6 +13,8 @@ from lookdev.errors import RenderError, WorkerError
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Worker, last_line
 
+pytestmark = pytest.mark.both_pythons
+
 FRAME = "element_0001"
 FAILED = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
 
@@ -120,23 +122,28 @@ def test_a_misbehaving_worker_is_killed_and_can_start_again(
     assert worker.render(task, lambda progress: None).samples == 8
 
 
-def test_a_silent_worker_is_killed_with_its_children(task: FrameTask, tmp_path: Path) -> None:
+def test_a_silent_worker_is_killed_with_its_children(
+    worker: Worker, task: FrameTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     misbehave(tmp_path, **{FRAME: ["child"]})
-    with Worker(command(tmp_path), tmp_path / "worker.log", tmp_path, patience=3.0) as worker:
-        worker.start()
-        with pytest.raises(WorkerError, match="silent for 3 s"):
-            worker.render(task, lambda progress: None)
+    worker.start()
+    monkeypatch.setattr(worker, "_patience", 1.0)  # now: a start may take longer
+    with pytest.raises(WorkerError, match="silent for 1 s"):
+        worker.render(task, lambda progress: None)
     child = int((tmp_path / "child.txt").read_text())
     wait_until(lambda: not is_alive(child))
 
 
-def test_a_worker_that_takes_no_request_is_killed(task: FrameTask, tmp_path: Path) -> None:
+def test_a_worker_that_takes_no_request_is_killed(
+    task: FrameTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     deaf = 'import time; print(\'{"type": "ready", "blender": "4"}\', flush=True); time.sleep(60)'
     shader = replace(task.scene.shaders[0], osl="/" * (1 << 20))  # more than a pipe holds
     long_task = replace(task, scene=replace(task.scene, shaders=(shader,)))
-    with Worker((sys.executable, "-c", deaf), tmp_path / "worker.log", tmp_path, patience=2.0) as worker:
+    with Worker((sys.executable, "-c", deaf), tmp_path / "worker.log", tmp_path) as worker:
         worker.start()
-        with pytest.raises(WorkerError, match="silent for 2 s"):
+        monkeypatch.setattr(worker, "_patience", 0.3)
+        with pytest.raises(WorkerError, match=r"silent for 0\.3 s"):
             worker.render(long_task, lambda progress: None)
 
 

@@ -25,7 +25,10 @@ from lookdev.render.executors.choice import Choice, opened
 from lookdev.render.executors.dask import DaskExecutor
 from lookdev.render.task import contents
 
-pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning"),
+    pytest.mark.both_pythons,
+]
 
 
 @pytest.fixture(scope="module")

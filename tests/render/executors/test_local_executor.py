@@ -14,6 +14,8 @@ from lookdev.render.executors.choice import Choice, choose, devices_of
 from lookdev.render.task import FrameTask
 from lookdev.render.threads import cores, share_of_cores
 
+pytestmark = pytest.mark.both_pythons
+
 
 def place(folder: Path, command: tuple[str, ...] | None = None) -> Place:
     (folder / "scratch").mkdir(exist_ok=True)

@@ -12,6 +12,8 @@ from lookdev.render.executors import Finished, Place
 from lookdev.render.executors.warm import Server, WarmExecutor, start, stop
 from lookdev.render.task import FrameTask
 
+pytestmark = pytest.mark.both_pythons
+
 
 @pytest.fixture
 def tasks(tmp_path: Path) -> list[FrameTask]:
