@@ -1,4 +1,4 @@
-"""Edits of looks leave files that read without a fault, or are not made."""
+"""Edits of looks leave files that read without a fault, or are not made; looks with another value of one input."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from look_files import BASE, LAYER1, STACK, disney, expression, look, stack, wri
 from pxr import Usd
 from variant_sets import over, selecting, variants
 
-from lookdev.errors import LookdevError, LookError
-from lookdev.material.change import constant_of, with_constants
+from lookdev.errors import LookdevError, LookError, ModelError
+from lookdev.material.change import changed_look, constant_of, varied_names, with_constants
+from lookdev.material.expression import parse
 from lookdev.material.library import Preset, find_preset
 from lookdev.material.library.constants import check_writable, set_inputs, write_changed
 from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
-from lookdev.material.look import Coordinates, Primvar, Texture, View
+from lookdev.material.look import Coordinates, Formula, Layer, Look, Primvar, Texture, View
 from lookdev.material.usd import read_look
 
 pytestmark = pytest.mark.both_pythons
@@ -440,3 +441,80 @@ def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LookError, match=r"out\.usda: .*out of range"):
         write_changed(file, out, [replace(constant_of(look, "Base.metallic"), value=(3.0,))])
     assert not out.exists()
+
+
+AMOUNT = Formula(
+    parse("smoothstep(wear, low, 1) * amount"),
+    {"wear": Primvar("wear", 0.0), "low": 0.2, "amount": 0.5},
+    dict.fromkeys(("wear", "low", "amount"), "float"),
+)
+STEEL = Layer("Steel", "disney", {"roughness": 0.3, "metallic": 1.0})
+DUST = Layer("Dust", "disney", {"baseColor": (0.5, 0.4, 0.3)}, mask=0.25)
+PAINT = Look("paint", (STEEL, Layer("Paint", "disney", {"roughness": 0.5}, mask=AMOUNT), DUST))
+
+
+def layer_named(look: Look, name: str) -> Layer:
+    return next(each for each in look.layers if each.name == name)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "name", "expected"),
+    [
+        ("Paint.roughness", 0.9, "roughness", 0.9),
+        ("Paint.metallic", 1, "metallic", 1.0),  # of a default
+        ("Dust.baseColor", (0.1, 0.2, 0.3), "baseColor", (0.1, 0.2, 0.3)),
+        ("Dust.baseColor", 0.5, "baseColor", (0.5, 0.5, 0.5)),
+    ],
+)
+def test_an_input_of_one_layer(parameter: str, value: object, name: str, expected: object) -> None:
+    changed = changed_look(PAINT, parameter, value)
+    own = parameter.partition(".")[0]
+    assert layer_named(changed, own).inputs == {**layer_named(PAINT, own).inputs, name: expected}
+    assert [each for each in changed.layers if each.name != own] == [each for each in PAINT.layers if each.name != own]
+
+
+def test_masks_and_inputs_of_their_expressions() -> None:
+    assert layer_named(changed_look(PAINT, "Dust.mask", 0.75), "Dust").mask == 0.75
+    mask = layer_named(changed_look(PAINT, "Paint.mask.amount", 0.9), "Paint").mask
+    assert mask == Formula(AMOUNT.expression, {**AMOUNT.inputs, "amount": 0.9}, AMOUNT.kinds)
+    assert layer_named(changed_look(PAINT, "mask.amount", 0.9), "Paint").mask == mask  # one layer alone has it
+    other = layer_named(changed_look(PAINT, "Paint.mask", "wear * wear * view"), "Paint").mask
+    kinds = {"wear": "float", "view": "float"}
+    assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": View()}, kinds)
+    rough = layer_named(changed_look(PAINT, "Steel.roughness", "0.2 + 0.5 * (1 - view)"), "Steel").inputs["roughness"]
+    assert rough.inputs == {"view": View()}
+
+
+def test_of_a_single_layer_the_name_of_the_input_is_enough() -> None:
+    single = Look("steel", PAINT.layers[:1])
+    assert changed_look(single, "roughness", 0.1).layers[0].inputs["roughness"] == 0.1
+    assert changed_look(single, "variant", "2012").layers[0].inputs["variant"] == "2012"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "message"),
+    [
+        ("rougness", 0.5, "no 'rougness' .did you mean 'roughness'"),
+        ("Pant.roughness", 0.5, "did you mean 'Paint.roughness'"),
+        ("roughness", 0.5, "several layers .*one of Steel.roughness, Paint.roughness, Dust.roughness would be right"),
+        ("Paint.roughness", 1.5, "its range is 0 to 1"),
+        ("Paint.roughness", (0.1, 0.2, 0.3), "a number would be right"),
+        ("Paint.roughness", float("nan"), "its range is"),
+        ("Dust.mask", -1.0, "its range is 0 to 1"),
+        ("Paint.mask.amont", 0.5, "did you mean '.*mask.amount'"),
+        ("Paint.mask", "waer * 2", "unknown name 'waer' .did you mean 'wear'"),
+        ("Paint.mask", "wear *", "."),
+        ("Paint.mask", "[1, 0, 0]", "a float would be right"),
+        ("Steel.mask", 0.5, "did you mean"),  # a base has none
+        ("Paint.variant", "2012", "choice that layers share"),
+    ],
+)
+def test_what_cannot_vary_and_what_would_be_right(parameter: str, value: object, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        changed_look(PAINT, parameter, value)
+
+
+def test_every_name_can_be_used() -> None:
+    names = dict(varied_names(PAINT))
+    assert {"Steel.roughness", "Paint.mask", "Paint.mask.wear", "Dust.mask"} <= names.keys()
+    assert "Steel.mask" not in names
