@@ -1,4 +1,4 @@
-"""What mixtures have besides f and pdf: the diffuse part, colours and normals without noise, other colour spaces."""
+"""What models have besides f and pdf: groups of lobes, the diffuse part, colours without noise, previews."""
 
 from __future__ import annotations
 
@@ -52,6 +52,75 @@ def test_a_blend_of_diffusers_has_the_mean_of_albedos_and_normals() -> None:
     np.testing.assert_allclose(middle_albedo(mixture), 0.75 * 0.5 + 0.25 * 0.8, rtol=1e-12)
     wanted = 0.375 * np.array([0.0, 0.0, 1.0]) + 0.2 * np.array(normal)
     np.testing.assert_allclose(middle_normal(mixture), wanted / np.linalg.norm(wanted), rtol=1e-12)
+
+
+KD, KS = (0.2, 0.1, 0.4), (0.1, 0.4, 0.7)
+TWO = {"diffuse": KD, "specular": KS}
+INDEX: dict[str, Any] = {"eta": (0.2, 0.4, 1.5), "k": (3.0, 2.0, 1.8)}
+GOLD = {"fresnel": "conductor", "metallic": 0.25, **INDEX}
+BRIGHT = np.array([((e - 1.0) ** 2 + k * k) / ((e + 1.0) ** 2 + k * k) for e, k in zip(*INDEX.values(), strict=True)])
+PREVIEWS: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
+    (
+        "disney",
+        {"clearcoat": 0.6, "clearcoatGloss": 0.5, "specular": 0.7},
+        {"clearcoat": 0.15, "clearcoatRoughness": np.sqrt(0.0505), "f0": 0.056},
+    ),
+    ("disney", GOLD | {"baseColor": KD}, {"diffuseColor": 0.75 * np.array(KD) + 0.25 * BRIGHT, "f0": 0.04}),
+    ("pixar", {"normalScale": 2.0, "clear": 0.5, "metallic": 0.2}, {"f0": 0.1, "opacity": 0.6}),
+    ("pixar", GOLD | {"surfaceColor": KD}, {"diffuseColor": 0.75 * np.array(KD) + 0.25 * BRIGHT}),
+    ("lambert", {}, {"roughness": 1.0, "f0": 0.0}),
+    ("oren-nayar", {}, {"roughness": 1.0, "f0": 0.0}),
+    *(
+        (name, TWO | {"exponent": 30.0}, {"diffuseColor": np.minimum(white * np.array(KD), 1.0), "roughness": 0.5})
+        for name, white in (("phong", np.pi), ("blinn-phong", np.pi), ("modified-phong", 1.0))
+    ),
+    ("ward", TWO | {"alphaX": 0.2, "alphaY": 0.05}, {"roughness": 0.01**0.25, "f0": 0.4}),
+    ("lafortune", {"exponent1": 30.0}, {"roughness": 0.5}),
+    (
+        "ashikhmin-shirley",
+        TWO | {"exponentU": 24.0, "exponentV": 35.0},
+        {"diffuseColor": np.multiply(KD, np.subtract(1.0, KS)), "roughness": (2.0 / 31.0) ** 0.25, "f0": 0.4},
+    ),
+    (
+        "torrance-sparrow",
+        TWO | {"eta": (2.0,) * 3, "externalIor": 1.0, "roughness": 0.09},
+        {"diffuseColor": KD, "metallic": 0.0, "roughness": 0.3, "f0": 0.4 / 9.0},
+    ),
+    (
+        "torrance-sparrow",
+        TWO | INDEX,
+        {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "f0": (KS * BRIGHT).mean()},
+    ),
+    (
+        "mirror",
+        {"tint": KS, "eta": GOLD["eta"], "k": GOLD["k"]},
+        {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "roughness": 0.0},
+    ),
+    (
+        "glass",
+        {"tint": KS, "eta": 2.0, "externalIor": 1.25},
+        {"diffuseColor": KS, "roughness": 0.0, "opacity": 0.0, "f0": (0.75 / 3.25) ** 2},
+    ),
+]
+
+
+@pytest.mark.parametrize(("model", "given", "wanted"), PREVIEWS)
+def test_previews_are_as_by_hand(model: str, given: dict[str, Any], wanted: dict[str, Any]) -> None:
+    found = MODELS[model].preview.derived(complete_parameters(model, given))
+    for name, value in wanted.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-12, err_msg=name)
+    assert {each[0] for each in PREVIEWS} == {*MODELS} - {"measured"}
+
+
+def test_a_measurement_is_previewed_by_its_albedo() -> None:
+    found = MODELS["measured"].preview.derived(
+        complete_parameters("measured", {"file": "builtin:plastic", "scale": 0.5})
+    )
+    # Of the model that was measured, base colour and highlight, which adds the same to all channels.
+    extra = 2.0 * found["diffuseColor"] - (0.5, 0.2, 0.1)
+    np.testing.assert_allclose(extra, extra.mean(), atol=0.02)
+    assert 0.03 < extra.mean() < 0.1
+    assert found["f0"] == 0.0
 
 
 def test_f_is_converted_to_another_space() -> None:
