@@ -62,7 +62,11 @@ def test_the_plane_is_a_card_that_faces_the_camera(assets):
     np.testing.assert_array_equal(mesh.tangents, np.tile([1.0, 0.0, 0.0], (4, 1)))
 
 
-def test_the_sphere_is_exact():
+def test_the_sphere_is_exact(assets):
+    asset = assets["sphere"]
+    assert len(asset.meshes[0].face_sizes) == 512 * 256
+    assert (asset.center, asset.radius) == ((0.0, 0.0, 0.0), pytest.approx(1.0, abs=1e-7))
+    assert asset.slots == (Slot("/sphere"),)
     (mesh,) = make_sphere(32, 16).meshes
     positions = mesh.points[mesh.corner_points]
     np.testing.assert_allclose(np.linalg.norm(mesh.points, axis=1), 1.0, atol=2e-7)
@@ -70,19 +74,11 @@ def test_the_sphere_is_exact():
     np.testing.assert_allclose(mesh.normals[quads], positions[quads], atol=2e-7)
     u, v = mesh.uvs["st"].T
     latitude, longitude = np.pi * (v - 0.5), 2.0 * np.pi * u
-    expected = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
-    )
+    along, around = ([np.cos(longitude), np.sin(longitude)], [-np.sin(longitude), np.cos(longitude), 0 * longitude])
+    expected = np.stack([*(np.cos(latitude) * along), np.sin(latitude)], axis=-1)
     np.testing.assert_allclose(positions, expected, atol=1e-6)  # u in float32, times 2 pi
-    around = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude], axis=-1)
+    around = np.stack(around, axis=-1)
     np.testing.assert_allclose(mesh.tangents, around, atol=1e-6)
-
-
-def test_the_default_sphere_is_fine(assets):
-    assert len(assets["sphere"].meshes[0].face_sizes) == 512 * 256
-    assert assets["sphere"].center == (0.0, 0.0, 0.0)
-    assert assets["sphere"].radius == pytest.approx(1.0, abs=1e-7)
-    assert assets["sphere"].slots == (Slot("/sphere"),)
 
 
 def test_the_shaderball_stands_on_the_floor_and_has_its_parts(assets):

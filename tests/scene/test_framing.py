@@ -139,14 +139,6 @@ def test_framing_scales_and_moves_with_the_asset() -> None:
     assert camera.pivot == pytest.approx(turning_axis(points))
 
 
-def test_the_more_is_covered_the_farther_is_the_camera() -> None:
-    points = points_of("two distant parts")
-    cameras = [frame_fill(points, (512, 512), arcs=[(10.0, sweep)]) for sweep in (0, 90, 200, 360)]
-    depths = [float(camera.position @ camera.frame[2]) for camera in cameras]
-    assert depths == sorted(depths)
-    assert len(set(depths)) == 4
-
-
 def test_a_camera_that_sees_a_needle_along_its_length_stays_outside() -> None:
     needle = BOX * [1e-6, 1e-6, 2.0]
     camera = frame_fill(needle, (512, 512), elevation=90.0)

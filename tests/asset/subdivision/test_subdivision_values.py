@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cages import CAGES, bent, cage, chart, lattice, own_corners, ruled, triangles_of
+from cages import CAGES, bent, cage, chart, lattice, ruled
 
 from lookdev.asset.subdivision import refine
 from lookdev.asset.tangents import tangents_of
@@ -82,16 +82,6 @@ def test_uv_sets_are_refined_apart_and_keep_their_names_and_their_order():
     np.testing.assert_array_equal(both.uvs["second"], refine(replace(mesh, uvs={"st": other}), 2).uvs["st"])
 
 
-@pytest.mark.parametrize("scheme", ["catmullClark", "loop", "bilinear"])
-def test_a_mesh_without_uvs_has_unit_tangents_at_right_angles_to_its_normals(scheme):
-    points, faces = lattice(3, 3)
-    refined = refine(cage(bent(points), triangles_of(faces) if scheme == "loop" else faces, scheme), 2)
-    assert refined.uvs == {}
-    (tangents,) = tangents_of([refined])
-    np.testing.assert_allclose(np.linalg.norm(tangents, axis=1), 1.0, atol=4.0 * EPS)
-    np.testing.assert_allclose((tangents * refined.normals).sum(axis=1), 0.0, atol=4.0 * EPS)
-
-
 def test_tangents_follow_u():
     refined = refine(CAGES["seams, cornersPlus1"], 3)
     points, uv = refined.points[refined.corner_points].reshape(-1, 4, 3), refined.uvs["st"].reshape(-1, 4, 2)
@@ -102,20 +92,3 @@ def test_tangents_follow_u():
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     dots = (np.repeat(across, 4, axis=0) * tangents_of([refined])[0]).sum(axis=1)
     assert np.median(dots) > 0.999
-
-
-def test_metadata_of_the_mesh_stay():
-    mesh = CAGES["open"]
-    refined = refine(mesh, 1)
-    assert refined.name == mesh.name
-    assert refined.subdivision is None
-    for array, dtype in (
-        (refined.points, np.float32),
-        (refined.normals, np.float32),
-        (refined.corner_points, np.int32),
-        (refined.face_sizes, np.int32),
-        (refined.face_slots, np.int32),
-    ):
-        assert array.dtype == dtype
-    corners, children = own_corners(mesh, refine, 1)
-    assert len(corners) == len(children) == len(mesh.corner_points)
