@@ -8,29 +8,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frames import POSE, orbit_camera
+from agreement import assert_scene_agreement, coverage, estimate_of
+from frames import POSE, render_seeds, replaced, scene_of
 from numpy.typing import NDArray
 from shapes import Sphere
+from stored_references import Arrays, StoredReference
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.codegen import ShaderSource
 from lookdev.light import Emission, Light, RectLight, Turned
 from lookdev.material import Layer, Look, Primvar
-from lookdev.reference.mesh import MeshScene
-from lookdev.reference.render import Estimate, frame_pixels
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
+from lookdev.render.results import Rendered
 from lookdev.render.worker import Worker
-from lookdev.scene import Film, Sampling, Scene, camera_rays
+from lookdev.scene import Scene, camera_rays
 
 pytestmark = pytest.mark.cycles
 
 Floats = NDArray[np.float64]
 
-SIZE, SAMPLES, SEEDS = (32, 32), 64, 4
+SIZE, SAMPLES, SEEDS = 32, 64, 4
 ETA, K = (3.2, 3.1, 2.3), (3.3, 3.3, 3.1)  # about those of chromium
 TINT = (0.9, 0.95, 1.0)
 MIRROR = Look("mirror", (Layer("l", "mirror", {"eta": ETA, "k": K}),))
@@ -38,61 +36,34 @@ GLASS = Look("glass", (Layer("l", "glass", {"eta": 1.5, "tint": TINT}),))
 PLASTIC = Layer("base", "disney", {"baseColor": (0.6, 0.2, 0.1), "roughness": 0.4})
 
 
-def compared(
-    worker: Worker,
-    scene: Scene,
-    bounces: int,
-    reference: Callable[[Any, int], Estimate],
-    alter: Callable[[str], str] = lambda osl: osl,
-) -> Finding:
-    """Compare a scene's frame with estimates of pixels by the bounces that are rendered."""
-    task = scene_task(scene, Sampling(bounces=bounces, samples=SAMPLES, error=None))
-    shaders = [replace(each, osl=alter(each.osl)) for each in task.shaders if isinstance(each, ShaderSource)]
-    task = replace(task, shaders=tuple(shaders))
-    worker.start()
-    frames = [worker.render(one_frame(task, POSE, f"{n}", seed=n), lambda progress: None) for n in range(SEEDS)]
-    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    pixels = choose_pixels(frames[0].alpha, 100, seed=1)
-    return check_frame("", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference(pixels, task.sampling.bounces))
+def frames_of(worker: Worker, scene: Scene, bounces: int, alter: Callable[[str], str] | None = None) -> list[Rendered]:
+    return render_seeds(worker, scene, range(SEEDS), alter=alter, bounces=bounces, samples=SAMPLES, error=None)
 
 
-def assert_agrees(found: Finding) -> None:
-    assert found.passed, "\n".join((found.summary, *found.details))
+def closed_form_pixels(model: str, scene: Scene, bounces: int) -> Arrays:
+    """Return pixels of a smooth sphere by the radiance that reaches its viewer, at 32 x 32 jittered points of each."""
+    rng, count, scrambles, size = np.random.default_rng(3), 32, 8, (SIZE, SIZE)
+    sphere, light = Sphere(), Turned(scene.lights[0], POSE.lighting - POSE.element)
+    pixels = choose_pixels(coverage(sphere, scene.camera, POSE, size), 100, seed=1)
+    values = np.zeros((len(pixels), scrambles, 3))
 
+    def radiance(direction: Floats) -> Floats:
+        return np.asarray(light.radiance(np.zeros_like(direction), direction))
 
-def scene_of(asset: Asset, look: Look, *lights: Light) -> Scene:
-    camera = orbit_camera(asset.center, asset.radius)
-    return Scene(asset, {slot.path: look for slot in asset.slots}, lights, camera, Film(SIZE))
-
-
-def by_tracing(scene: Scene) -> Callable[[Any, int], Estimate]:
-    def reference(pixels: Any, bounces: int) -> Estimate:
-        shape = MeshScene(scene.asset, scene.looks)
-        return frame_pixels(shape, scene.lights, scene.camera, POSE, SIZE, pixels, bounces=bounces, samples=256)
-
-    return reference
-
-
-def by_closed_form(scene: Scene, seen: Callable[[Floats, Floats, Callable[[Floats], Floats], int], Floats]) -> Any:
-    """Return what estimates pixels of the sphere from the radiance that `seen` returns, by normals and rays."""
-
-    def reference(pixels: Any, bounces: int) -> Estimate:
-        rng, count, scrambles = np.random.default_rng(3), 32, 8
-        sphere = Sphere()
-        light = Turned(scene.lights[0], POSE.lighting - POSE.element)
-        values = np.zeros((len(pixels), scrambles, 3))
-        for scramble in range(scrambles):
-            for i in range(count):
-                for j in range(count):
-                    x, y = pixels.T + (np.array([[i], [j]]) + rng.random((2, len(pixels)))) / count
-                    origin, ray = camera_rays(scene.camera, POSE, SIZE, x, y)
-                    hit, place = sphere.hit(origin, ray)
-                    found = seen(place[hit], ray[hit], lambda w: light.radiance(np.zeros_like(w), w), bounces)
-                    values[hit, scramble] += found
-        values /= count**2
-        return Estimate(values.mean(axis=1), values.std(axis=1, ddof=1) / np.sqrt(scrambles), count**2, scrambles)
-
-    return reference
+    for scramble in range(scrambles):
+        for i in range(count):
+            for j in range(count):
+                x, y = pixels.T + (np.array([[i], [j]]) + rng.random((2, len(pixels)))) / count
+                origin, ray = camera_rays(scene.camera, POSE, size, x, y)
+                hit, place = sphere.hit(origin, ray)
+                found = CLOSED_FORMS[model](
+                    place[hit], ray[hit], lambda w: light.radiance(np.zeros_like(w), w), bounces
+                )
+                values[hit, scramble] += found
+    values /= count**2
+    error = values.std(axis=1, ddof=1) / np.sqrt(scrambles)
+    numbers = {"samples": np.array(count**2), "scrambles": np.array(scrambles)}
+    return {"pixels": pixels, "value": values.mean(axis=1), "error": error, **numbers}
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -123,16 +94,29 @@ def glass_sphere(n: Floats, ray: Floats, radiance: Callable[[Floats], Floats], b
     return np.asarray(total)
 
 
-def test_a_mirror_sphere_is_its_closed_form(worker: Worker, light_of: Callable[[str], Light]) -> None:
-    scene = scene_of(load_asset(builtin="sphere"), MIRROR, light_of("city"))
-    assert_agrees(compared(worker, scene, 2, by_closed_form(scene, mirror_sphere)))
+CLOSED_FORMS = {"mirror": mirror_sphere, "glass": glass_sphere}
 
 
-def test_a_glass_sphere_is_its_closed_form(worker: Worker, light_of: Callable[[str], Light]) -> None:
-    scene = scene_of(load_asset(builtin="sphere"), GLASS, light_of("city"))
-    for bounces in (1, 4):
-        assert_agrees(compared(worker, scene, bounces, by_closed_form(scene, glass_sphere)))
-    assert not compared(worker, scene, 2, lambda pixels, _: by_closed_form(scene, glass_sphere)(pixels, 1)).passed
+def check_sphere(stored: StoredReference, frames: list[Rendered], model: str, scene: Scene, bounces: int) -> Finding:
+    """Compare frames with the closed form of light that is reflected inside up to `bounces` times."""
+    name = f"{model} sphere {bounces}"
+    found = stored(name, closed_form_pixels, model=model, scene=scene, bounces=bounces)
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    return check_frame(name, halves, frames[0].alpha, SEEDS * SAMPLES, found["pixels"], estimate_of(found))
+
+
+@pytest.mark.parametrize(
+    ("look", "bounces"), [(MIRROR, 2), (GLASS, 1), (GLASS, 4)], ids=["mirror", "glass, 1", "glass, 4"]
+)
+def test_a_sphere_is_its_closed_form(
+    look: Look, bounces: int, worker: Worker, light_of: Callable[[str], Light], stored_reference: StoredReference
+) -> None:
+    scene = scene_of(load_asset(builtin="sphere"), look, (light_of("city"),), SIZE)
+    frames = frames_of(worker, scene, bounces)
+    found = check_sphere(stored_reference, frames, look.name, scene, bounces)
+    assert found.passed, "\n".join((found.summary, *found.details))
+    if bounces == 4:
+        assert not check_sphere(stored_reference, frames, look.name, scene, 1).passed
 
 
 FAULTS = {
@@ -142,15 +126,12 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_planted_faults_are_found(worker: Worker, light_of: Callable[[str], Light], fault: str) -> None:
-    given, planted = FAULTS[fault]
-
-    def alter(osl: str) -> str:
-        assert given in osl
-        return osl.replace(given, planted)
-
-    scene = scene_of(load_asset(builtin="sphere"), GLASS, light_of("studio"))
-    assert not compared(worker, scene, 4, by_closed_form(scene, glass_sphere), alter).passed
+def test_planted_faults_are_found(
+    worker: Worker, light_of: Callable[[str], Light], fault: str, stored_reference: StoredReference
+) -> None:
+    scene = scene_of(load_asset(builtin="sphere"), GLASS, (light_of("studio"),), SIZE)
+    frames = frames_of(worker, scene, 4, replaced(*FAULTS[fault]))
+    assert not check_sphere(stored_reference, frames, "glass", scene, 4).passed
 
 
 def blended(model: str) -> Look:
@@ -184,9 +165,17 @@ BESIDE = RectLight(
     ids=["glass", "glass in a mirror", "mirror", "glass blend", "mirror blend under a lamp"],
 )
 def test_shapes_agree_with_the_reference(
-    worker: Worker, light_of: Callable[[str], Light], look: Look, lights: tuple[Any, ...], flipped: bool
+    worker: Worker,
+    light_of: Callable[[str], Light],
+    look: Look,
+    lights: tuple[Any, ...],
+    flipped: bool,
+    stored_reference: StoredReference,
 ) -> None:
     asset = load_asset(builtin="suzanne")
     asset = mirrored(asset) if flipped else asset
-    scene = scene_of(asset, look, *(light_of(each) if isinstance(each, str) else each for each in lights))
-    assert_agrees(compared(worker, scene, 2, by_tracing(scene)))
+    lights = tuple(light_of(light) if isinstance(light, str) else light for light in lights)
+    scene = scene_of(asset, look, lights, SIZE)
+    frames = frames_of(worker, scene, 2)
+    name = f"smooth {asset.name} {look.name}"
+    assert_scene_agreement(name, frames, scene, SAMPLES, stored_reference, bounces=2, samples=256)
