@@ -109,35 +109,37 @@ def test_meshes_of_other_attributes_are_joined_by_themselves() -> None:
     assert_same_surface(asset, joined)
 
 
-def _reflected(asset: Asset) -> Asset:
+def scaled(asset: Asset, *scales: float) -> Asset:
     first, *others = asset.instances
-    return replace(asset, instances=(replace(first, matrix=first.matrix @ np.diag([-1.0, 1.0, 1.0, 1.0])), *others))
+    return replace(asset, instances=(replace(first, matrix=first.matrix @ np.diag([*scales, 1.0])), *others))
 
 
-def _twice(asset: Asset) -> Asset:
-    moved = asset.instances[0].matrix.copy()
-    moved[:3, 3] += 1.0
-    return replace(asset, instances=(*asset.instances, replace(asset.instances[0], matrix=moved)))
+def twice(asset: Asset) -> Asset:
+    first = asset.instances[0]
+    moved = affine(first.matrix[:3, 3] + 1.0, first.matrix[:3, :3])
+    return replace(asset, instances=(*asset.instances, replace(first, matrix=moved)))
 
 
-def _large(asset: Asset) -> Asset:
-    mesh = make_sphere(64, 32).meshes[0]
-    return replace(asset, meshes=(replace(mesh, name="/0"), *asset.meshes[1:]))
+def large(asset: Asset) -> Asset:
+    mesh = replace(make_sphere(64, 32).meshes[0], name="/0")
+    return replace(asset, meshes=(mesh, *asset.meshes[1:]))
 
 
-def _fine(asset: Asset) -> Asset:
-    first, *others = asset.instances
-    matrix = first.matrix @ np.diag([1e-5, 1e-5, 1e-5, 1.0])
-    return replace(asset, instances=(replace(first, matrix=matrix), *others))
+CHANGES = {
+    "reflected": lambda asset: scaled(asset, -1.0, 1.0, 1.0),
+    "fine": lambda asset: scaled(asset, 1e-5, 1e-5, 1e-5),
+    "twice": twice,
+    "large": large,
+}
 
 
-@pytest.mark.parametrize("change", [_reflected, _twice, _large, _fine])
-def test_a_mesh_stays_apart_that_joining_would_change_or_copy(change) -> None:
-    asset = change(many())
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_mesh_stays_apart_that_joining_would_change_or_copy(name) -> None:
+    asset = CHANGES[name](many())
     joined = gathered(asset)
     assert len(joined.meshes) == 2
     assert joined.meshes[1] is asset.meshes[0]
-    assert len(joined.instances) == 2 + (change is _twice)
+    assert len(joined.instances) == 2 + (name == "twice")
     assert_same_surface(asset, joined)
 
 
