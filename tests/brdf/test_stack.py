@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from random_parameters import directions, random_parameters
 
 from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
+from lookdev.brdf.stack import stranger
 from lookdev.errors import ModelError
 
 Floats = NDArray[np.float64]
@@ -152,3 +153,10 @@ def _layer(model: str, mode: Any = "over", **given: Any) -> StackLayer:
 def test_layers_that_do_not_fit_are_errors(layers: list[StackLayer], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         stack_bsdf(layers)
+
+
+def test_a_mode_is_ruled_out_by_the_first_model_that_does_not_have_it() -> None:
+    assert stranger("over", ["disney", "pixar"]) is None
+    assert stranger("transmit", ["pixar", "pixar"]) is None
+    assert stranger("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
+    assert stranger("coat", ["disney", "pixar"]) == 1

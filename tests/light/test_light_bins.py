@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lookdev.light import Dome
 from lookdev.light.dome import bins
 
 Floats = NDArray[np.float64]
@@ -32,6 +33,22 @@ def test_bins_are_counted_from_row_to_row() -> None:
     assert [*bins.FIRST, bins.COUNT] == [0, *np.cumsum(bins.CELLS)]
     assert bins.AXES.shape == (bins.COUNT, 3)
     np.testing.assert_allclose(np.linalg.norm(bins.AXES, axis=-1), 1.0, rtol=1e-14)
+
+
+def test_shaders_have_the_sizes_of_the_tables() -> None:
+    lines = dict(line.removeprefix("#define DOME_").split(" ", 1) for line in Dome.table_constants())
+    assert lines.pop("CELLS") == "{3, 9, 14, 17, 19, 19, 17, 14, 9, 3}"  # rows of 18 degrees, cells of about as much
+    assert lines.pop("FIRST") == "{0, 3, 12, 26, 43, 62, 81, 98, 112, 121}"
+    numbers = {name: float(value) for name, value in lines.items()}
+    # The bins and one more, for no normal. The highest 12 of the 32 bits of a number are a slot.
+    wanted = {"ROWS": 10, "ALL": 124, "SLOTS": 4096, "ALL_SLOTS": 125 * 4096, "BIN_NUMBERS": 250, "SLOTS_SHIFT": 20}
+    wanted |= {
+        "CODE_BITS": 12,
+        "MOST_POINTS": 3583,
+        "COS_RADIUS": np.cos(bins.RADIUS),
+        "SIN_RADIUS": np.sin(bins.RADIUS),
+    }
+    assert numbers == pytest.approx(wanted, rel=1e-12)
 
 
 def test_cones_hold_their_bins_and_little_more(normals: Floats) -> None:
