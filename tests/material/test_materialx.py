@@ -5,7 +5,6 @@ Documents are of a material M, made of a disney_principled S.
 
 from __future__ import annotations
 
-import random
 import time
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from look_files import faults_of, write_gray
 from pxr import Sdf, Usd
 
 from lookdev.brdf import MODELS
-from lookdev.errors import LookError, OutputError
+from lookdev.errors import OutputError
 from lookdev.material.look import Layer, Primvar, Texture
 from lookdev.material.materialx import Imported, import_materialx, write_usda
 from lookdev.material.usd import read_look
@@ -173,7 +172,6 @@ def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
     found = imported(tmp_path, *links, nodes=IMAGE.format(inside) + uv)
     layer = as_look(found)
     texture = layer.inputs["metallic"]
-    assert isinstance(texture, Texture)
     assert texture == layer.inputs["roughness"]
     assert (texture.st, texture.wrap_s, texture.wrap_t) == ("st1", "mirror", "black")
     assert found.file.with_suffix(".usda").read_text().count("UsdUVTexture") == 1
@@ -451,20 +449,3 @@ def test_a_megabyte_of_nodes_ends_soon(tmp_path: Path, version: str, closed: boo
         assert len(import_materialx(file).unmapped) == len(names) + 1
     # A second is what it may take; a busy machine's caches are allowed for. Upgrading such a file took 150 s.
     assert time.process_time() - before < 5.0
-
-
-def test_damaged_documents_end_in_looks_or_in_errors(tmp_path: Path) -> None:
-    rng = random.Random(5)
-    whole = document(tmp_path, TO_IMAGE, setting("sheen", 'value="0.5"'), nodes=IMAGE.format(""))
-    text = whole.read_text()
-    errors: list[LookError] = []
-    for _ in range(150):
-        start, length = rng.randrange(len(text)), rng.randrange(1, 12)
-        junk = rng.choice(["", text[start:][:length] * 2, "".join(rng.choices('<>/"=&;SM.0-9\u00e4', k=length))])
-        whole.write_text(text[:start] + junk + text[start + length :], encoding="utf-8")
-        try:
-            write_usda(import_materialx(whole), whole.with_suffix(".usda"), replace=True)
-        except LookError as error:
-            errors.append(error)
-    assert 0 < len(errors) < 150
-    assert all(fault.what for error in errors for fault in error.faults)
