@@ -5,6 +5,7 @@ A file that uses `browser` or `tab` is marked ``browser``, and skipped where Chr
 
 from __future__ import annotations
 
+import base64
 import shutil
 import sys
 import threading
@@ -120,13 +121,21 @@ class Page:
         assert isinstance(found, list), f"{found['error']}\n{code}"
         return found[0]
 
+    def bytes(self, code: str, *arguments: Any) -> bytes:
+        """Return what is in a typed array that a body returns: as JSON, numbers would take long."""
+        found = self.js(
+            f"const array = await (async () => {{ {code} }})(); if (!array) return null;"
+            "const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength), parts = [];"
+            "for (let k = 0; k < bytes.length; k += 8192)"
+            "  parts.push(String.fromCharCode(...bytes.subarray(k, k + 8192)));"
+            "return btoa(parts.join(''))",
+            *arguments,
+        )
+        return base64.b64decode(found or "")
+
     def wait(self, condition: str) -> None:
         """Wait until an expression holds."""
         self.js(f"await until(() => {condition})")
-
-    def assert_quiet(self, *levels: str) -> None:
-        """Assert that the console has no message of these levels."""
-        assert [entry for entry in self.browser.get_log("browser") if entry["level"] in levels] == []
 
 
 class _Files(SimpleHTTPRequestHandler):

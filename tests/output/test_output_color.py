@@ -92,6 +92,7 @@ def test_what_rec709_does_not_show_is_clipped_first() -> None:
     np.testing.assert_allclose(shown([[-0.3, 0.5, 0.2]]), shown([[0.0, 0.5, 0.2]]), atol=TOLERANCE)
 
 
+@pytest.mark.both_pythons
 def test_a_studio_s_config_knows_linear_rec709_by_its_roles() -> None:
     rgb = np.random.default_rng(1).random((4, 4, 3))
     view = DisplayView(VIEWS[1], default_display(STUDIO), STUDIO)

@@ -12,6 +12,8 @@ import pytest
 from lookdev.errors import OutputError
 from lookdev.output import read_frame, read_header, write_frame, write_png
 
+pytestmark = pytest.mark.both_pythons
+
 HEADER = {
     "digest": "ab" * 32,
     "job": "Käfer; \"x\" = 'y'",

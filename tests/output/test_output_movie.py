@@ -78,6 +78,7 @@ def as_rgb(shown: list[np.ndarray], bits: int) -> np.ndarray:
     return 255.0 * np.stack([luma + 1.5748 * cr, green, luma + 1.8556 * cb], axis=-1)
 
 
+@pytest.mark.both_pythons
 @pytest.mark.parametrize("name", CODECS)
 def test_a_movie_has_the_frames_rate_size_and_tags(tmp_path: Path, name: str) -> None:
     codec, suffix = CODECS[name]

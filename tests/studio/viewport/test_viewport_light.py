@@ -127,7 +127,7 @@ def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None
     compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
 
 
-@pytest.mark.parametrize("name", ["painted", "leaf"])
+@pytest.mark.parametrize("name", ["leaf", pytest.param("painted", marks=pytest.mark.proof)])
 def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: ViewportPage) -> None:
     """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
     lamps = [LIGHT_KINDS[kind].example() for kind in LAMPS]
@@ -171,7 +171,15 @@ def test_shadow_is_switched_while_nothing_compiles(look: str, page: ViewportPage
     assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
 
 
-@pytest.mark.parametrize("rig", ["texture", "local_dome", "local grey", "response", "shadow"])
+@pytest.mark.parametrize(
+    "rig",
+    [
+        "texture",
+        "local_dome",
+        "shadow",
+        *(pytest.param(rig, marks=pytest.mark.proof) for rig in ("local grey", "response")),
+    ],
+)
 def test_a_rig_casts_shadow(rig: str, page: ViewportPage, tmp_path: Path) -> None:
     compare(page, monkey(RIGS[rig](tmp_path), "leaf"), 64, 40, samples=64).assert_agrees()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -51,20 +50,14 @@ class ViewportPage(Page):
 
     def accumulated(self, count: int) -> NDArray[np.float32]:
         """Return the means (H, W, 4) of this number of samples."""
-        found = None
-        while found is None:  # in calls that are shorter than what the driver waits for
-            found = self.js(
+        data = b""
+        while not data:  # in calls that are shorter than what the driver waits for
+            data = self.bytes(
                 "viewport.set({most: given[0]});"
-                "const means = await Promise.race([viewport.accumulated(given[0]), pause(30000)]);"
-                "if (!means) return null;"
-                "const bytes = new Uint8Array(means.buffer); let text = '';"
-                "for (let k = 0; k < bytes.length; k += 8192)"
-                "  text += String.fromCharCode(...bytes.subarray(k, k + 8192));"
-                "return [btoa(text), viewport.canvas.height]",
+                "return await Promise.race([viewport.accumulated(given[0]), pause(30000)])",
                 count,
             )
-        text, height = found
-        return np.frombuffer(base64.b64decode(text), np.float32).reshape(height, -1, 4)
+        return np.frombuffer(data, "<f4").reshape(self.js("return viewport.canvas.height"), -1, 4)
 
 
 @contextmanager
