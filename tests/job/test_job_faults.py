@@ -184,9 +184,7 @@ def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp
     for line in ("", 'backend = "nodes"', 'denoise = "measured"', 'passes = ["uv", "direct", "lobes"]'):
         parse(f'{MINIMAL}[render]\n{line}\n[ground]\nkind = "plane"\n', tmp_path)
     charts = faults(MINIMAL.replace('"paint"', '"Charts"') + "[charts]\n", tmp_path)
-    assert charts == {
-        "charts": ("a look of the job is called 'charts', the name of the frames of [charts]", "rename it")
-    }
+    assert charts["charts"] == ("a look of the job is called 'charts', the name of the frames of [charts]", "rename it")
     assert parse(MINIMAL + '[[turntable]]\nname = "fine"\nkind = "element"\nframes = 8\n', tmp_path).turntable[1].name
 
 
