@@ -15,6 +15,7 @@ import batches
 import pytest
 
 from lookdev.batch.run import render_job
+from lookdev.lifetime import end_with_parent
 from lookdev.render.executors.choice import Choice
 
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
@@ -52,9 +53,14 @@ SETTINGS = {
 
 
 def lookdev(*arguments: object, cores: set[int] | None = None) -> subprocess.Popen[str]:
-    limit = (lambda: os.sched_setaffinity(0, cores)) if cores else None
+    """Start the program, on some cores; it ends with this process."""
+
+    def prepare() -> None:
+        end_with_parent()
+        os.sched_setaffinity(0, cores or os.sched_getaffinity(0))
+
     command = [sys.executable, "-m", "lookdev", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limit)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=prepare)
 
 
 def done(*processes: subprocess.Popen[str]) -> None:

@@ -190,8 +190,7 @@ FAULTS = {
     "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= ", "direct += 0.97 * ")),
 }
 
-# One for each check.
-QUICK = {"a cosine too many": "points", "3 % of the light lost": "albedo", "the light mirrored": "image"}
+QUICK = {"a cosine too many": "points", "3 % of the light lost": "albedo"}
 NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
 
 
