@@ -71,14 +71,15 @@ def test_a_run_leaves_nothing_behind(tmp_path, is_killed):
         "tests/test_tiny.py",
     )
     environment = os.environ | {"HOME": str(home), "TMPDIR": str(temporary), "MARK": mark}
-    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as process:
+    log = tmp_path / "log"
+    with log.open("w") as output, subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=output) as process:
         if is_killed:
             wait_until((tmp_path / "tests" / "started").exists)
             assert len(processes(mark)) == 2  # that of the test, and the worker
             process.kill()
-        output = process.communicate(timeout=120.0)[0]
+        process.wait(120.0)
     wait_until(lambda: not processes(mark), 10.0)
     if not is_killed:
-        assert process.returncode == 0, output
+        assert process.returncode == 0, log.read_text()
         assert [file.name.partition("-of-")[0] for file in temporary.iterdir()] == ["pytest"]
         assert list(home.iterdir()) == []
