@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asset_arrays import world_points
-from pxr import Gf, Sdf, UsdGeom, UsdSkel, Vt
-from usd_file import TYPES, primvar
+from pxr import Sdf, UsdGeom, UsdSkel
+from usd_file import BENT, STRAIGHT, TYPES, Leg, primvar
 
 from lookdev.asset.usd import primitives, walk
 from lookdev.asset.usd.primitives import PRIMITIVES
 from lookdev.errors import AssetError
 
 pytestmark = pytest.mark.both_pythons
-UP = Gf.Matrix4d(1.0).SetTranslate((0, 0, 1))
 
 
 @pytest.mark.parametrize("up", ["Y", "Z"])
@@ -127,38 +126,20 @@ def assert_box(points, low, high):
 STRIP = [(0, 0, 0), (1, 0, 0), (1, 0, 2), (0, 0, 2)], [0, 1, 2, 3]
 
 
-class Leg:
-    """A skinned strip: its upper half turns by a right angle about x at (0, 0, 1)."""
+class Strip(Leg):
+    """A leg whose knee is bent by a right angle about x at (0, 0, 1)."""
 
-    def __init__(self, stage, path="/Leg"):
-        self.stage = stage
-        UsdSkel.Root.Define(stage, path)
-        self.skeleton = UsdSkel.Skeleton.Define(stage, f"{path}/Bones")
-        self.skeleton.GetJointsAttr().Set(["hip", "hip/knee"])
-        self.skeleton.GetBindTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
-        self.skeleton.GetRestTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
-        animation = self.animation(f"{path}/Bend", 1.0, Gf.Quatf(np.sqrt(0.5), np.sqrt(0.5), 0, 0))
-        UsdSkel.BindingAPI.Apply(self.skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-
-    def animation(self, path, height, rotation):
-        """Place the knee at a height above the hip, and turn it."""
-        animation = UsdSkel.Animation.Define(self.stage, path)
-        animation.GetJointsAttr().Set(["hip/knee"])
-        animation.GetTranslationsAttr().Set([(0, 0, height)])
-        animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)]))
-        animation.GetRotationsAttr().Set([rotation])
-        return animation
+    def __init__(self, stage):
+        super().__init__(stage)
+        self.animate("/Leg/Bend", ["hip/knee"], [1.0], [BENT])
 
     def bind(self, prim, joints, constant=False):
-        api = UsdSkel.BindingAPI.Apply(prim.GetPrim())
-        api.CreateSkeletonRel().SetTargets([self.skeleton.GetPath()])
-        api.CreateJointIndicesPrimvar(constant, 1).Set(joints)
-        api.CreateJointWeightsPrimvar(constant, 1).Set([1.0] * len(joints))
+        super().bind(prim, joints, [1.0] * len(joints), constant=constant)
 
 
 @pytest.fixture
 def leg(file):
-    return Leg(file.stage)
+    return Strip(file.stage)
 
 
 def test_a_skinned_mesh_is_posed_and_placed_by_its_skeleton(file, leg):
@@ -197,7 +178,7 @@ def test_instances_of_a_rig_share_a_mesh_only_in_the_same_pose(file, leg):
     leg.bind(file.mesh("/Leg/Skin", *STRIP), [0, 0, 1, 1])
     file.stage.GetPrimAtPath("/Leg").SetSpecifier(Sdf.SpecifierClass)
     leg.skeleton.GetPrim().RemoveProperty("skel:animationSource")
-    leg.animation("/Straight", 3.0, Gf.Quatf(1, 0, 0, 0))
+    leg.animate("/Straight", ["hip/knee"], [3.0], [STRAIGHT])
     for number, source in enumerate(("/Leg/Bend", "/Straight", "/Straight")):
         prim = UsdSkel.Root.Define(file.stage, f"/Crowd/Leg{number}")
         prim.GetPrim().GetReferences().AddInternalReference("/Leg")

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+from usd_file import BENT, JOINTS, STRAIGHT, UP, Leg
 
 from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.skinning import Skinning
@@ -16,43 +17,22 @@ pytestmark = pytest.mark.both_pythons
 
 HALF = np.sqrt(0.5)
 POINTS = [(0, 0, 0), (0, 0, 1), (0, 0, 2), (1, 0, 2)]
-JOINTS = ["hip", "hip/knee"]
-UP = Gf.Matrix4d(1.0).SetTranslate((0, 0, 1))
 EARLY = Usd.TimeCode.EarliestTime()
 
 
-class Rig:
-    """A leg of two joints, the knee 1 above the hip; at time 10 it is bent by a right angle about x."""
+class Rig(Leg):
+    """A leg with a skin; at time 10 its knee is bent by a right angle about x."""
 
     def __init__(self):
-        self.stage = Usd.Stage.CreateInMemory()
-        self.root = UsdSkel.Root.Define(self.stage, "/Leg")
-        self.skeleton = UsdSkel.Skeleton.Define(self.stage, "/Leg/Bones")
-        self.skeleton.GetJointsAttr().Set(JOINTS)
-        self.skeleton.GetBindTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
-        self.skeleton.GetRestTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
-        self.animation = UsdSkel.Animation.Define(self.stage, "/Leg/Bend")
-        self.animation.GetJointsAttr().Set(JOINTS)
-        self.animation.GetTranslationsAttr().Set([(0, 0, 0), (0, 0, 1)])
-        self.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * 2))
-        self.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0)] * 2, 0.0)
-        self.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0), Gf.Quatf(HALF, HALF, 0, 0)], 10.0)
-        self.api(self.skeleton).CreateAnimationSourceRel().SetTargets(["/Leg/Bend"])
-        self.mesh = self.skin("/Leg/Skin")
-
-    def api(self, schema):
-        return UsdSkel.BindingAPI.Apply(schema.GetPrim())
-
-    def skin(self, path, indices=(0, 1) * 4, weights=(1, 0, 1, 0, 0, 1, 0.5, 0.5), size=2, constant=False):
-        mesh = UsdGeom.Mesh.Define(self.stage, path)
-        mesh.GetPointsAttr().Set(POINTS)
-        mesh.GetFaceVertexCountsAttr().Set([4])
-        mesh.GetFaceVertexIndicesAttr().Set([0, 3, 2, 1])
-        api = self.api(mesh)
-        api.CreateSkeletonRel().SetTargets(["/Leg/Bones"])
-        api.CreateJointIndicesPrimvar(constant, size).Set(list(indices))
-        api.CreateJointWeightsPrimvar(constant, size).Set(list(map(float, weights)))
-        return mesh
+        super().__init__(Usd.Stage.CreateInMemory())
+        self.animation = self.animate("/Leg/Bend", JOINTS, [0.0, 1.0])
+        self.animation.GetRotationsAttr().Set([STRAIGHT] * 2, 0.0)
+        self.animation.GetRotationsAttr().Set([STRAIGHT, BENT], 10.0)
+        self.mesh = UsdGeom.Mesh.Define(self.stage, "/Leg/Skin")
+        self.mesh.GetPointsAttr().Set(POINTS)
+        self.mesh.GetFaceVertexCountsAttr().Set([4])
+        self.mesh.GetFaceVertexIndicesAttr().Set([0, 3, 2, 1])
+        self.bind(self.mesh, (0, 1) * 4, (1, 0, 1, 0, 0, 1, 0.5, 0.5), size=2)
 
     def shape(self, name, offsets, indices=None, normals=None):
         """Add a blend shape to the mesh, whose weights are animated by `weigh`."""
@@ -154,7 +134,7 @@ def sparse_animation(rig):
     rig.animation.GetJointsAttr().Set(["hip/knee"])
     rig.animation.GetTranslationsAttr().Set([(0, 0, 1.5)])
     rig.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 2, 1)]))
-    rig.animation.GetRotationsAttr().Set([Gf.Quatf(HALF, HALF, 0, 0)], 10.0)
+    rig.animation.GetRotationsAttr().Set([BENT], 10.0)
 
 
 def still(rig):
@@ -281,10 +261,7 @@ def test_blend_shapes_turn_normals_by_point(rig):
 
 def test_a_gprim_without_points_is_moved_as_a_whole(rig):
     ball = UsdGeom.Sphere.Define(rig.stage, "/Leg/Foot")
-    api = rig.api(ball)
-    api.CreateSkeletonRel().SetTargets(["/Leg/Bones"])
-    api.CreateJointIndicesPrimvar(True, 1).Set([1])
-    api.CreateJointWeightsPrimvar(True, 1).Set([1.0])
+    rig.bind(ball, [1], [1.0], constant=True)
     got = Skinning(Usd.TimeCode(10.0)).deformed(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
     np.testing.assert_allclose(got.points, [(0, -2, 1), (0, 0, 2)], atol=1e-6)
 
@@ -292,11 +269,7 @@ def test_a_gprim_without_points_is_moved_as_a_whole(rig):
 def test_instances_are_posed_by_their_own_animation(rig):
     stage = rig.stage
     rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
-    rest = UsdSkel.Animation.Define(stage, "/Straight")
-    rest.GetJointsAttr().Set(JOINTS)
-    rest.GetTranslationsAttr().Set([(0, 0, 0), (0, 0, 2)])
-    rest.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * 2))
-    rest.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0)] * 2)
+    rig.animate("/Straight", JOINTS, [0.0, 2.0], [STRAIGHT] * 2)
     for name, source in (("A", "/Leg/Bend"), ("B", "/Straight"), ("C", "/Leg/Bend")):
         prim = UsdSkel.Root.Define(stage, f"/Crowd/{name}")
         prim.GetPrim().GetReferences().AddInternalReference("/Leg")

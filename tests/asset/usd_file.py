@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 from asset_arrays import check_asset
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from lookdev.asset import load_asset
 from lookdev.asset.usd import read_usd
@@ -73,6 +73,43 @@ class File:
         asset = read_usd(compose(Composition(self.path, **composition)), time, purposes)
         check_asset(asset)
         return asset
+
+
+UP = Gf.Matrix4d(1.0).SetTranslate((0, 0, 1))
+JOINTS = ["hip", "hip/knee"]
+STRAIGHT, BENT = Gf.Quatf(1, 0, 0, 0), Gf.Quatf(0.5**0.5, 0.5**0.5, 0, 0)  # by a right angle about x
+
+
+class Leg:
+    """A skeleton of two joints, the knee 1 above the hip."""
+
+    def __init__(self, stage, path="/Leg"):
+        self.stage, self.root = stage, UsdSkel.Root.Define(stage, path)
+        self.skeleton = UsdSkel.Skeleton.Define(stage, f"{path}/Bones")
+        self.skeleton.GetJointsAttr().Set(JOINTS)
+        self.skeleton.GetBindTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
+        self.skeleton.GetRestTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
+        self.api(self.skeleton).CreateAnimationSourceRel().SetTargets([f"{path}/Bend"])
+
+    def api(self, schema):
+        return UsdSkel.BindingAPI.Apply(schema.GetPrim())
+
+    def animate(self, path, joints, heights, rotations=None):
+        """Place joints at heights above their parents, and turn them."""
+        animation = UsdSkel.Animation.Define(self.stage, path)
+        animation.GetJointsAttr().Set(joints)
+        animation.GetTranslationsAttr().Set([(0, 0, height) for height in heights])
+        animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
+        if rotations:
+            animation.GetRotationsAttr().Set(rotations)
+        return animation
+
+    def bind(self, schema, indices, weights, size=1, constant=False):
+        """Bind a prim to joints, `size` for each point, or for the whole."""
+        api = self.api(schema)
+        api.CreateSkeletonRel().SetTargets([self.skeleton.GetPath()])
+        api.CreateJointIndicesPrimvar(constant, size).Set(list(indices))
+        api.CreateJointWeightsPrimvar(constant, size).Set(list(map(float, weights)))
 
 
 def primvar(mesh, name, kind, interpolation, values, indices=None):
