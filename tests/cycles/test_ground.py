@@ -7,7 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from agreement import compute_live, coverage
+from failed_pictures import comparison
+from frames import render_seeds
 from scipy import stats
+from stored_references import Arrays, StoredReference
 
 from lookdev.asset import Asset, load_asset
 from lookdev.light import Dome, Light
@@ -21,7 +25,6 @@ from lookdev.reference.render import frame_pixels
 from lookdev.render.catcher import remaining
 from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.ground import GREY, PATH, Ground, on_ground
@@ -46,13 +49,25 @@ def scene_of(
     return Scene(both, wears, tuple(lights), camera, Film(SIZE), catchers=catchers)
 
 
-def frames_of(worker: Worker, scene: Scene, count: int, **given: int) -> list[Rendered]:
-    task = scene_task(scene, Sampling(**given))  # type: ignore[arg-type]
-    worker.start()
-    return [
-        worker.render(one_frame(task, POSE, f"frame {seed} {id(scene)}", seed=seed), lambda progress: None)
-        for seed in range(count)
-    ]
+def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list[Rendered]:
+    return render_seeds(worker, scene, range(count), pose=POSE, **sampling)
+
+
+def ground_pixels(scene: Scene) -> Arrays:
+    """Return pixels of the asset and of its ground, whose edge is not among them."""
+    meshes = MeshScene(scene.asset, scene.looks)
+    covered = np.argwhere(coverage(meshes, scene.camera, POSE, SIZE) == 1.0)
+    pixels = np.random.default_rng(3).permutation(covered)[:60, ::-1]
+    options = {"bounces": 2, "samples": 128, "scrambles": 8}
+    found = frame_pixels(meshes, scene.lights, scene.camera, POSE, SIZE, pixels, **options)
+    return {"pixels": pixels, "value": found.value, "error": found.error}
+
+
+def assert_reference(stored: StoredReference, name: str, scene: Scene, pictures: list[np.ndarray]) -> None:
+    found = stored(name, ground_pixels, scene=scene)
+    with comparison(np.mean(pictures, axis=0), found["value"], found["pixels"]):
+        values = [picture.mean(axis=-1) for picture in pictures]
+        assert_like(values, found["value"].mean(axis=-1), found["error"].mean(axis=-1), found["pixels"][:, ::-1])
 
 
 def on_own_ground(frame: Rendered) -> np.ndarray:
@@ -130,19 +145,12 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(
     ids=["glossy-slopes", "grey-slopes", "glossy-three_point"],
 )
 def test_a_frame_over_its_ground_is_that_of_the_reference(
-    worker: Worker, light_of: Callable[[str], Dome], lit: str, under: Look
+    worker: Worker, light_of: Callable[[str], Dome], lit: str, under: Look, stored_reference: StoredReference
 ) -> None:
     lights: list[Light] = [light_of("slopes")] if lit == "slopes" else rig(lit)
     scene = scene_of(lights, RED, under, catcher=True)
     frames = frames_of(worker, scene, 6, samples=32, bounces=2)
-    rng = np.random.default_rng(3)
-    chosen = rng.permutation(np.argwhere(frames[0].passes["bare"].sum(axis=-1) + frames[0].alpha > 0.0))[:60]
-    surfaces = MeshScene(scene.asset, scene.looks)
-    found = frame_pixels(
-        surfaces, lights, scene.camera, POSE, SIZE, chosen[:, ::-1], bounces=2, samples=128, scrambles=8
-    )
-    pictures = [on_own_ground(frame).mean(axis=-1) for frame in frames]
-    assert_like(pictures, found.value.mean(axis=-1), found.error.mean(axis=-1), chosen)
+    assert_reference(stored_reference, "ball on glossy ground", scene, [on_own_ground(frame) for frame in frames])
     # There is a shadow, and light that the ball reflects onto the ground and, if it is glossy, its image.
     mean = np.mean([frame.alpha for frame in frames], axis=0)
     covered = np.mean([frame.passes["bare"].sum(axis=-1) for frame in frames], axis=0) > 0.0
@@ -159,15 +167,10 @@ def test_a_plane_is_rendered_with_its_shadow_and_its_reflection(
     mirror = Look("mirror", (Layer("a", "mirror", {"metal": "silver"}),))
     scene = scene_of([light_of("slopes")], RED, mirror, catcher=False)
     frames = frames_of(worker, scene, 6, samples=32, bounces=2)
-    chosen = np.random.default_rng(4).permutation(np.argwhere(frames[0].alpha > 0.0))[:60]
-    surfaces = MeshScene(scene.asset, scene.looks)
-    found = frame_pixels(
-        surfaces, scene.lights, CAMERA, POSE, SIZE, chosen[:, ::-1], bounces=2, samples=128, scrambles=8
-    )
-    pictures = [((frame.a + frame.b) / 2.0).mean(axis=-1) for frame in frames]
-    assert_like(pictures, found.value.mean(axis=-1), found.error.mean(axis=-1), chosen)
+    assert_reference(compute_live, "", scene, [(frame.a + frame.b) / 2.0 for frame in frames])
 
 
+@pytest.mark.both_pythons
 def test_ground_that_the_asset_does_not_touch_is_no_part_of_a_frame(worker: Worker) -> None:
     scene = scene_of(rig("three_point")[:1], RED, GREY, catcher=True)
     (frame,) = frames_of(worker, scene, 1, samples=16, bounces=0)
