@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ pytest.importorskip("starlette", reason="the page's packages are not installed: 
 
 from served import Served, served
 
+MATERIALS = Path(__file__).parents[2] / "materials"
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
@@ -24,9 +27,20 @@ def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
+def car_paint() -> Callable[[Path], Path]:
+    """Return a function that copies car paint into a folder: flakes and a muted dust over a base."""
+
+    def copy(folder: Path) -> Path:
+        shutil.copytree(MATERIALS / "textures", folder / "textures")
+        return Path(shutil.copy(MATERIALS / "car_paint.usda", folder))
+
+    return copy
+
+
+@pytest.fixture(scope="session")
 def toy_car() -> str:
     """Return the text of the toy car, of 8 thousand triangles instead of 300 thousand."""
-    text = (Path(__file__).parents[2] / "jobs" / "assets" / "toy_car.usda").read_text()
+    text = (MATERIALS.parent / "jobs" / "assets" / "toy_car.usda").read_text()
     return (
         text.replace('"catmullClark"', '"none"')
         .replace("def Sphere", "def Cylinder")

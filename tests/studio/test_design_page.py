@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +16,9 @@ from served import Served, served
 
 from lookdev.material.usd import read_look
 
-ROOT = Path(__file__).parents[2]
-
-
-def car_paint(folder: Path) -> Path:
-    """Return a copy of car paint: flakes and a muted dust over a base."""
-    shutil.copytree(ROOT / "materials" / "textures", folder / "textures")
-    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", folder))
-
 
 @pytest.fixture(scope="module")
-def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def look(tmp_path_factory: pytest.TempPathFactory, car_paint: Callable[[Path], Path]) -> Path:
     return car_paint(tmp_path_factory.mktemp("looks"))
 
 
@@ -54,6 +45,7 @@ def page(opened: DesignPage, look: Path) -> Iterator[DesignPage]:
     assert look.read_text() == text
 
 
+@pytest.mark.both_pythons
 def test_a_slider_shows_at_once_and_compiles_nothing(page: DesignPage) -> None:
     before = page.mean()
     assert page.slide("roughness", 0.9) == 0
@@ -92,6 +84,7 @@ def test_the_hand_orbits_turns_the_light_and_picks(page: DesignPage) -> None:
     assert picked["path"] == "/plane"
 
 
+@pytest.mark.both_pythons
 def test_what_is_saved_is_what_was_shown(page: DesignPage, look: Path) -> None:
     page.slide("roughness", 0.5)
     assert page.js("await saved(); return at('save').disabled")
@@ -280,7 +273,7 @@ def test_a_file_that_changed_on_disk_is_a_notice_and_a_question(page: DesignPage
     assert "specular = 0.25" not in look.read_text()
 
 
-def test_unsaved_work_is_offered_after_a_crash(browser: Any, tmp_path: Path) -> None:
+def test_unsaved_work_is_offered_after_a_crash(browser: Any, tmp_path: Path, car_paint: Callable[[Path], Path]) -> None:
     look = car_paint(tmp_path)
     with new_tab(browser):
         with served("plane", "--material", str(look), verb="design") as server:
