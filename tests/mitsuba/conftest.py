@@ -1,11 +1,15 @@
-"""Frames of simple scenes from the warm worker of Mitsuba."""
+"""Frames of scenes from the warm worker of Mitsuba."""
 
 from __future__ import annotations
 
 import pytest
-from frames import RenderScene, frames_of
+from mitsuba_scenes import RenderSeeds
 
+from lookdev.render.results import Rendered
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Worker
+from lookdev.scene import Pose, Sampling, Scene
 
 
 @pytest.fixture(scope="session")
@@ -14,5 +18,13 @@ def worker(mitsuba_worker: Worker) -> Worker:
 
 
 @pytest.fixture(scope="session")
-def render(mitsuba_worker: Worker) -> RenderScene:
-    return frames_of(mitsuba_worker, "mitsuba")
+def render_seeds(mitsuba_worker: Worker) -> RenderSeeds:
+    """Return a function that renders frames of a scene, of seeds from 0 on."""
+
+    def render(scene: Scene | SceneTask, pose: Pose, seeds: int, **sampling: object) -> list[Rendered]:
+        task = scene if isinstance(scene, SceneTask) else scene_task(scene, Sampling(**sampling), "mitsuba")  # type: ignore[arg-type]
+        mitsuba_worker.start()
+        frames = (one_frame(task, pose, f"{seed}", seed=seed) for seed in range(seeds))
+        return [mitsuba_worker.render(frame, lambda progress: None) for frame in frames]
+
+    return render

@@ -5,44 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import batches
 import numpy as np
 import pytest
+from mitsuba_scenes import RenderSeeds
 
 from lookdev.batch.export_mitsuba import export_mitsuba
 from lookdev.batch.prepare import read_setups
 from lookdev.errors import LookdevError
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
 
 pytestmark = pytest.mark.mitsuba
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 CITY = 'builtin = "city"'
-CLASSIC = {"material": MATERIALS / "classic" / "lambert.usda"}
+LAMBERT = MATERIALS / "classic" / "lambert.usda"
 FITTED = 'usd = "rig.usda"'
-JOB = """
-asset = {{ builtin = "suzanne" }}
-output = "out"
-[[look]]
-name = "paint"
-material = "{material}"
-{look}
-[[{light}]]
-name = "light"
-exposure = 0.5
-rotation = 20.0
-{where}
-[[turntable]]
-kind = "lighting"
-frames = 4
-start = 40.0
-[camera]
-{camera}
-[render]
-resolution = [64, 48]
-samples = 256
-bounces = 2
-"""
 RIG = """#usda 1.0
 (
     metersPerUnit = 1
@@ -90,17 +67,23 @@ def Xform "Rig"
 
 
 def write_job(
-    folder: Path, light: str = "ibl", where: str = 'builtin = "city"', beside: str = "", **parts: str
+    folder: Path, light: str = "ibl", where: str = CITY, beside: str = "", material: str = "car_paint", **keys: str
 ) -> Path:
     (folder / "rig.usda").write_text(RIG.replace("BESIDE", beside))
-    given = {"material": str(MATERIALS / "car_paint.usda"), "look": "", "camera": "azimuth = 30.0", **parts}
-    (folder / "job.toml").write_text(JOB.format(light=light, where=where, **given))
-    return folder / "job.toml"
+    given = {
+        "look": f'[{{ name = "paint", material = "{MATERIALS / material}.usda" }}]',
+        "turntable": '[{ kind = "lighting", frames = 4, start = 40.0 }]',
+        "camera": "{ azimuth = 30.0 }",
+        "render": "{ resolution = [40, 30], samples = 256, bounces = 2 }",
+        "ibl": "",
+        light: f'[{{ name = "light", exposure = 0.5, rotation = 20.0, {where} }}]',
+    }
+    return batches.write_job(folder, **given | keys)
 
 
 @pytest.mark.parametrize(("light", "where"), [("ibl", CITY), ("rig", FITTED)])
 def test_a_scene_shows_what_the_backend_shows(
-    light: str, where: str, drjit: Any, worker: Worker, tmp_path: Path
+    light: str, where: str, drjit: Any, render_seeds: RenderSeeds, tmp_path: Path
 ) -> None:
     import mitsuba as mi
 
@@ -116,37 +99,37 @@ def test_a_scene_shows_what_the_backend_shows(
     setups = read_setups(job, backend="mitsuba")
     [setup] = setups.setups
     pose = setup.poses(setups.job.turntable[0], setups.job.camera.azimuth)[0]
-    worker.start()
-    task = setup.task
-    frames = [worker.render(one_frame(task, pose, f"{n}", seed=n), lambda progress: None) for n in range(4)]
+    frames = render_seeds(setup.task, pose, 4)
     # Workers leave the exposure to the output.
     expected = 2.0**setup.exposure * np.stack([half for frame in frames for half in (frame.a, frame.b)]).astype(float)
 
     # Both have films of boxes, so that each pixel has one mean.
     inside = np.min([frame.alpha for frame in frames], axis=0) == 1.0
-    assert inside.sum() > 200
-    chosen = [picture[:, inside, :3].mean(axis=-1) for picture in (found, expected)]
-    means, errors = [
-        np.array([each.mean(axis=0) for each in chosen]),
-        np.array([each.std(axis=0, ddof=1) / np.sqrt(len(each)) for each in chosen]),
-    ]
-    whole = [each.mean(axis=1) for each in chosen]
-    noise = np.hypot(*(each.std(ddof=1) / np.sqrt(len(each)) for each in whole))
-    assert abs(whole[0].mean() - whole[1].mean()) < 4.0 * noise < 0.02 * whole[1].mean()
+    assert inside.sum() > 100
+    pixels = [picture[:, inside, :3].mean(axis=-1) for picture in (found, expected)]
+
+    def compared(values: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the difference of the means of eight values each, and its standard error."""
+        errors = (each.std(axis=0, ddof=1) / np.sqrt(len(each)) for each in values)
+        return values[0].mean(axis=0) - values[1].mean(axis=0), np.hypot(*errors)
+
+    difference, noise = compared([each.mean(axis=1) for each in pixels])
+    assert abs(difference) < 4.0 * noise < 0.02 * pixels[1].mean()
     # Student's t of 14 degrees of freedom, of some hundreds of pixels.
-    z = (means[0] - means[1]) / np.hypot(*errors)
-    assert np.quantile(np.abs(z), 0.95) < 2.6
-    assert np.abs(z).max() < 8.0
+    difference, noise = compared(pixels)
+    z = np.abs(difference / noise)
+    assert np.quantile(z, 0.95) < 2.6
+    assert z.max() < 8.0
 
 
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
         ({"light": "rig", "where": FITTED, "beside": "float inputs:diffuse = 0.5"}, "Bulb.*multiplier"),
-        ({"camera": 'usd = "/Rig/Lens"\nfile = "rig.usda"'}, "depth of field"),
-        ({"material": str(MATERIALS / "none.usda")}, "none.usda"),
-        ({"material": str(MATERIALS / "classic" / "mirror.usda")}, "'paint': scatters along single directions"),
-        ({"look": '[[look.assign]]\nprims = ["/*"]\nmaterial = "{material}"'.format(**CLASSIC)}, "on parts"),
+        ({"camera": '{ usd = "/Rig/Lens", file = "rig.usda" }'}, "depth of field"),
+        ({"material": "none"}, "none.usda"),
+        ({"material": "classic/mirror"}, "'paint': scatters along single directions"),
+        ({"look": f'[{{ name = "paint", assign = [{{ prims = ["/*"], material = "{LAMBERT}" }}] }}]'}, "on parts"),
     ],
 )
 def test_what_mitsuba_lacks_is_refused_by_name(parts: dict[str, str], words: str, tmp_path: Path) -> None:

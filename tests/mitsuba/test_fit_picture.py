@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import batches
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from batches import look_text
+from lending import lend_workers
 
 from lookdev.batch.fit_picture import PictureFit, Wish, fit_picture
 from lookdev.batch.run import render_job
@@ -23,43 +26,7 @@ from lookdev.material.usd import read_look
 pytestmark = pytest.mark.mitsuba
 
 MATERIALS = Path(__file__).parents[2] / "materials"
-DISNEY = """#usda 1.0
-(
-    defaultPrim = "Paint"
-)
-def Material "Paint"
-{
-    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
-    def Shader "Base"
-    {
-        uniform token info:id = "Lookdev@MODEL@"
-        @INPUTS@
-        token outputs:layer
-    }
-}
-"""
-JOB = """
-output = "{look}_out"
-asset = {{ builtin = "{asset}" }}
-[[look]]
-name = "paint"
-material = "{look}.usda"
-[[{kind}]]
-name = "light"
-builtin = "{light}"
-exposure = 0.3
-rotation = 20.0
-[[turntable]]
-kind = "element"
-frames = 2
-start = 15.0
-[camera]
-elevation = 15.0
-[render]
-resolution = [{size}, {size}]
-samples = {samples}
-bounces = 2
-"""
+FRAME = "paint/light/element.0002"
 
 
 @dataclass(frozen=True)
@@ -73,25 +40,17 @@ class Case:
     kind: str = "ibl"
 
 
-def shader(model: str, **inputs: float | tuple[float, float, float]) -> str:
-    lines = [
-        f"color3f inputs:{name} = {value}" if isinstance(value, tuple) else f"float inputs:{name} = {value}"
-        for name, value in inputs.items()
-    ]
-    return DISNEY.replace("@MODEL@", model).replace("@INPUTS@", "\n        ".join(lines))
-
-
 CASES = {
     "disney": Case(
-        "shaderball", "city", shader("Disney", baseColor=(0.4, 0.4, 0.4), metallic=0.6, roughness=0.6),
+        "shaderball", "city", look_text("Disney", baseColor=(0.4, 0.4, 0.4), metallic=0.6, roughness=0.6),
         {"baseColor": (0.7, 0.35, 0.12), "metallic": (0.3,), "roughness": (0.35,)},
     ),
     "pixar": Case(
-        "suzanne", "three_point", shader("Pixar", surfaceColor=(0.5, 0.5, 0.5), metallic=0.2, roughness=0.3),
+        "suzanne", "three_point", look_text("Pixar", surfaceColor=(0.5, 0.5, 0.5), metallic=0.2, roughness=0.3),
         {"surfaceColor": (0.3, 0.5, 0.65), "metallic": (0.7,), "roughness": (0.45,)}, "rig",
     ),
     "ward": Case(
-        "sphere", "studio", shader("Ward", diffuse=(0.2, 0.2, 0.2), alphaX=0.3, alphaY=0.3),
+        "sphere", "studio", look_text("Ward", diffuse=(0.2, 0.2, 0.2), alphaX=0.3, alphaY=0.3),
         {"diffuse": (0.45, 0.2, 0.3), "alphaX": (0.12,), "alphaY": (0.22,)},
     ),
     "robot_paint": Case(
@@ -99,11 +58,11 @@ CASES = {
         {"Paint.surfaceColor": (0.1, 0.35, 0.5), "Paint.roughness": (0.5,), "Metal.roughness": (0.4,)},
     ),
     "coat": Case(
-        "suzanne", "courtyard", shader("Disney", baseColor=(0.3, 0.3, 0.3), roughness=0.8, clearcoat=0.3, sheen=0.2),
+        "suzanne", "courtyard", look_text("Disney", baseColor=(0.3, 0.3, 0.3), roughness=0.8, clearcoat=0.3, sheen=0.2),
         {"baseColor": (0.55, 0.08, 0.06), "roughness": (0.5,), "clearcoat": (0.85,)},
     ),
     "pixar_plastic": Case(
-        "suzanne", "interior", shader("Pixar", surfaceColor=(0.6, 0.6, 0.6), roughness=0.6),
+        "suzanne", "interior", look_text("Pixar", surfaceColor=(0.6, 0.6, 0.6), roughness=0.6),
         {"surfaceColor": (0.25, 0.45, 0.2), "roughness": (0.35,), "specularScale": (0.6,)},
     ),
     "car_paint": Case(
@@ -111,28 +70,39 @@ CASES = {
         {"Base.baseColor": (0.3, 0.03, 0.05), "Base.roughness": (0.3,), "Flakes.roughness": (0.35,)}, "rig",
     ),
     "ashikhmin-shirley": Case(
-        "shaderball", "sunset", shader("AshikhminShirley", diffuse=(0.2, 0.2, 0.2), exponentU=100.0, exponentV=60.0),
+        "shaderball", "sunset", look_text("AshikhminShirley", diffuse=(0.2, 0.2, 0.2), exponentU=100.0, exponentV=60.0),
         {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.3), "exponentU": (20.0,)},
     ),
 }  # fmt: skip
 
 
+def write_job(folder: Path, case: Case, size: int, samples: int) -> Path:
+    """Write a job of a case, with an empty look."""
+    folder.mkdir(exist_ok=True)
+    return batches.write_job(
+        folder,
+        asset=f'{{ builtin = "{case.asset}" }}',
+        look='[{ name = "paint", material = "paint.usda" }]',
+        turntable='[{ kind = "element", frames = 2, start = 15.0 }]',
+        camera="{ elevation = 15.0 }",
+        render=f"{{ resolution = [{size}, {size}], samples = {samples}, bounces = 2 }}",
+        **{"ibl": "", case.kind: f'[{{ name = "light", builtin = "{case.light}", exposure = 0.3, rotation = 20.0 }}]'},
+    )
+
+
 def scene(folder: Path, case: Case, size: int, samples: int) -> tuple[Path, Path]:
     """Write the job, and render its second frame with the true values by Cycles; return the job and the picture."""
-    before = folder / "before.usda"
+    job, true = (write_job(folder / name, case, size, samples) for name in ("before", "truth"))
+    before = job.with_name("paint.usda")
     if case.look in ("robot_paint", "car_paint"):
-        before = MATERIALS / f"{case.look}.usda"
-        write_changed(before, folder / "before.usda", [])
+        write_changed(MATERIALS / f"{case.look}.usda", before, [])
     else:
         before.write_text(case.look)
     look = read_look(before)
     changed = [replace(constant_of(look, name), value=value) for name, value in case.truth.items()]
-    write_changed(before, folder / "truth.usda", changed)
-    for name in ("before", "truth"):
-        text = JOB.format(look=name, asset=case.asset, kind=case.kind, light=case.light, size=size, samples=samples)
-        (folder / f"{name}.toml").write_text(text)
-    assert render_job(folder / "truth.toml", only=["paint/light/element.0002"]).exit_code == 0
-    return folder / "before.toml", folder / "truth_out" / "paint" / "light" / "element.0002.exr"
+    write_changed(before, true.with_name("paint.usda"), changed)
+    assert render_job(true, only=[FRAME]).exit_code == 0
+    return job, folder / "truth" / "out" / f"{FRAME}.exr"
 
 
 def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> list[float]:
@@ -141,11 +111,14 @@ def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> list[flo
     return [float(np.abs(np.array(found) / np.array(value) - 1.0).max()) for found, value in pairs]
 
 
-FRAME = "paint/light/element.0002"
+@pytest.fixture
+def _warm(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    lend_workers(request, monkeypatch)
 
 
 @pytest.mark.proof
 @pytest.mark.cycles
+@pytest.mark.usefixtures("_warm")
 @pytest.mark.parametrize("name", CASES)
 def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_path: Path) -> None:
     case = CASES[name]
@@ -159,18 +132,14 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
         assert constant_of(again, each).value == pytest.approx(value, rel=1e-6)
 
 
-TINY = Case("sphere", "city", shader("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
+TINY = Case("sphere", "city", look_text("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
 LITTLE = Settings(tried=2, followed=1, coarse=4, samples=8, finest=16, slopes=4, rounds=2)
 
 
-@pytest.fixture(scope="module")
-def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    return scene(tmp_path_factory.mktemp("tiny"), TINY, 32, 16)
-
-
 @pytest.mark.cycles
-def test_a_parameter_comes_back_within_its_error(llvm: str, tiny: tuple[Path, Path], tmp_path: Path) -> None:
-    job, picture = tiny
+@pytest.mark.usefixtures("_warm")
+def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> None:
+    job, picture = scene(tmp_path, TINY, 32, 16)
     wish = Wish(picture, job, ("roughness",), FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE)
     made = fit_picture(wish)
     (value,), (error,) = made.found.values["Base.roughness"], made.found.errors["Base.roughness"]
@@ -225,10 +194,8 @@ def test_what_is_wrong_is_said_before_rendering(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("lookdev.batch.live_frame.Worker", lambda *args: pytest.fail("a worker is started"))
-    Path("before.usda").write_text(TINY.look)
-    Path("job.toml").write_text(
-        JOB.format(look="before", asset="sphere", kind="ibl", light="city", size=32, samples=16)
-    )
+    write_job(tmp_path, TINY, 32, 16)
+    Path("paint.usda").write_text(TINY.look)
     for name, size in (("photo.exr", (32, 32)), ("small.exr", (8, 16)), ("shown.png", (32, 32))):
         assert oiio.ImageBuf(np.full((*size, 3), 0.5, np.float32)).write(name)
     given = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}

@@ -1,4 +1,4 @@
-"""Instances of one mesh show what meshes of their own show: mirrored, stretched, far from the origin of the mesh."""
+"""Instances of one mesh show what meshes of their own show: mirrored, stretched, far from their origin, spared."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ import numpy as np
 import pytest
 from frames import orbit_camera
 from light_rigs import grey, near
+from mitsuba_scenes import RenderSeeds
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
-from lookdev.light import Light
+from lookdev.asset.builtin import make_sphere
 from lookdev.light.link import Link
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
-from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
+from lookdev.scene import Film, Pose, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 
 pytestmark = pytest.mark.mitsuba
 
 POSE, SIZE = Pose(40.0, 15.0), (48, 36)
+PASSES = ("depth", "position", "normal", "uv", "cryptomatte")
 PLACES = {"/left": (1.0, 1.0, 1.0), "/middle": (-0.8, 1.4, 1.1), "/right": (0.7, 0.7, -0.7)}
 METAL = {"baseColor": (0.7, 0.5, 0.3), "metallic": 1.0, "roughness": 0.3, "anisotropic": 0.8}
 BRUSHED = Look("brushed", (Layer("p", "disney", METAL),))
@@ -32,7 +31,7 @@ BRUSHED = Look("brushed", (Layer("p", "disney", METAL),))
 
 def row(*, instances: bool) -> Asset:
     """Return heads side by side, of a mesh whose points lie 40 m from its origin, and a ball."""
-    head, ball = load_asset(builtin="suzanne"), load_asset(builtin="sphere")
+    head, ball = load_asset(builtin="suzanne"), make_sphere(64, 32)
     far = replace(head.meshes[0], points=head.meshes[0].points + np.float32(40.0))
     placed = []
     for number, (path, sizes) in enumerate(PLACES.items()):
@@ -51,29 +50,24 @@ def row(*, instances: bool) -> Asset:
     return make_asset("row", [*meshes, ball_mesh], placed, slots)
 
 
-def rendered(worker: Worker, asset: Asset, lights: tuple[Light, ...], passes: tuple[str, ...]) -> Rendered:
-    linked = link_lights(asset, {slot.path: BRUSHED for slot in asset.slots}, lights)
-    camera = orbit_camera(linked.asset.center, linked.asset.radius)
-    scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film(SIZE), linked.lit, linked.groups)
-    task = scene_task(scene, Sampling(samples=64, bounces=2, passes=passes), "mitsuba")
-    worker.start()
-    return worker.render(one_frame(task, POSE, f"{asset.digest} {passes}"), lambda progress: None)
+@pytest.fixture(scope="module")
+def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
+    """Return the frame of instances, and that of meshes, under a light whose shadow the ball does not cast."""
+    sparing = Link((("/", "expandPrims"), ("/ball", "exclude")))
+    rect = near("rect")
+    lights = (replace(rect, emission=replace(rect.emission, shadow_link=sparing)), grey())
+    found = []
+    for instances in (True, False):
+        asset = row(instances=instances)
+        linked = link_lights(asset, {slot.path: BRUSHED for slot in asset.slots}, lights)
+        camera = orbit_camera(linked.asset.center, linked.asset.radius)
+        scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film(SIZE), linked.lit, linked.groups)
+        found += render_seeds(scene, POSE, 1, samples=64, bounces=2, passes=PASSES)
+    return found[0], found[1]
 
 
-def agree(one: Rendered, other: Rendered) -> None:
-    """Check light along the same paths: float32 of two ways to a point takes some to another place."""
-    a, b = (0.5 * (frame.a + frame.b) for frame in (one, other))
-    covered = one.alpha > 0.0
-    assert np.count_nonzero(covered) > 300
-    off = np.abs(a - b).max(axis=-1) / (1e-3 + a.mean(axis=-1))
-    assert (off[covered] < 1e-2).mean() > 0.95
-    assert a[covered].mean() == pytest.approx(b[covered].mean(), rel=2e-3)
-
-
-def test_instances_show_what_meshes_show(worker: Worker) -> None:
-    passes = ("depth", "position", "normal", "uv", "cryptomatte")
-    lights = (near("rect"), grey())
-    one, other = (rendered(worker, row(instances=each), lights, passes) for each in (True, False))
+def test_instances_show_what_meshes_show(frames: tuple[Rendered, Rendered]) -> None:
+    one, other = frames
     np.testing.assert_allclose(one.alpha, other.alpha, atol=1 / 64)
     same = (one.passes["depth"] < 1e9)[..., 0] & (other.passes["depth"] < 1e9)[..., 0]
     for name in ("depth", "position", "uv", "normal"):
@@ -83,14 +77,19 @@ def test_instances_show_what_meshes_show(worker: Worker) -> None:
     assert set(one.names["CryptoObject"]) == {*PLACES, "/ball"}
     for matte in one.names:
         np.testing.assert_allclose(one.passes[matte][..., 0::2], other.passes[matte][..., 0::2])
-    agree(one, other)
+    # Light along the same paths: float32 of two ways to a point takes some to another place.
+    a, b = (0.5 * (frame.a + frame.b) for frame in frames)
+    covered = one.alpha > 0.0
+    assert np.count_nonzero(covered) > 300
+    off = np.abs(a - b).max(axis=-1) / (1e-3 + a.mean(axis=-1))
+    assert (off[covered] < 1e-2).mean() > 0.95
+    assert a[covered].mean() == pytest.approx(b[covered].mean(), rel=2e-3)
 
 
 @pytest.mark.parametrize("instances", [True, False])
-def test_normals_are_those_of_the_reference(worker: Worker, instances: bool) -> None:
+def test_normals_are_those_of_the_reference(frames: tuple[Rendered, Rendered], instances: bool) -> None:
     """They are interpolated in the mesh's own space: in one that is stretched, their mean has another direction."""
-    asset = row(instances=instances)
-    frame = rendered(worker, asset, (grey(),), ("normal", "depth"))
+    asset, frame = row(instances=instances), frames[not instances]
     camera, scene = orbit_camera(asset.center, asset.radius), MeshScene(asset, [BRUSHED] * len(asset.slots))
     x, y = (each.ravel() + 0.5 for each in np.meshgrid(*map(np.arange, SIZE)))
     origin, direction = camera_rays(camera, POSE, SIZE, x, y)
@@ -102,10 +101,3 @@ def test_normals_are_those_of_the_reference(worker: Worker, instances: bool) -> 
     # Float32 of points that lie 40 m from their origin takes some to the neighbour of a triangle.
     off = np.linalg.norm(frame.passes["normal"].reshape(-1, 3)[hit] - expected, axis=-1)
     assert np.quantile(off, 0.99) < 5e-4
-
-
-def test_shadow_links_of_instances_are_those_of_meshes(worker: Worker) -> None:
-    sparing = Link((("/", "expandPrims"), ("/ball", "exclude")))
-    rect = near("rect")
-    lights = (replace(rect, emission=replace(rect.emission, shadow_link=sparing)), grey())
-    agree(*(rendered(worker, row(instances=each), lights, ()) for each in (True, False)))

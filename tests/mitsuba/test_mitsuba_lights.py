@@ -9,117 +9,90 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frames import orbit_camera
-from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, row_of, row_of_three
+from agreement import assert_scene_agreement, check_scene
+from frames import POSE, orbit_camera
+from light_rigs import FACING, RIG_LOOKS, RIGS, row_of_three
+from looks import LOOKS
+from mitsuba_scenes import RenderSeeds, assert_parts_agree, dressed, heads_under_lights
+from stored_references import StoredReference
 
 from lookdev.asset import load_asset
-from lookdev.checks.finding import Finding
-from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.errors import CodegenError
-from lookdev.light import Emission, Light
-from lookdev.light.link import Link
+from lookdev.light import DiskLight, Emission, Falloff, RectLight, Shaping, SphereLight
 from lookdev.material import Look
 from lookdev.material.change import constant_of, live_look
-from lookdev.reference.mesh import MeshScene
-from lookdev.reference.render import frame_pixels
 from lookdev.render.adaptive import Region
 from lookdev.render.scene import scene_task
 from lookdev.render.slopes import SlopeTask, live_inputs
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
 pytestmark = pytest.mark.mitsuba
 
 SIZE, SAMPLES, SEEDS = 32, 64, 4
-POSE = Pose(20.0, 70.0)
-QUICK = {"images": ("texture", "profile", "local_dome"), "controls": ("shadow", "response", "seen", "still")}
+ALIKE, TURNED = Pose(0.0, 0.0), Pose(20.0, 70.0)
+OPTIONS = {"bounces": 1, "samples": 128}
 
 
-def compared(
-    worker: Worker, scene: Scene, lit_by: tuple[tuple[int, ...], ...] | None = None, groups: tuple[int, ...] = ()
-) -> tuple[Finding, Callable[..., Finding]]:
-    """Render a scene, and compare it with the reference; return what compares it with that of other links, too."""
-    task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES), "mitsuba")
-    worker.start()
-    frames = [worker.render(one_frame(task, POSE, f"{n}", seed=n), lambda progress: None) for n in range(SEEDS)]
-    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    pixels = choose_pixels(frames[0].alpha, 100, seed=1)
-
-    def found(lit_by: tuple[tuple[int, ...], ...] | None = None, groups: tuple[int, ...] = ()) -> Finding:
-        shape = MeshScene(scene.asset, scene.looks, lit_by, groups)
-        size, bounces = scene.film.resolution, task.sampling.bounces
-        reference = frame_pixels(shape, scene.lights, scene.camera, POSE, size, pixels, bounces=bounces, samples=256)
-        return check_frame("rig", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
-
-    return found(lit_by, groups), found
+def test_each_kind_of_light_and_control_agrees(
+    render_seeds: RenderSeeds, stored_reference: StoredReference, tmp_path: Path
+) -> None:
+    """Each lights its own head alone."""
+    scene = heads_under_lights(tmp_path, 16)
+    frames = render_seeds(scene, ALIKE, SEEDS, samples=SAMPLES, bounces=1)
+    options = {"count": 350, **OPTIONS}
+    assert_parts_agree("heads under lights", frames, scene, ALIKE, SAMPLES, stored_reference, **options)
 
 
-def agreement(worker: Worker, asset: str, lights: tuple[Light, ...], look: str) -> Finding:
-    shape = load_asset(builtin=asset)
-    camera = orbit_camera(shape.center, shape.radius)
-    worn = Look("look", (RIG_LOOKS[look],))
-    scene = Scene(shape, {slot.path: worn for slot in shape.slots}, lights, camera, Film((SIZE, SIZE)))
-    return compared(worker, scene)[0]
-
-
-def assert_passed(found: Finding) -> None:
-    assert found.passed, "\n".join((found.summary, *found.details))
-
-
-@pytest.mark.parametrize("rigs", QUICK)
-def test_every_control_of_lights_agrees(worker: Worker, tmp_path: Path, rigs: str) -> None:
-    lights = tuple(light for rig in QUICK[rigs] for light in RIGS[rig](tmp_path))
-    assert_passed(agreement(worker, "suzanne", lights, "plastic"))
+def test_a_rig_of_lamps_and_domes_agrees(
+    render_seeds: RenderSeeds, light_of, stored_reference: StoredReference
+) -> None:
+    """Lamps that turn and one that stays, a beam, a falloff, two domes with axes of their own; and transmission."""
+    shaped = Emission((4.0, 3.0, 2.0), shaping=Shaping(60.0, 0.5, focus=2.0), falloff=Falloff(0.2, 1.5, 2.0, 6.0))
+    sphere = replace(SphereLight.example(), emission=shaped)
+    still = replace(DiskLight.example(), emission=replace(DiskLight.example().emission, turns=False))
+    leaning = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+    dome = replace(light_of("slopes"), axes=leaning, emission=Emission((0.4, 0.3, 0.5)))
+    white = replace(light_of("white"), emission=Emission((0.1, 0.2, 0.1)))
+    scene = dressed("suzanne", LOOKS["leaf"], RectLight.example(), sphere, dome, still, white)
+    frames = render_seeds(scene, POSE, 6, samples=64, bounces=2)
+    options = {"count": 120, "bounces": 2, "samples": 128}
+    assert_scene_agreement("rig of lamps and domes", frames, scene, 64, stored_reference, **options)
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("look", RIG_LOOKS)
 @pytest.mark.parametrize("asset", ["sphere", "suzanne"])
 @pytest.mark.parametrize("rig", RIGS)
-def test_rigs_agree(worker: Worker, tmp_path: Path, rig: str, asset: str, look: str) -> None:
+def test_rigs_agree(render_seeds: RenderSeeds, tmp_path: Path, rig: str, asset: str, look: str) -> None:
     if rig == "shadow" and look == "leaf" and asset == "suzanne":
         pytest.skip("a look that can be seen through takes plain shadows alone")
-    assert_passed(agreement(worker, asset, RIGS[rig](tmp_path), look))
+    scene = dressed(asset, (RIG_LOOKS[look],), *RIGS[rig](tmp_path), size=SIZE)
+    frames = render_seeds(scene, TURNED, SEEDS, samples=SAMPLES, bounces=1)
+    assert_scene_agreement(f"{rig} {look}", frames, scene, SAMPLES, pose=TURNED, **OPTIONS)
 
 
-def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
-    left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
-    lights = (
-        replace(near("rect"), emission=Emission((60.0, 40.0, 20.0), light_link=left)),
-        replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
-        grey(),
-    )
-    scene = row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights, SIZE)
-    agreed, found = compared(worker, scene, scene.lit_by)
-    assert_passed(agreed)
-    assert not found(tuple(reversed(scene.lit_by))).passed
-
-
-def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
+def test_linked_shadows_are_cast_by_their_parts_alone(
+    render_seeds: RenderSeeds, stored_reference: StoredReference
+) -> None:
     scene = row_of_three(SIZE)
-    agreed, found = compared(worker, scene, scene.lit_by, scene.grouped)
-    assert_passed(agreed)
-    assert not found(scene.lit_by, (*scene.grouped[1:], scene.grouped[0])).passed
-
-
-def split_row(folder: Path) -> Scene:
-    """Return linked heads under lights of controls of all kinds."""
-    left = Link((("/Left", "expandPrims"),))
-    controlled = [light for rig in QUICK["controls"] for light in RIGS[rig](folder)]
-    lights = (*controlled, replace(near("disk"), emission=Emission((60.0, 40.0, 20.0), light_link=left)))
-    return row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights, SIZE)
-
-
-def images(folder: Path) -> Scene:
-    ball = load_asset(builtin="suzanne")
-    lights = tuple(light for rig in QUICK["images"] for light in RIGS[rig](folder))
-    looks = {slot.path: Look("look", (RIG_LOOKS["leaf"],)) for slot in ball.slots}
-    return Scene(ball, looks, lights, orbit_camera(ball.center, ball.radius), Film((SIZE, SIZE)))
+    frames = render_seeds(scene, TURNED, SEEDS, samples=SAMPLES, bounces=1)
+    options = {"pose": TURNED, **OPTIONS}
+    assert_scene_agreement("linked shadows", frames, scene, SAMPLES, stored_reference, **options)
+    first, *others = scene.grouped
+    shifted = replace(
+        scene, groups={slot.path: group for slot, group in zip(scene.asset.slots, (*others, first), strict=True)}
+    )
+    assert not check_scene("shifted shadows", frames, shifted, SAMPLES, stored_reference, **options).passed
 
 
 @pytest.mark.parametrize(
-    "made", [images, split_row, lambda folder: row_of_three(SIZE)], ids=["images", "split", "linked"]
+    "made",
+    [
+        lambda folder: heads_under_lights(folder, SIZE, ("rect", "controls")),
+        pytest.param(lambda folder: heads_under_lights(folder, SIZE, ("disk", "images")), marks=pytest.mark.proof),
+        pytest.param(lambda folder: row_of_three(SIZE), marks=pytest.mark.proof),
+    ],
+    ids=["controls", "images", "shadow links"],
 )
 def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path, made: Callable[[Path], Scene]) -> None:
     """Both follow the same paths, but for the rounding by which few of them part."""
@@ -134,14 +107,16 @@ def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path,
     task = scene_task(replace(scene, wears=dict.fromkeys(scene.wears, live)), Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
     values = {binding.parameter: constant_of(plain, "roughness").value}
-    asked = SlopeTask(task, POSE, values, binding.symbols, samples, (7, 8), "")
+    asked = SlopeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
     found = SlopeScene(mi, task).render(asked, lambda done, of: None)[0]
     frames = MitsubaScene(mi, task)
-    view = View.of(mi, task.camera, POSE, task.resolution, frames._geometry.center)
-    place = Rectangle.of(mi, Region(slice(0, SIZE), slice(0, SIZE), samples))
+    width, height = task.resolution
+    view = View.of(mi, task.camera, ALIKE, task.resolution, frames._geometry.center)
+    place = Rectangle.of(mi, Region(slice(0, height), slice(0, width), samples))
     numbers = (mi.UInt32(each) for each in (7, 0, samples.bit_length() - 1))
-    channels = frames._estimator.pixels(view, place, drjit.arange(mi.UInt32, SIZE * SIZE * samples), *numbers)
-    expected = np.stack([np.array(each).reshape(SIZE, SIZE, samples).mean(axis=-1) for each in channels], axis=-1)
+    channels = frames._estimator.pixels(view, place, drjit.arange(mi.UInt32, width * height * samples), *numbers)
+    means = [np.array(channel).reshape(height, width, samples).mean(axis=-1) for channel in channels]
+    expected = np.stack(means, axis=-1)
     np.testing.assert_array_equal(found[0, ..., 3], expected[..., 3])
     near = np.isclose(found[0], expected, rtol=1e-3, atol=1e-5).all(axis=-1)
     assert (expected[..., :3] > 0.01).any(axis=-1).mean() > 0.1

@@ -9,24 +9,22 @@ so that its error is a tenth of what it has of as many points in sets of small p
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from frames import orbit_camera
 from light_rigs import RIG_LOOKS, RIGS, row_of_three
+from mitsuba_scenes import dressed
 from painted import embossed, painted, sparkling
 
-from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS, MODELS
-from lookdev.light import Dome, Light
-from lookdev.material import Layer, Look
+from lookdev.light import Dome
+from lookdev.material import Layer
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.render.backends import BACKENDS
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
@@ -42,26 +40,20 @@ LEAST, MOST, ENOUGH = 8, 128, 2e-4
 LightOf = Callable[[str], Dome]
 
 
-def worn(asset: str, layers: tuple[Layer, ...], *lights: Light) -> Scene:
-    shape = load_asset(builtin=asset)
-    camera, look = orbit_camera(shape.center, shape.radius), Look("look", layers)
-    return Scene(shape, {slot.path: look for slot in shape.slots}, lights, camera, Film((SIZE, SIZE)))
-
-
 def scene_of(name: str, light_of: LightOf, folder: Path) -> Scene:
     """Return the scene of a case: `kind` and `of`, in one name."""
     kind, _, of = name.partition(": ")
     match kind:
         case "dome":
-            return worn("sphere", (RIG_LOOKS["plastic"],), light_of(of))
+            return dressed("sphere", (RIG_LOOKS["plastic"],), light_of(of), size=SIZE)
         case "light":
-            return worn("sphere", (RIG_LOOKS["plastic"],), *RIGS[of](folder))
+            return dressed("sphere", (RIG_LOOKS["plastic"],), *RIGS[of](folder), size=SIZE)
         case "links":
             return replace(row_of_three(SIZE), film=Film((3 * SIZE, SIZE)))
         case "model":
-            return worn("sphere", (Layer("Layer", of, MODELS[of].probe),), light_of("city"))
+            return dressed("sphere", (Layer("Layer", of, MODELS[of].probe),), light_of("city"), size=SIZE)
     layers = {"painted": painted, "sparkling": sparkling, "embossed": embossed}[of](folder)
-    return worn("suzanne", layers, light_of("city"))
+    return dressed("suzanne", layers, light_of("city"), size=SIZE)
 
 
 CASES = (
@@ -118,13 +110,11 @@ def bounces_of(name: str) -> int:
     return 2 if name.startswith("stack") else 0
 
 
-@pytest.fixture(scope="module", params=["mitsuba", pytest.param("exact", marks=pytest.mark.cycles)])
-def renderer(
-    request: pytest.FixtureRequest, llvm: str, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[str, Worker]]:
-    folder = tmp_path_factory.mktemp(request.param)
-    with Worker(BACKENDS[request.param].command, folder / "worker.log", folder) as process:
-        yield request.param, process
+@pytest.fixture(params=["mitsuba", pytest.param("exact", marks=pytest.mark.cycles)])
+def renderer(request: pytest.FixtureRequest) -> tuple[str, Worker]:
+    worker: Worker = request.getfixturevalue("mitsuba_worker" if request.param == "mitsuba" else "cycles_worker")
+    worker.start()
+    return request.param, worker
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -136,7 +126,6 @@ def test_means_are_those_of_the_reference(
 ) -> None:
     backend, process = renderer
     task = scene_task(scene(name), Sampling(bounces=bounces_of(name), samples=SAMPLES), backend)
-    process.start()
 
     def halves(seed: int) -> list[float]:
         frame = process.render(one_frame(task, POSE, f"{seed}", seed=seed), lambda progress: None)

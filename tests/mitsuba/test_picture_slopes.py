@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from frames import POSE, orbit_camera
 from light_rigs import RIG_LOOKS, RIGS
+from mitsuba_scenes import dressed
 from painted import painted
 
 from lookdev.asset import Asset, load_asset
@@ -77,7 +78,7 @@ CASES = {
     "mirror": Case("suzanne", "city", of(Layer("L", "mirror", {"tint": (0.7, 0.6, 0.5)})), ("tint",)),
 }  # fmt: skip
 CONTROLS = ("shadow", "response", "seen")
-QUICK = ("interreflection", "textures", "presence")
+QUICK = ("interreflection", "textures")
 
 
 def lights(name: str, light_of: Callable[[str], Light], folder: Path) -> tuple[Light, ...]:
@@ -88,8 +89,7 @@ def lights(name: str, light_of: Callable[[str], Light], folder: Path) -> tuple[L
 
 def task_of(case: Case, look: Look, light: tuple[Light, ...], asset: Asset) -> Any:
     live = live_look(look, {str(n): constant_of(look, name) for n, name in enumerate(case.names)})
-    camera = orbit_camera(asset.center, asset.radius)
-    scene = Scene(asset, {slot.path: live for slot in asset.slots}, light, camera, Film((SIZE, SIZE)))
+    scene = dressed(asset, live.layers, *light, size=SIZE)
     return scene_task(scene, Sampling(bounces=case.bounces), "mitsuba")
 
 

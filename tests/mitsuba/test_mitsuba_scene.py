@@ -1,0 +1,136 @@
+"""What a scene keeps in memory, and that neither that nor the speed of launches changes a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from frames import POSE
+from looks import LOOKS
+from mitsuba_scenes import RenderSeeds
+
+from lookdev.asset import load_asset
+from lookdev.cache import Content
+from lookdev.light.space import in_space
+from lookdev.material import Layer, Look
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, one_frame
+from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.space import Space, to_rec709
+
+pytestmark = pytest.mark.mitsuba
+
+
+@pytest.mark.parametrize("offset", range(4))
+def test_held_numbers_are_aligned_wherever_they_came_from(drjit, offset: int) -> None:
+    from lookdev.mitsuba.frozen import held
+
+    numbers = np.arange(1000, dtype=np.float64)[offset:]
+    for kind in (drjit.llvm.Float, drjit.llvm.UInt32):
+        found = np.asarray(held(kind, numbers))
+        np.testing.assert_array_equal(found, numbers)
+        assert found.ctypes.data % 16 == 0, "Dr.Jit gathers four numbers at once, or one by one, by this"
+
+
+def test_a_file_is_read_once_while_its_numbers_are_held(drjit) -> None:
+    from lookdev.mitsuba.files import file_array
+
+    reads = []
+
+    def read(path: Path) -> np.ndarray:
+        reads.append(path)
+        return np.load(path)
+
+    def save(path: Path) -> None:
+        np.save(path, np.arange(6, dtype=np.float32).reshape(2, 3))
+
+    content = Content.written(".npy", save)
+    first = file_array(drjit.llvm.Float, content, read)
+    assert file_array(drjit.llvm.Float, content, read) is first
+    assert first.shape == (2, 3)
+    assert len(reads) == 1
+    del first
+    again = file_array(drjit.llvm.Float, content, read)
+    np.testing.assert_array_equal(np.asarray(again.array), np.arange(6))
+    assert len(reads) == 2
+
+
+@pytest.fixture
+def task_of(llvm: str, light_of) -> Callable[..., SceneTask]:
+    light, asset = light_of("city"), load_asset(builtin="suzanne")
+
+    def task(look: Look, **sampling: object) -> SceneTask:
+        return scene_task(Scene.of_look(asset, look, light, (24, 18)), Sampling(**sampling), "mitsuba")  # type: ignore[arg-type]
+
+    return task
+
+
+def test_a_scene_takes_the_constants_of_another_and_no_other_programs(task_of: Callable[..., SceneTask]) -> None:
+    """It renders what that one would, bit for bit."""
+    from lookdev.mitsuba.load import load_mitsuba
+    from lookdev.mitsuba.render import MitsubaScene
+
+    def edited(**inputs: object) -> SceneTask:
+        base = {"baseColor": (0.5, 0.35, 0.2), "roughness": 0.3, "metallic": 0.4, **inputs}
+        return task_of(Look("edited", (Layer("base", "disney", base),)), samples=8, passes=("direct",))
+
+    mi, first, other = load_mitsuba("cpu"), edited(), edited(roughness=0.7, baseColor=(0.1, 0.45, 0.25))
+
+    def pictures(scene: MitsubaScene, task: SceneTask):
+        frame = scene.render(one_frame(task, POSE, "frame"), lambda *progress: None)
+        return np.stack([frame.a, frame.b, frame.passes["direct"]])
+
+    scene = MitsubaScene(mi, first)
+    before = pictures(scene, first)
+    assert scene.take(other)
+    after = pictures(scene, other)
+    assert np.array_equal(after, pictures(MitsubaScene(mi, other), other))
+    assert np.abs(after - before).max() > 0.01
+    # A clear coat is another program; another size is none.
+    assert not scene.take(edited(clearcoat=1.0))
+    assert np.array_equal(after, pictures(scene, other))
+    small = replace(other, resolution=(12, 9))
+    assert scene.fits(small)
+    assert np.array_equal(pictures(scene, small), pictures(MitsubaScene(mi, small), small))
+
+
+def test_a_frame_does_not_depend_on_the_speed_of_launches(
+    task_of: Callable[..., SceneTask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How long a launch takes decides how much the next one renders."""
+    from lookdev.mitsuba import render
+    from lookdev.mitsuba.load import load_mitsuba
+
+    task, mi = task_of(Look("coated", LOOKS["coated"]), samples=512, error=4e-3), load_mitsuba("cpu")
+    frames, launches = [], []
+    # As on a machine that is forty times slower.
+    for seconds in (0.2, 0.005):
+        monkeypatch.setattr(render, "LONGEST_LAUNCH", seconds)
+        report = Mock()
+        frames.append(render.MitsubaScene(mi, task).render(one_frame(task, POSE, "frame"), report))
+        launches.append(report.call_count)
+    fast, slow = frames
+    assert launches[1] > launches[0]
+    assert fast.alpha.max() == 1.0
+    assert fast.samples == slow.samples
+    for name in ("a", "b", "alpha"):
+        assert np.array_equal(getattr(fast, name), getattr(slow, name)), name
+
+
+def test_under_white_light_colours_in_acescg_agree_after_conversion(render_seeds: RenderSeeds, light_of) -> None:
+    red = Look("red", (Layer("paint", "disney", {"baseColor": (0.8, 0.02, 0.02), "clearcoat": 0.5}),))
+    shown = {}
+    spaces: tuple[Space, ...] = ("rec709", "acescg")
+    for space in spaces:
+        scene = Scene.of_look(load_asset(builtin="sphere"), red, in_space(light_of("white"), space), (24, 18))
+        (frame,) = render_seeds(replace(scene, film=Film((24, 18), space)), Pose(0.0, 0.0), 1, samples=16)
+        shown[space] = 0.5 * (frame.a + frame.b)
+    ours = shown["rec709"]
+    # Only float32 differs: both have the same samples.
+    off = np.abs(to_rec709(shown["acescg"], "acescg") - ours)
+    assert (off <= 5e-5 * (ours.max(axis=-1, keepdims=True) + 1e-3)).all()
+    assert ours[..., 0].max() > 0.4
