@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +101,22 @@ def test_files_of_the_command_line_get_names(surfaces: Surfaces, roots: Path, tm
     assert surfaces.roots.locate("my_scan.dat") == file
     with pytest.raises(LookdevError, match="--root"):
         surfaces.roots.locate("my_scan.dat/../../x")
+
+
+def test_threads_that_ask_at_once_prepare_a_measurement_once(roots: Path, tmp_path: Path) -> None:
+    file = tmp_path / "asked.dat"
+    file.write_bytes((roots / "satin.dat").read_bytes())
+    made: list[object] = []
+
+    def make(grid: object) -> object:
+        made.append(grid)
+        time.sleep(0.1)  # in which the other threads ask
+        return object()
+
+    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(4) as threads:
+        patch.setattr("lookdev.brdf.measured.make_proposal", make)
+        list(threads.map(lambda _: read_subject(str(file)), range(4)))
+    assert len(made) == 1
 
 
 def test_numbers_beyond_float32_are_its_largest() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -31,8 +32,16 @@ def grid_of(file: str) -> Grid:
     return plastic() if file == BUILT_IN else read_grid(Path(file))
 
 
-@lru_cache(maxsize=8)
+_making = Lock()
+
+
 def _proposal(grid: Grid) -> Proposal:
+    with _making:  # else threads that ask at once each make one, which takes seconds
+        return _cached_proposal(grid)
+
+
+@lru_cache(maxsize=8)
+def _cached_proposal(grid: Grid) -> Proposal:
     return make_proposal(grid)
 
 
