@@ -1,0 +1,176 @@
+"""Workers and scenes: what a worker has shown, whose shader it has, and on which machine it runs changes no picture."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from frames import POSE, orbit_camera
+from frames import scene_of as framed
+
+from lookdev.asset import Asset, Instance, Slot, load_asset, make_asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.codegen.osl.share import shared_programs
+from lookdev.light import Dome
+from lookdev.material import Layer, Look, Texture
+from lookdev.render.backends import WORKER_COMMAND, job_backends
+from lookdev.render.results import Rendered
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, contents, one_frame
+from lookdev.render.worker import Worker, renderer
+from lookdev.scene import Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+
+GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.5}),))
+RED = Look("red", (Layer("Red", "pixar", {"surfaceColor": (0.6, 0.1, 0.1)}),))
+
+
+@pytest.fixture
+def new_worker(tmp_path: Path) -> Iterator[Callable[[], Worker]]:
+    with ExitStack() as stack:
+        yield lambda: stack.enter_context(Worker(WORKER_COMMAND, tmp_path / "worker.log", tmp_path, 300.0))
+
+
+@pytest.fixture(scope="module")
+def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
+    """Return scenes of every backend that differ in asset, look or light: a card, and balls, which are instances."""
+    plane, ball = load_asset(builtin="plane"), make_sphere(segments=32, rings=16)
+    places = np.eye(4) + np.array([[[0, 0, 0, x], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]] for x in (-1.0, 0.5)])
+    card = make_asset("card", plane.meshes, plane.instances, plane.slots)
+    balls = make_asset("balls", ball.meshes, [Instance(0, place) for place in places], ball.slots)
+    cases: tuple[tuple[Asset, Look, str], ...] = (
+        (card, GREY, "studio"),
+        (balls, GREY, "studio"),
+        (balls, RED, "studio"),
+        (balls, RED, "city"),
+    )
+    return {
+        f"{backend} {asset.name} {look.name} {light}": scene_task(
+            framed(asset, look, (light_of(light),), 24), Sampling(samples=4), backend
+        )
+        for backend in ("exact", "nodes", "nodes-exact")
+        for asset, look, light in cases
+    }
+
+
+def render(worker: Worker, scene: SceneTask) -> Rendered:
+    worker.start()
+    return worker.render(one_frame(scene, POSE, "frame"), lambda progress: None)
+
+
+def assert_same(one: Rendered, other: Rendered, label: str) -> None:
+    for name in ("a", "b", "alpha"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), (label, name)
+    assert one.alpha.any()
+
+
+def test_a_scene_shows_in_no_picture_of_another(new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]) -> None:
+    """What comes before each scene differs between two workers; the first of each comes after nothing."""
+    order = [*scenes]
+    one, other = new_worker(), new_worker()
+    first = {name: render(one, scenes[name]) for name in order}
+    assert_same(render(one, scenes[order[0]]), first[order[0]], f"{order[0]} again")
+    # Neighbours in the first order are none in this one.
+    for name in (name for start in range(5) for name in order[::-1][start::5]):
+        assert_same(render(other, scenes[name]), first[name], name)
+
+
+def test_a_scene_that_was_prepared_shows_in_no_picture(
+    new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
+) -> None:
+    card, balls = (scenes[f"exact {name} grey studio"] for name in ("card", "balls"))
+    plain = render(new_worker(), balls)
+    for ahead in (card, balls, replace(card, asset=replace(card.asset, digest="0" * 64))):  # the last has no asset
+        worker = new_worker()
+        worker.launch()
+        worker.prepare(ahead)
+        assert_same(render(worker, balls), plain, "prepared")
+
+
+@pytest.fixture(scope="module")
+def balls() -> Asset:
+    """Three balls of two parts: one of the first, two instances of the second, of which one is mirrored."""
+    ball = make_sphere(segments=32, rings=16).meshes[0]
+    meshes = [replace(ball, face_slots=np.full_like(ball.face_slots, slot)) for slot in (0, 1)]
+    places = [np.eye(4) for _ in range(3)]
+    for place, x in zip(places, (-2.2, 0.0, 2.2), strict=True):
+        place[0, 3] = x
+    places[2][1, 1] = -1.0
+    instances = [Instance(number, place) for number, place in zip((0, 1, 1), places, strict=True)]
+    return make_asset("balls", meshes, instances, [Slot("/a", "/a"), Slot("/b", "/b")])
+
+
+def look(name: str, roughness: float, color: tuple[float, float, float], coat: float) -> Look:
+    values = {"roughness": roughness, "baseColor": color, "clearcoat": coat, "metallic": 0.3}
+    dust = Layer("dust", "disney", {"baseColor": color[::-1], "roughness": 0.9}, mask=0.5 * coat)
+    return Look(name, (Layer("base", "disney", values), dust))
+
+
+PAIRS = [
+    (look("a", 0.3, (0.8, 0.2, 0.1), 0.4), look("b", 0.6, (0.1, 0.5, 0.7), 0.9)),
+    (look("c", 0.5, (0.4, 0.7, 0.1), 0.7), look("d", 0.2, (0.6, 0.5, 0.4), 0.2)),
+]
+
+
+@pytest.fixture(scope="module")
+def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTask]:
+    """The scenes of two pairs of looks, one program for all four."""
+    camera = orbit_camera(balls.center, balls.radius)
+    shown = [Scene.of_look(balls, pair[0], light_of("studio"), (64, 32), camera) for pair in PAIRS]
+    shown = [replace(each, wears={"/a": a, "/b": b}) for each, (a, b) in zip(shown, PAIRS, strict=True)]
+    tasks = [scene_task(scene, Sampling(samples=16), "exact") for scene in shown]
+    shared = shared_programs(shader for task in tasks for shader in task.shaders)
+    tasks = [replace(task, shaders=tuple(shared[each] for each in task.shaders)) for task in tasks]
+    assert len({shader.program for task in tasks for shader in task.shaders}) == 1
+    return tasks
+
+
+def test_shared_programs_show_the_pictures_of_own_ones(worker: Worker, paired_scenes: list[SceneTask]) -> None:
+    own = [
+        replace(scene, shaders=tuple(replace(each, varying=()) for each in scene.shaders)) for scene in paired_scenes
+    ]
+    expected = [render(worker, scene) for scene in own]
+    # Shown in one scene that is built once: first its own looks, then others, then its own again.
+    found = [render(worker, paired_scenes[number]) for number in (0, 1, 0)]
+    assert np.array_equal(found[0].a, found[2].a)
+    for ours, theirs in zip(found, (expected[0], expected[1], expected[0]), strict=True):
+        assert ours.alpha.any()
+        # Another order of the same operations rounds otherwise.
+        np.testing.assert_allclose(ours.a, theirs.a, rtol=2e-5, atol=1e-6)
+    # The looks differ visibly, on each part.
+    assert (np.abs(found[0].a - found[1].a).max(axis=(0, 2)).reshape(4, -1).max(axis=1)[[0, 1, 2]] > 0.05).all()
+
+
+def test_a_task_needs_only_its_contents(light_of, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pixels = np.random.default_rng(7).integers(40, 255, (16, 16, 3)).astype(np.uint8)
+    assert oiio.ImageBuf(pixels).write(str(tmp_path / "color.png"))
+    chips = Texture(tmp_path / "color.png", "rgb", "sRGB")
+    look = Look("chips", (Layer("Base", "disney", {"baseColor": chips, "roughness": 0.6}),))
+    scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("studio"), (24, 24))
+    tasks = [
+        one_frame(scene_task(scene, Sampling(samples=4), backend), Pose(30.0, 75.0), backend)
+        for backend in job_backends()
+    ]
+
+    def rendered() -> list[Rendered]:
+        with renderer() as render:
+            return [render(task) for task in tasks]
+
+    here = rendered()
+    store = tmp_path / "cache" / "content"
+    store.mkdir(parents=True)
+    for content in {content for task in tasks for content in contents(task)}:
+        shutil.copyfile(content.path, store / content.path.name)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    for task, ours, theirs in zip(tasks, here, rendered(), strict=True):
+        assert ours.a[ours.alpha == 1.0].mean() > 0.01
+        for one, other in ((ours.a, theirs.a), (ours.b, theirs.b), (ours.alpha, theirs.alpha)):
+            np.testing.assert_allclose(other, one, rtol=1e-5, atol=1e-6, err_msg=task.scene.backend)
