@@ -39,29 +39,29 @@ def behaviour(name: str) -> str:
     return behaviours[min(tries, len(behaviours)) - 1]
 
 
-def result(task: dict, what: str) -> None:
+def result(task: dict, how: str) -> None:
     digest = task["digest"]
     width, height = task["scene"]["resolution"]
     frame = (height, width)
     arrays = {"a": npy(0.25, *frame, 3), "b": npy(0.75, *frame, 3), "alpha": npy(0.5, *frame)}
-    if wanted := task["scene"]["sampling"]["passes"]:
+    if passes := task["scene"]["sampling"]["passes"]:
         from lookdev.render.passes import arrays_of
 
-        for name, channels in arrays_of(wanted, task["scene"]["light_groups"]).items():
+        for name, channels in arrays_of(passes, task["scene"]["light_groups"]).items():
             arrays[f"pass {name}"] = npy(0.5, *frame, len(channels))
-    if what == "shape":
+    if how == "shape":
         arrays["b"] = npy(0.75, height - 1, width, 3)
-    elif what == "empty":
+    elif how == "empty":
         arrays["alpha"] = npy(0.0, *frame)
-    elif what == "nan":
+    elif how == "nan":
         arrays["a"] = npy(math.nan, *frame, 3)
-    elif what == "lack":
+    elif how == "lack":
         del arrays["alpha"]
     path = Path(os.environ["TMPDIR"], f"{os.getpid()}-{time.monotonic_ns()}.npz")
     with zipfile.ZipFile(path, "w") as file:
         for name, content in arrays.items():
             file.writestr(f"{name}.npy", content)
-    if what == "truncated":
+    if how == "truncated":
         os.truncate(path, 100)
     for samples in (4, 8):
         send(type="progress", digest=digest, samples=samples, of=8, relmse=None if samples == 4 else 0.01)
@@ -75,9 +75,9 @@ def npy(value: float, *shape: int) -> bytes:
     return magic + header.encode() + struct.pack("<f", value) * math.prod(shape)
 
 
-def act(task: dict, what: str) -> None:
+def act(task: dict, how: str) -> None:
     digest = task["digest"]
-    match what:
+    match how:
         case "die":
             os.kill(os.getpid(), signal.SIGKILL)
         case "exit":
@@ -111,7 +111,7 @@ def act(task: dict, what: str) -> None:
             time.sleep(0.2)
             result(task, "ok")
         case _:
-            result(task, what)
+            result(task, how)
 
 
 def main() -> None:

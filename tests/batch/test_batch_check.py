@@ -71,21 +71,21 @@ def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTas
     return tasks
 
 
-def found(file: Path | None, **options: Any) -> list[tuple[str, str]]:
+def run_checks(file: Path | None, **options: Any) -> list[tuple[str, str]]:
     return [(finding.check, finding.subject) for finding in check_file(file, **options)]
 
 
 @pytest.mark.usefixtures("rendered")
 def test_a_job_has_each_look_checked_and_a_frame_of_each_look_and_light(job: Path) -> None:
-    assert found(job) == [
+    assert run_checks(job) == [
         *((name, look) for name in ("points", "albedo") for look in ("leaf", "gold")),
         *(("image", f"{look}, {ibl}") for look in ("leaf", "gold") for ibl in ("white", "studio")),
     ]
-    assert found(job, only=["albedo"]) == [("albedo", "leaf"), ("albedo", "gold")]
+    assert run_checks(job, only=["albedo"]) == [("albedo", "leaf"), ("albedo", "gold")]
 
 
 def test_frames_are_the_jobs_own_but_small_altered_and_of_other_seeds(job: Path, rendered: list[FrameTask]) -> None:
-    found(job, only=["image"], seed=5, alter=lambda osl: osl.replace("direct +=", "direct -="))
+    run_checks(job, only=["image"], seed=5, alter=lambda osl: osl.replace("direct +=", "direct -="))
     assert len(rendered) == 4 * 4
     for task in rendered:
         assert task.scene.resolution == (128, 64)
@@ -116,20 +116,20 @@ def test_stability_is_of_the_models_or_of_the_looks(
             yield Finding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
 
     monkeypatch.setattr(check, "stress", stress)
-    assert found(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]
-    assert found(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
+    assert run_checks(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]
+    assert run_checks(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
 
 
 @pytest.mark.usefixtures("rendered")
 def test_a_look_alone_takes_its_variants_and_prim() -> None:
-    checked = found(METAL, only=["points", "image"], variants={"metal": "copper"})
+    checked = run_checks(METAL, only=["points", "image"], variants={"metal": "copper"})
     assert checked == [("points", "brushed_metal"), ("image", "brushed_metal, city")]
-    metals = found(METAL, only=["image"], variants={"metal": "*"})
+    metals = run_checks(METAL, only=["image"], variants={"metal": "*"})
     assert ("image", "brushed_metal_copper, city") in metals
     assert len(set(metals)) == len(metals) > 1
     for options, name in (({"variants": {"metal": "mithril"}}, "mithril"), ({"prim": "/Nowhere"}, "/Nowhere")):
         with pytest.raises(FaultsError, match=name):
-            found(METAL, **options)
+            run_checks(METAL, **options)
 
 
 def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTask]) -> None:

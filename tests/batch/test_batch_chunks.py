@@ -32,10 +32,10 @@ def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> N
     def parts() -> list[tuple[Path, ...]]:
         plan = case.make_plan(case.make_job(tmp_path))
         ends = split([id(frame.task.scene) for frame in plan.frames], estimated(plan), Division(3))
-        found = [part_of(plan, ends, number) for number in (1, 2, 3)]
-        assert [frame.task.files for part in found for frame in part.frames] == [f.task.files for f in plan.frames]
-        assert all(not part.reels and not part.sheets for part in found)
-        return [tuple(frame.task.files[0] for frame in part.frames) for part in found]
+        divided = [part_of(plan, ends, number) for number in (1, 2, 3)]
+        assert [frame.task.files for part in divided for frame in part.frames] == [f.task.files for f in plan.frames]
+        assert all(not part.reels and not part.sheets for part in divided)
+        return [tuple(frame.task.files[0] for frame in part.frames) for part in divided]
 
     before = parts()
     case.run(tmp_path, only=("gold/city/element.0002", "gold/city/lighting.0003"))
@@ -53,7 +53,7 @@ def test_costs_are_measured_where_frames_are(tmp_path: Path) -> None:
 
 def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path, render_file: RenderFile) -> None:
     results = [render_file(chunk=Chunk(number, Division(2))) for number in (2, 1)]
-    assert [(each.total, each.done, each.rendered) for each in results] == [(3, 3, 3)] * 2
+    assert [(entry.total, entry.done, entry.rendered) for entry in results] == [(3, 3, 3)] * 2
     assert len(case.requests(tmp_path)) == 6
     assert not list((tmp_path / "out").glob("*/*/*.sheet.png"))
     assert not (tmp_path / "out" / "manifest.json").exists()
@@ -81,7 +81,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
         if isinstance(event, FrameDone):  # its claim has ended
             held = [key for keys in claims(tmp_path / "out" / ".lookdev").values() for key in keys]
             assert claim_key(event.name) not in held
-        if isinstance(event, FrameDone) and not any(isinstance(each, FrameDone) for each in events):
+        if isinstance(event, FrameDone) and not any(isinstance(entry, FrameDone) for entry in events):
             render_file(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
         events.append(event)
 
@@ -108,7 +108,7 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file:
     keep_measured_chunks(uneven, Division(2))
     again = case.make_plan(case.make_job(tmp_path))
     assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [1, 5]
-    assert [each.frames for each in chunk_summaries(again, Division(2))] == [1, 5]
+    assert [entry.frames for entry in chunk_summaries(again, Division(2))] == [1, 5]
     assert "gold/city/lighting.0003" in chunks_text(again, Division(2)).splitlines()[2]
     with Run(tmp_path / "out", "1/2"), pytest.raises(OutputError, match="renders chunk 1/2 of the division"):
         keep_measured_chunks(again, Division(2))
@@ -156,7 +156,7 @@ def test_the_status_names_what_is_dead(tmp_path: Path, render_file: RenderFile) 
     with case.hold_frame(tmp_path / "out", "gold/city/element.0003") as other:
         other.kill()
     status = read_status(tmp_path / "out")
-    assert [(each.state, each.frames) for each in status.runs] == [("dead", ("gold/city/element.0003",))]
+    assert [(entry.state, entry.frames) for entry in status.runs] == [("dead", ("gold/city/element.0003",))]
     assert (status.rendering, status.waiting) == (0, 4)
     assert "no run is at work; 'lookdev render" in status_text(status)
 

@@ -82,16 +82,16 @@ def test_pictures_show_the_props_over_the_frame(finished: Path, tmp_path: Path) 
 def test_new_props_make_pictures_and_sheets_anew_and_no_frame(tmp_path: Path) -> None:
     run(tmp_path)
     frame = tmp_path / "out/gold/city/element.0001.exr"
-    made = [frame.with_suffix(".png"), frame.with_name("element.sheet.png")]
-    before, times = frame.read_bytes(), [path.stat().st_mtime_ns for path in made]
+    outputs = [frame.with_suffix(".png"), frame.with_name("element.sheet.png")]
+    before, times = frame.read_bytes(), [path.stat().st_mtime_ns for path in outputs]
     asked = len(case.requests(tmp_path))
     run(tmp_path)
     assert len(case.requests(tmp_path)) == asked
-    assert [path.stat().st_mtime_ns for path in made] == times
+    assert [path.stat().st_mtime_ns for path in outputs] == times
     run(tmp_path, "others")
     assert len(case.requests(tmp_path)) == asked + 3
     assert frame.read_bytes() == before
-    assert all(path.stat().st_mtime_ns > time for path, time in zip(made, times, strict=True))
+    assert all(path.stat().st_mtime_ns > time for path, time in zip(outputs, times, strict=True))
 
 
 def test_pictures_wait_for_props_that_failed(tmp_path: Path) -> None:

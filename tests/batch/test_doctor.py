@@ -31,20 +31,20 @@ def program(text: str) -> tuple[str, ...]:
 
 
 def test_a_good_machine(cache: Path) -> None:
-    found = look()
-    assert all(finding.good for finding in found.values())
-    assert not any(finding.remedy for finding in found.values())
-    assert found["bpy (Blender)"].found == f"{VERSION}.7 LTS"
-    assert set(doctor.MODULES) < set(found)
+    findings = look()
+    assert all(finding.good for finding in findings.values())
+    assert not any(finding.remedy for finding in findings.values())
+    assert findings["bpy (Blender)"].found == f"{VERSION}.7 LTS"
+    assert set(doctor.MODULES) < set(findings)
     assert list(cache.iterdir()) == []
 
 
 def test_a_missing_system_library_names_its_debian_package() -> None:
     error = "ImportError: libXrender.so.1: cannot open shared object file: No such file or directory"
-    found = look(bpy=program(f"import sys; sys.exit('{error}')"))
-    bpy = found["bpy (Blender)"]
+    findings = look(bpy=program(f"import sys; sys.exit('{error}')"))
+    bpy = findings["bpy (Blender)"]
     assert (bpy.good, bpy.found, bpy.remedy) == (False, error, "sudo apt-get install libxrender1")
-    assert "OSL in Cycles" not in found
+    assert "OSL in Cycles" not in findings
 
 
 def test_all_missing_system_libraries_are_one_command(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,31 +66,31 @@ def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "findings"),
     [
         ("import sys; sys.exit('no oslquery')", "no oslquery"),
         ("print('Blender quit')", "answered 'Blender quit'"),
         ("print('{}'); import os; os._exit(5)", "exit code 5"),
     ],
 )
-def test_osl_that_does_not_work(text: str, found: str) -> None:
+def test_osl_that_does_not_work(text: str, findings: str) -> None:
     osl = look(self_test=program(text))["OSL in Cycles"]
-    assert (osl.good, osl.found, bool(osl.remedy)) == (False, found, True)
+    assert (osl.good, osl.found, bool(osl.remedy)) == (False, findings, True)
 
 
 def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "MODULES", {"usd-nowhere": "pxr_nowhere.Usd", "lookdev": "lookdev"})
-    found = look()
-    assert found["usd-nowhere"].remedy == "python -m pip install usd-nowhere"
-    assert "pxr_nowhere" in found["usd-nowhere"].found
-    assert found["lookdev"].good
+    findings = look()
+    assert findings["usd-nowhere"].remedy == "python -m pip install usd-nowhere"
+    assert "pxr_nowhere" in findings["usd-nowhere"].found
+    assert findings["lookdev"].good
 
 
 def test_another_python_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "BLENDER_PYTHONS", {(2, 7): "2.79"})
-    found = look()
-    assert (found["Python"].good, found["bpy (Blender)"].good) == (False, False)
-    assert "2.7" in found["Python"].remedy
+    findings = look()
+    assert (findings["Python"].good, findings["bpy (Blender)"].good) == (False, False)
+    assert "2.7" in findings["Python"].remedy
 
 
 def test_a_cache_that_cannot_be_written_or_on_a_full_disk(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,8 +133,8 @@ def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monke
     monkeypatch.setattr(doctor, "find_llvm", lambda: "libLLVM.so.19")
     for fault, words in (("no driver here", "no driver here"), (None, "an NVIDIA GPU is there")):
         monkeypatch.setattr(doctor, "lacking_gpu", lambda fault=fault: fault)
-        found = look()["Mitsuba"]
-        assert found.good
-        assert found.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
+        findings = look()["Mitsuba"]
+        assert findings.good
+        assert findings.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
     monkeypatch.setattr(doctor, "find_llvm", missing)
     assert look()["Mitsuba"] == Finding("Mitsuba", "found: none", False, "sudo apt-get install libllvm19")

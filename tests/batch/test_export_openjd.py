@@ -53,7 +53,7 @@ def test_a_template_elsewhere_has_paths_that_are_given(job: Path, tmp_path: Path
     exported = export_openjd(job, tmp_path / "farm" / "t.yaml", Division(1), Needs(8, 1000, "/opt/lookdev"))
     assert f"-p Job={job} -p Output={tmp_path / 'out'}" in exported.summary()
     template = read(tmp_path / "farm" / "t.yaml")
-    assert all("default" not in each for each in template["parameterDefinitions"][:2])
+    assert all("default" not in parameter for parameter in template["parameterDefinitions"][:2])
     assert {"name": "amount.worker.vcpu", "min": 8} in template["steps"][0]["hostRequirements"]["amounts"]
 
 

@@ -71,38 +71,39 @@ def robot(tmp_path: Path) -> Path:
     return file
 
 
-def inspected(file: Path, **given: object) -> Inspection:
-    return inspect_file(Composition(file, **given))[0]  # type: ignore[arg-type]
+def inspected(file: Path, **options: object) -> Inspection:
+    return inspect_file(Composition(file, **options))[0]  # type: ignore[arg-type]
 
 
 def test_parts_counts_and_bounds_are_data_and_a_tree(robot: Path) -> None:
-    found = inspected(robot)
-    assert (found.meshes, found.instances, found.points, found.faces, found.faces_shown) == (2, 2, 8, 3, 3)
-    np.testing.assert_allclose([found.minimum, found.maximum], [[0, 0, 0], [1, 1, 0.5]], atol=1e-7)
-    body, lid = found.parts
+    inspection = inspected(robot)
+    counts = (inspection.meshes, inspection.instances, inspection.points, inspection.faces, inspection.faces_shown)
+    assert counts == (2, 2, 8, 3, 3)
+    np.testing.assert_allclose([inspection.minimum, inspection.maximum], [[0, 0, 0], [1, 1, 0.5]], atol=1e-7)
+    body, lid = inspection.parts
     assert (body.path, body.faces, body.subdivision) == ("/Robot/Body", 1, "catmullClark (1 crease)")
     assert (body.uv_sets, body.material) == (("map1",), "/Robot/Looks/Lamp")
     assert (lid.subdivision, lid.uv_sets, lid.primvars, lid.material) == ("", (), ("wear",), "")
-    lines = found.text().splitlines()
+    lines = inspection.text().splitlines()
     assert lines[0].endswith("1 x 1 x 0.5 m, 2 meshes, 2 instances, 8 points, 3 faces")
     assert lines[2:5] == [
         "Robot",
         "  Body  1 face   catmullClark (1 crease)  uv map1                 /Robot/Looks/Lamp",
         "  Lid   2 faces                           no uv    primvars wear  no material",
     ]
-    data = json.loads(json.dumps(found.data()))
+    data = json.loads(json.dumps(inspection.data()))
     assert data["parts"][0]["path"] == "/Robot/Body"
-    assert data["materials"][0]["lost"] == list(found.materials[0].lost)
+    assert data["materials"][0]["lost"] == list(inspection.materials[0].lost)
 
 
 def test_what_is_not_rendered_is_listed(robot: Path) -> None:
-    found = inspected(robot)
-    assert "/Robot/Smoke" in " ".join(found.notes)
-    (lamp,) = found.materials
+    inspection = inspected(robot)
+    assert "/Robot/Smoke" in " ".join(inspection.notes)
+    (lamp,) = inspection.materials
     assert lamp.layers == ("UsdPreviewSurface as Disney",)
     (lost,) = lamp.lost
-    assert all("emissiveColor" in text for text in (lost, found.text()))
-    assert "/Robot/Smoke" in found.text()
+    assert all("emissiveColor" in text for text in (lost, inspection.text()))
+    assert "/Robot/Smoke" in inspection.text()
 
 
 def test_subsets_are_listed_below_their_mesh(robot: Path) -> None:
@@ -134,8 +135,8 @@ def test_a_part_has_the_path_of_each_prim_that_shows_it(tmp_path: Path) -> None:
 
 def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
     assert inspected(robot, variants=(("size", "large"),)).maximum == pytest.approx((2.0, 2.0, 1.0))
-    found, _ = inspect_file(Composition(robot), purposes=("default", "guide"))
-    assert [part.path for part in found.parts] == ["/Robot/Body", "/Robot/Lid", "/Robot/Guide"]
+    inspection, _ = inspect_file(Composition(robot), purposes=("default", "guide"))
+    assert [part.path for part in inspection.parts] == ["/Robot/Body", "/Robot/Lid", "/Robot/Guide"]
     with pytest.raises(StageError, match="no variant 'huge'"):
         inspected(robot, variants=(("size", "huge"),))
     with pytest.raises(AssetError, match="no surface"):
@@ -152,9 +153,9 @@ def test_a_long_list_is_cut_in_text_only(tmp_path: Path) -> None:
     cards = "".join(card(f"m{i}") for i in range(MOST_LINES + 2))
     file = tmp_path / "many.usda"
     file.write_text(f"#usda 1.0\n{cards}\n", encoding="utf-8")
-    found = inspected(file)
-    assert len(found.parts) == MOST_LINES + 2
-    assert "... and 2 more parts" in found.text()
+    inspection = inspected(file)
+    assert len(inspection.parts) == MOST_LINES + 2
+    assert "... and 2 more parts" in inspection.text()
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def test_verification_names_what_is_missing_changed_and_not_listed(out: Path, tm
     frame.rename(frame.with_name("other.0001.exr"))
     os.truncate(picture, 20)
     (tmp_path / "gold.usda").write_text("# another look")
-    assert {(found.state, found.kind, found.file.name, found.fails) for found in verify(out)[1]} == {
+    assert {(inputs.state, inputs.kind, inputs.file.name, inputs.fails) for inputs in verify(out)[1]} == {
         ("missing", "frame", "element.0001.exr", True),
         ("changed", "picture", "element.0002.png", True),
         ("changed", "input", "gold.usda", True),
@@ -135,6 +135,6 @@ def test_what_a_materialx_document_reads_is_an_input(through: str, tmp_path: Pat
     (tmp_path / "look.usda").write_text('#usda 1.0\ndef "M" (references = @x.mtlx@</MaterialX/Materials/Paint>) {}\n')
     text = case.JOB.replace("gold.usda", through) + case.TURNTABLES + case.RENDER
     job = parse_job(text, tmp_path / "job.toml")
-    found = {file.relative_to(tmp_path).as_posix() for file in input_files(job)}
+    inputs = {file.relative_to(tmp_path).as_posix() for file in input_files(job)}
     named = {"job.toml", "x.mtlx", "maps/color.1001.png", "maps/color.1002.png"}
-    assert found == named | {through}
+    assert inputs == named | {through}

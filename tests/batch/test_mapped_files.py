@@ -59,15 +59,15 @@ def rules(folder: Path, source: Path, target: Path) -> PathRules:
     return read_rules(folder / "rules.json")
 
 
-@pytest.mark.parametrize("place", ["farm", "studio/mounted"], ids=["elsewhere", "inside the source"])
+@pytest.mark.parametrize("target", ["farm", "studio/mounted"], ids=["elsewhere", "inside the source"])
 def test_a_moved_job_finds_what_its_files_name_and_its_frames_are_the_same(
-    studio: Path, tmp_path: Path, place: str
+    studio: Path, tmp_path: Path, target: str
 ) -> None:
     there, files = planned(studio / "job.toml", ())
     assert {file.relative_to(studio).as_posix() for file in files} == {*FILES, "parts/color.png"}
     aside = studio.rename(tmp_path / "aside")
-    (tmp_path / place).parent.mkdir(exist_ok=True)
-    farm = aside.rename(tmp_path / place)
+    (tmp_path / target).parent.mkdir(exist_ok=True)
+    farm = aside.rename(tmp_path / target)
     moved = rules(tmp_path, studio, farm)
     for _ in range(2):  # in one process, whose layers may still be open
         assert planned(farm / "job.toml", moved) == (there, {farm / file.relative_to(studio) for file in files})

@@ -124,20 +124,20 @@ def test_turning_a_sphere_of_a_plain_look_is_one_frame(
 
 @pytest.mark.parametrize("backend", [name for name in job_backends() if name != "exact"])
 def test_a_backend_of_the_job_or_another_makes_the_sources(job: Path, backend: str) -> None:
-    by_shaders, given = prepare_job(job), prepare_job(job, backend=backend)
-    assert (given.job.render.backend, given.job.file) == (backend, job)
+    by_shaders, of_argument = prepare_job(job), prepare_job(job, backend=backend)
+    assert (of_argument.job.render.backend, of_argument.job.file) == (backend, job)
     device = BACKENDS[backend].devices[-1]
     job.write_text(f'{job.read_text()}backend = "{backend}"\ndevice = "{device}"\n')
-    own = prepare_job(job)
+    of_job = prepare_job(job)
     expected = (
         ("exact", "cpu", ShaderSource),
         *((backend, name, BACKENDS[backend].source) for name in ("cpu", device)),
     )
-    for prepared, (name, on, kind) in zip((by_shaders, given, own), expected, strict=True):
+    for prepared, (name, on, kind) in zip((by_shaders, of_argument, of_job), expected, strict=True):
         scenes = [frame.task.scene for frame in prepared.plan.frames]
         assert {(scene.backend, scene.device) for scene in scenes} == {(name, on)}
         assert {type(source) for scene in scenes for source in scene.shaders} == {kind}
-    digests = [{frame.task.digest for frame in prepared.plan.frames} for prepared in (by_shaders, own)]
+    digests = [{frame.task.digest for frame in prepared.plan.frames} for prepared in (by_shaders, of_job)]
     assert not digests[0] & digests[1]
 
 
@@ -289,8 +289,8 @@ def test_a_star_may_stand_for_a_set_inside_a_variant(job: Path) -> None:
 def test_a_fault_of_variants_is_reported_with_all_others(job: Path, variants: str, other: str, fault: str) -> None:
     if other == "other":
         (job.parent / "other.usda").write_text("no USD")
-    found, *others = faults_of(write_varied(job, variants, other))
-    assert found.startswith(f"{job.parent}/{fault}")
+    message, *others = faults_of(write_varied(job, variants, other))
+    assert message.startswith(f"{job.parent}/{fault}")
     assert [text.partition(": ")[0] for text in others] == [f"{job.parent}/other.usda"] * (other == "other")
 
 

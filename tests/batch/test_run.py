@@ -300,14 +300,14 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
         process.kill()
         process.communicate(timeout=20)
     case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))))
-    leftover, own = (frames_folder(tmp_path) / name for name in (".element.0003.4711-0123abcd.exr", ".keep"))
+    leftover, foreign = (frames_folder(tmp_path) / name for name in (".element.0003.4711-0123abcd.exr", ".keep"))
     leftover.write_bytes(b"half a frame")
-    own.touch()
+    foreign.touch()
     result = case.run(tmp_path)
     assert (result.done, result.rendered, result.exit_code) == (6, 4, 0)
     assert sorted(case.requests(tmp_path)) == sorted([f"{name}.exr" for name in [*FRAMES, "element.0003"]])
     assert not leftover.exists()
-    assert own.exists()
+    assert foreign.exists()
     assert not list((tmp_path / "out" / ".lookdev").glob("scratch-*"))
 
 

@@ -34,7 +34,7 @@ def state(out: Path) -> list[str]:
 def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
     with case.hold_frame(out, FRAME) as other, Run(out) as run:
-        assert [each.process for each in run.renders("plan")] == [other.pid]
+        assert [info.process for info in run.renders("plan")] == [other.pid]
         assert not run.claim(FRAME)
         assert run.claim("gold/city/element.0002")
         other.communicate()
@@ -122,18 +122,22 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
     (folder / "scratch-abc" / "frame.npz").touch()
     frames.mkdir()
     with Run(tmp_path / "other") as other:
-        own = other.info.id[:8]
+        process = other.info.id[:8]
     left = [folder / ".pictures.0123abcd-0a1b2c3d.json"]
     left += [frames / f".element.0001.{name}" for name in ("77-0a1b2c3d.exr", "0123abcd-0a1b2c3d.png")]
-    kept = [folder / "pictures.json", frames / f".element.0001.{own}-0a1b2c3d.exr", frames / "element.0001.exr"]
-    kept += [frames / name for name in (".element.0001.exr", ".notes.77-0a1b2c.txt", "element.77-0a1b2c3d.exr")]
-    for path in left + kept:
+    intact = [
+        folder / "pictures.json",
+        frames / f".element.0001.{process}-0a1b2c3d.exr",
+        frames / "element.0001.exr",
+    ]
+    intact += [frames / name for name in (".element.0001.exr", ".notes.77-0a1b2c.txt", "element.77-0a1b2c3d.exr")]
+    for path in left + intact:
         path.touch()
     with Run(tmp_path) as run:
         assert not (folder / "scratch-abc").exists()
         run.remove_leftovers([folder, frames, tmp_path / "not_made_yet"])
     assert not any(path.exists() for path in left)
-    assert all(path.exists() for path in kept)
+    assert all(path.exists() for path in intact)
 
 
 def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
@@ -144,13 +148,13 @@ def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
     with ExitStack() as stack, Run(tmp_path) as first:
 
         def alive_late(self: Runs) -> list[RunInfo]:
-            found = alive(self)
+            living = alive(self)
             if not joined:
                 # Another run joins just after the living were looked up, and begins to write.
                 joined.append(Run(tmp_path))
                 stack.enter_context(joined[0])
                 stack.enter_context(joined[0].scratch())
-            return found
+            return living
 
         monkeypatch.setattr(Runs, "alive", alive_late)
         first._remove_scratch()

@@ -14,8 +14,8 @@ def frame(a: Any, b: Any, alpha: Any = 1.0) -> Rendered:
     return Rendered(*halves, np.full((4, 6), alpha, np.float32), 8, 0.1, 0.01, "4.5", 1 << 20)
 
 
-def of(rendered: Rendered, beauty: Any = 0.5, **given: Any) -> list[str]:
-    return list(doubts(rendered, np.full((4, 6, 3), beauty, np.float32), **given))
+def of(rendered: Rendered, beauty: Any = 0.5, **options: Any) -> list[str]:
+    return list(doubts(rendered, np.full((4, 6, 3), beauty, np.float32), **options))
 
 
 def test_a_sound_frame_has_none() -> None:
@@ -33,12 +33,12 @@ def test_a_sound_frame_has_none() -> None:
     ],
 )
 def test_what_nobody_meant_is_doubted(rendered: Rendered, doubt: str) -> None:
-    (found,) = of(rendered)
-    assert found.startswith(doubt)
+    (said,) = of(rendered)
+    assert said.startswith(doubt)
 
 
 def test_pixels_that_are_too_bright_are_named() -> None:
     beauty = np.full((4, 6, 3), 0.5, np.float32)
     beauty[2, 3, 1] = np.inf
-    (found,) = doubts(frame(0.25, 0.75), beauty)
-    assert found.startswith("has pixels brighter than a number of 32 bits (1, the first in column 3, row 2)")
+    (said,) = doubts(frame(0.25, 0.75), beauty)
+    assert said.startswith("has pixels brighter than a number of 32 bits (1, the first in column 3, row 2)")

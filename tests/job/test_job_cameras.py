@@ -55,29 +55,29 @@ def job_of(folder: Path, camera: str = "") -> Job:
 
 
 def cameras(folder: Path, camera: str = "") -> dict[str, Camera]:
-    found, notes = job_cameras(job_of(folder, camera), SHOWN)
+    framed, notes = job_cameras(job_of(folder, camera), SHOWN)
     assert notes == ()
-    assert list(found) == ["small", "large"]
-    return found
+    assert list(framed) == ["small", "large"]
+    return framed
 
 
 def test_all_looks_share_a_camera_that_frames_what_any_shows_or_each_has_its_own(folder: Path) -> None:
     shared = cameras(folder)
     both = np.concatenate([outline(asset) for asset in SHOWN.values()])
     assert shared["small"] == shared["large"] == frame_fill(both, (160, 90))
-    own = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
+    separate = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
     for look, asset in SHOWN.items():
-        assert own[look] == frame_fill(outline(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
+        assert separate[look] == frame_fill(outline(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
 
 
 def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
-    each = cameras(folder, 'framing = "each"\nmargin = 1.2')
+    separate = cameras(folder, 'framing = "each"\nmargin = 1.2')
     for look, asset in SHOWN.items():
-        assert each[look] == frame_camera(asset.center, asset.radius, (160, 90), margin=1.2)
+        assert separate[look] == frame_camera(asset.center, asset.radius, (160, 90), margin=1.2)
     one = cameras(folder, "margin = 1.2")
     assert one["small"] == one["large"]
     points = np.concatenate([outline(asset) for asset in SHOWN.values()])
-    assert one["small"].distance > each["large"].distance
+    assert one["small"].distance > separate["large"].distance
     assert np.linalg.norm(points - one["small"].target, axis=1).max() < one["small"].distance
 
 
@@ -90,21 +90,21 @@ def test_the_angles_are_those_of_the_turntables(folder: Path) -> None:
 
 
 def test_a_camera_of_a_file_is_read(folder: Path) -> None:
-    made = job_scenes(job_of(folder, 'usd = "/Shot"'))
-    (camera,) = {scene.camera for scene in made.scenes.values()}
+    prepared = job_scenes(job_of(folder, 'usd = "/Shot"'))
+    (camera,) = {scene.camera for scene in prepared.scenes.values()}
     np.testing.assert_allclose(camera.position, [0.0, 0.0, 9.0], atol=1e-9)
     assert (camera.elevation, camera.reach, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
-    assert made.notes == ()
+    assert prepared.notes == ()
     (folder / "shot.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, 7)").replace("= 18", "= 32"))
-    made = job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
-    (camera,) = {scene.camera for scene in made.scenes.values()}
+    prepared = job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
+    (camera,) = {scene.camera for scene in prepared.scenes.values()}
     assert camera.position[2] == pytest.approx(7.0)
-    assert "/Shot: its frame is 1 times as wide as high" in made.notes[-1]
+    assert "/Shot: its frame is 1 times as wide as high" in prepared.notes[-1]
     with pytest.raises(FaultsError, match=r"asset\.usda: /Shto: there is no such prim \(did you mean '/Shot'\?\)"):
         job_scenes(job_of(folder, 'usd = "/Shto"'))
 
 
 def test_equal_assets_share_a_camera(folder: Path) -> None:
     asset = SHOWN["large"]
-    found, _ = job_cameras(job_of(folder, 'framing = "each"'), {"a": asset, "b": replace(asset, name="again")})
-    assert found["a"] is found["b"]
+    framed, _ = job_cameras(job_of(folder, 'framing = "each"'), {"a": asset, "b": replace(asset, name="again")})
+    assert framed["a"] is framed["b"]

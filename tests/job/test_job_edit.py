@@ -66,12 +66,12 @@ def assigns(text: str, look: int) -> Any:
 def changed(before: str, after: str) -> list[str]:
     """Return the lines that are removed and added."""
     lines = difflib.ndiff(before.splitlines(), after.splitlines())
-    return sorted(each for each in lines if each[0] in "+-" and each[2:].strip())
+    return sorted(entry for entry in lines if entry[0] in "+-" and entry[2:].strip())
 
 
 def test_a_new_assign_stands_before_the_one_that_covers_the_part() -> None:
     after = assign(PARTS, 2, ["/Car/Body/Windows"], GOLD, 0)
-    assert [each["prims"] for each in assigns(after, 2)] == [
+    assert [entry["prims"] for entry in assigns(after, 2)] == [
         ["/Car/Body/Windows"],
         ["/Car.collection:trim", "/Car/Wheels/Front*/Tire"],
         ["/Car/Body"],
@@ -120,14 +120,14 @@ def test_edits_make_the_data_that_they_mean_and_keep_every_comment(text: str, se
     for _ in range(6):
         look = rng.randrange(looks)
         had = assigns(edited, look)
-        known = [prim for each in had for prim in each["prims"]]
-        if known and rng.random() < 0.3:
-            edited = unassign(edited, look, [rng.choice(known)])
+        assigned = [prim for entry in had for prim in entry["prims"]]
+        if assigned and rng.random() < 0.3:
+            edited = unassign(edited, look, [rng.choice(assigned)])
         else:
-            prims = [rng.choice([*known, "/New/Part", "/Other"])]
+            prims = [rng.choice([*assigned, "/New/Part", "/Other"])]
             covering = rng.choice([None, *range(len(had))])
             edited = assign(edited, look, prims, rng.choice([GOLD, Wear("tin.usda", "/Tin")]), covering)
-            assert sum(prims[0] in each["prims"] for each in assigns(edited, look)) == 1
+            assert sum(prims[0] in entry["prims"] for entry in assigns(edited, look)) == 1
     removable = ("of a", "one", "the rest of the body: the first that fits counts")  # in an assign that can go
     for comment in (line.partition("#")[2].strip() for line in text.splitlines() if "#" in line):
         assert comment in edited or comment in removable

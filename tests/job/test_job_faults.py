@@ -158,11 +158,11 @@ def cases(below: str, table: Mapping[str, tuple[str, str]], by: str = "") -> lis
     """Return jobs with a line `below` another, or `by` a line in its place."""
     assert below in MINIMAL
     texts = {line: MINIMAL.replace(below, f"{by or below}\n{line}", 1) for line in table}
-    return [pytest.param(texts[line], place, said, id=line) for line, (place, said) in table.items()]
+    return [pytest.param(texts[line], location, said, id=line) for line, (location, said) in table.items()]
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "said"),
+    ("text", "location", "said"),
     [
         *cases('builtin = "sphere"', OF_BUILT_IN_ASSETS),
         *cases('builtin = "sphere"', OF_USD_ASSETS, by=USD),
@@ -172,12 +172,12 @@ def cases(below: str, table: Mapping[str, tuple[str, str]], by: str = "") -> lis
     ],
 )
 def test_one_fault_is_reported_alone_with_its_place_and_what_would_be_right(
-    tmp_path: Path, text: str, place: str, said: str
+    tmp_path: Path, text: str, location: str, said: str
 ) -> None:
     assert text != MINIMAL
-    ((where, (what, hint)),) = faults(text, tmp_path).items()
-    assert where == place
-    assert all(part in f"{what} ({hint})" for part in said.split(" ... "))
+    ((where, (fault, hint)),) = faults(text, tmp_path).items()
+    assert where == location
+    assert all(part in f"{fault} ({hint})" for part in said.split(" ... "))
 
 
 def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp_path: Path) -> None:
@@ -195,11 +195,12 @@ def test_a_misspelt_key_is_reported_beside_the_one_that_it_leaves_out(
     tmp_path: Path, key: str, said: str, hint: str
 ) -> None:
     text = MINIMAL.replace('"paint.usda"', '"paint.usda"\n' + ASSIGN.replace(key, key[:-1]), 1)
-    found = {place.removeprefix("look[0].assign[0]."): fault for place, fault in faults(text, tmp_path).items()}
-    assert found.keys() == {key, key[:-1]}
-    assert said in found[key[:-1]][0]
-    assert found[key][0] == "is missing"
-    assert hint in found[key][1]
+    by_location = faults(text, tmp_path).items()
+    reported = {location.removeprefix("look[0].assign[0]."): fault for location, fault in by_location}
+    assert reported.keys() == {key, key[:-1]}
+    assert said in reported[key[:-1]][0]
+    assert reported[key][0] == "is missing"
+    assert hint in reported[key][1]
 
 
 def test_faults_of_every_table_are_reported_at_once(tmp_path: Path) -> None:

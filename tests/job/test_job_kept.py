@@ -27,8 +27,8 @@ def cages(tmp_path, monkeypatch) -> Asset:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
     monkey = load_asset(builtin="suzanne").meshes[0]
     cage = replace(monkey, name="/a", subdivision=Subdivision("catmullClark"), default_uv="st")
-    made = make_asset("a", [cage], [Instance(0, np.eye(4), "/path")], [Slot("/a", "/red")])
-    return replace(made, unit=0.01, notes=("a note",))
+    asset = make_asset("a", [cage], [Instance(0, np.eye(4), "/path")], [Slot("/a", "/red")])
+    return replace(asset, unit=0.01, notes=("a note",))
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def calls(monkeypatch) -> list[str]:
 
 
 def same(a: Mesh, b: Mesh) -> bool:
-    names = [each.name for each in fields(Mesh) if each.name not in ("uvs", "primvars")]
+    names = [field.name for field in fields(Mesh) if field.name not in ("uvs", "primvars")]
     maps = [(a.uvs, b.uvs), (a.primvars, b.primvars)]
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names) and all(
         list(x) == list(y) and all(np.array_equal(x[name], y[name]) for name in x) for x, y in maps

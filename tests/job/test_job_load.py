@@ -122,8 +122,8 @@ def test_passes_are_in_one_order_and_the_space_is_named(tmp_path: Path) -> None:
 def test_a_look_without_material_wears_what_the_asset_binds(tmp_path: Path) -> None:
     text = MINIMAL.replace('builtin = "sphere"', USD).replace('material = "paint.usda"\n', "")
     assert parse(text, tmp_path).look[0].material is None
-    found = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), tmp_path)
-    assert found == {
+    reported = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), tmp_path)
+    assert reported == {
         f"look[0].{key}": ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
         for key in ("prim", "parts")
     }
@@ -151,8 +151,8 @@ def test_without_a_word_pictures_are_in_the_shipped_view(tmp_path: Path) -> None
 
 def test_the_studio_s_config_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", ACES)
-    own = outputs_of(tmp_path).shown()
-    assert (own.config, own.view) == (ACES, "ACES 1.0 - SDR Video")
+    studio = outputs_of(tmp_path).shown()
+    assert (studio.config, studio.view) == (ACES, "ACES 1.0 - SDR Video")
     assert outputs_of(tmp_path, 'ocio = "lookdev"').shown() == DisplayView()
     config = ocio.Config.CreateFromBuiltinConfig(ACES.removeprefix("ocio://"))
     (tmp_path / "studio.ocio").write_text(config.serialize())
@@ -166,8 +166,8 @@ def test_the_studio_s_config_is_obeyed(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_each_output_may_have_its_own(tmp_path: Path) -> None:
     video = "Rec.1886 Rec.709 - Display"
-    given = f'view = "Raw"\ndisplays = {{ overview = "{video}" }}\nviews = {{ png = "Un-tone-mapped" }}'
-    outputs = outputs_of(tmp_path, given)
+    lines = f'view = "Raw"\ndisplays = {{ overview = "{video}" }}\nviews = {{ png = "Un-tone-mapped" }}'
+    outputs = outputs_of(tmp_path, lines)
     shown = {name: (outputs.shown(name).view, outputs.shown(name).display) for name in ("png", "sheet", "overview")}
     srgb = "sRGB - Display"
     assert shown == {"png": ("Un-tone-mapped", srgb), "sheet": ("Raw", srgb), "overview": ("Raw", video)}
@@ -178,6 +178,6 @@ def test_a_studio_s_config_that_is_missing_is_a_fault_of_the_job(
 ) -> None:
     monkeypatch.setenv("OCIO", "/nowhere/config.ocio")
     for outputs in ("", "png = false"):
-        ((key, (what, _)),) = faults(f"{MINIMAL}[outputs]\n{outputs}", tmp_path).items()
+        ((key, (said, _)),) = faults(f"{MINIMAL}[outputs]\n{outputs}", tmp_path).items()
         assert key == "outputs.ocio"
-        assert what.startswith("$OCIO: OpenColorIO cannot read the config /nowhere/config.ocio")
+        assert said.startswith("$OCIO: OpenColorIO cannot read the config /nowhere/config.ocio")

@@ -62,15 +62,15 @@ def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
     for name, text in MATERIALS.items():
         (tmp_path / f"{name}.usda").write_text(text)
 
-    def made(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
+    def prepared(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
         (tmp_path / "cube.usda").write_text(CUBE.replace("SCHEME", scheme))
         return job_scenes(parse_job(job_text(look, asset, width), tmp_path / "job.toml"))
 
-    return made
+    return prepared
 
 
-def scene_of(made: JobScenes, look: str = "one") -> Scene:
-    return made.scenes[look, "white"]
+def scene_of(prepared: JobScenes, look: str = "one") -> Scene:
+    return prepared.scenes[look, "white"]
 
 
 def faces(scene: Scene) -> int:
@@ -113,8 +113,8 @@ def test_the_camera_frames_the_limit_surface(make: Make) -> None:
 
 def test_a_displaced_look_has_a_surface_of_its_own(make: Make) -> None:
     third = '\n[[look]]\nname = "three"\n'
-    made = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"' + third)
-    plain, swollen, bare = (scene_of(made, name) for name in ("one", "two", "three"))
+    prepared = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"' + third)
+    plain, swollen, bare = (scene_of(prepared, name) for name in ("one", "two", "three"))
     assert plain.asset is bare.asset  # looks share what is refined
     assert swollen.asset.radius == pytest.approx(plain.asset.radius + 0.5, rel=0.05)
     assert plain.camera == swollen.camera  # that frames both
@@ -132,10 +132,10 @@ def test_a_displaced_polygon_mesh_is_refined_first(make: Make) -> None:
 
 
 def test_a_displacement_reads_a_uv_set_of_another_name(make: Make) -> None:
-    made = make('material = "wavy.usda"')
-    assert made.notes == ("/Cube has no UV set 'st', which looks ask for: 'map1' is read",)
+    prepared = make('material = "wavy.usda"')
+    assert prepared.notes == ("/Cube has no UV set 'st', which looks ask for: 'map1' is read",)
     swollen = scene_of(make('material = "swollen.usda"'))
-    assert scene_of(made).asset.radius == pytest.approx(swollen.asset.radius, rel=1e-3)
+    assert scene_of(prepared).asset.radius == pytest.approx(swollen.asset.radius, rel=1e-3)
 
 
 def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_a_time_is_noted_where_nothing_is_animated(make: Make, tmp_path: Path) -
     (tmp_path / "moving.usda").write_text(text)
     tops = {}
     for time in ("", ", time = 5", ", time = 20"):
-        made = job_scenes(parse_job(job_text(asset=time, file="moving.usda"), tmp_path / "job.toml"))
-        assert not [note for note in made.notes if "animated" in note]
-        tops[time] = float(scene_of(made).asset.meshes[0].points[:, 2].max())
+        prepared = job_scenes(parse_job(job_text(asset=time, file="moving.usda"), tmp_path / "job.toml"))
+        assert not [note for note in prepared.notes if "animated" in note]
+        tops[time] = float(scene_of(prepared).asset.meshes[0].points[:, 2].max())
     assert tops == {"": 1.0, ", time = 5": 2.0, ", time = 20": 3.0}

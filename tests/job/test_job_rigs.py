@@ -76,8 +76,8 @@ def parse(text: str, folder: Path) -> Job:
 
 def test_a_job_has_its_rigs_after_its_ibls(folder: Path) -> None:
     job = parse(JOB, folder)
-    assert [each.name for each in job.rigs] == ["white", "studio"]
-    assert [job.place_of(each.name) for each in job.rigs] == ["ibl[0]", "rig[0]"]
+    assert [rig.name for rig in job.rigs] == ["white", "studio"]
+    assert [job.place_of(rig.name) for rig in job.rigs] == ["ibl[0]", "rig[0]"]
     rig = job.rig[0]
     assert (rig.usd, rig.builtin, rig.prim, rig.exposure, rig.rotation) == (folder / "rig.usda", None, None, 1.0, 30.0)
     built_in = parse(JOB.replace('usd = "rig.usda"', 'builtin = "three_point"'), folder).rig[0]

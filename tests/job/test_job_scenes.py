@@ -106,16 +106,16 @@ def folder(tmp_path: Path) -> Path:
 def make(folder: Path) -> Make:
     """Return a function that makes the scenes of a job from the lines of its look and its asset."""
 
-    def made(look: str = "", asset: str = CAR) -> JobScenes:
+    def prepared(look: str = "", asset: str = CAR) -> JobScenes:
         text = f'{job_toml(asset=f"{{ {asset} }}")}[[look]]\nname = "one"\n{look}\n'
         return job_scenes(parse_job(text, folder / "job.toml"))
 
-    return made
+    return prepared
 
 
-def worn(made: JobScenes, name: str = "one") -> dict[str, float | str]:
+def look_by_part(prepared: JobScenes, name: str = "one") -> dict[str, float | str]:
     """Return, for each part, the roughness of the look that it wears, or the name of a look without one."""
-    scene = made.scenes[name, "white"]
+    scene = prepared.scenes[name, "white"]
     result: dict[str, float | str] = {}
     for instance in scene.asset.instances:
         mesh = scene.asset.meshes[instance.mesh]
@@ -123,9 +123,9 @@ def worn(made: JobScenes, name: str = "one") -> dict[str, float | str]:
             path = scene.asset.slots[slot].path
             path = instance.path + path.removeprefix(mesh.name) if instance.path else path
             look = scene.looks[slot]
-            given = look.layers[0].inputs.get("roughness", look.name) if look.name != "neutral" else look.name
-            assert isinstance(given, float | str)
-            result[path] = given
+            value = look.layers[0].inputs.get("roughness", look.name) if look.name != "neutral" else look.name
+            assert isinstance(value, float | str)
+            result[path] = value
     return result
 
 
@@ -166,31 +166,32 @@ DOOR, BODY = assign("gold.usda", "/Car/Body/Door"), assign("dirt.usda", "/Car/Bo
 def test_each_part_has_the_first_look_that_covers_it(
     make: Make, look: str, asset: str, covered: dict[str, float], bare: str | None
 ) -> None:
-    made = make(look, CAR + asset)
-    assert worn(made) == OWN | covered
-    assert [note.partition(";")[0] for note in made.notes] == [f"look 'one': nothing covers {bare}"] * (
+    prepared = make(look, CAR + asset)
+    assert look_by_part(prepared) == OWN | covered
+    assert [note.partition(";")[0] for note in prepared.notes] == [f"look 'one': nothing covers {bare}"] * (
         bare is not None
     )
 
 
 def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
-    made = make(GOLD + assign("gold.usda", "/Car") + assign("dirt.usda", "/Car/Body"))
+    prepared = make(GOLD + assign("gold.usda", "/Car") + assign("dirt.usda", "/Car/Body"))
     said = "covers no part: others come first for all that it fits"
-    assert made.notes == (f"look 'one': assign[1] {said}", f"look 'one': 'material' {said}")
-    assert worn(made) == ALL_GOLD
+    assert prepared.notes == (f"look 'one': assign[1] {said}", f"look 'one': 'material' {said}")
+    assert look_by_part(prepared) == ALL_GOLD
 
 
 def test_a_mesh_is_split_where_looks_of_its_instances_differ_and_looks_share_what_is_equal(make: Make) -> None:
     left = assign("gold.usda", "*/Left")
-    made = make(left + '[[look]]\nname = "two"\n' + left.replace("gold", "dirt") + f'[[look]]\nname = "three"\n{GOLD}')
-    assert len(made.notes) == len(set(made.notes)) == 2  # of one and two; on the asset once
-    one, two = (made.scenes[name, "white"].asset for name in ("one", "two"))
+    others = '[[look]]\nname = "two"\n' + left.replace("gold", "dirt") + f'[[look]]\nname = "three"\n{GOLD}'
+    prepared = make(left + others)
+    assert len(prepared.notes) == len(set(prepared.notes)) == 2  # of one and two; on the asset once
+    one, two = (prepared.scenes[name, "white"].asset for name in ("one", "two"))
     assert one.digest == two.digest
     assert len(one.meshes) == 5
     assert one.meshes[4].points is one.meshes[3].points
-    assert worn(made) == OWN | {"/Car/Left/Hub": 0.25}
-    assert worn(made, "two") == OWN | {"/Car/Left/Hub": 1.0}
-    assert made.scenes["three", "white"].looks[0].name == "three"
+    assert look_by_part(prepared) == OWN | {"/Car/Left/Hub": 0.25}
+    assert look_by_part(prepared, "two") == OWN | {"/Car/Left/Hub": 1.0}
+    assert prepared.scenes["three", "white"].looks[0].name == "three"
 
 
 def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) -> None:
@@ -201,8 +202,8 @@ def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) ->
     gold = folder / "gold.usda"
     gold.write_text(f"{gold.read_text()}{tin.rstrip().removesuffix('}')}{sets}}}\n")
     tin = assign("gold.usda", "/Car") + 'prim = "/Tin"\n'
-    assert set(worn(make(tin)).values()) == {0.3125}
-    assert set(worn(make(tin + 'variants = { wear = "worn" }\n')).values()) == {0.875}
+    assert set(look_by_part(make(tin)).values()) == {0.3125}
+    assert set(look_by_part(make(tin + 'variants = { wear = "worn" }\n')).values()) == {0.875}
 
 
 STUDIO = """<materialx version="1.38">
@@ -217,25 +218,25 @@ STUDIO = """<materialx version="1.38">
 
 def test_a_material_of_another_model_covers_parts_and_its_losses_are_noted(make: Make, folder: Path) -> None:
     folder.joinpath("studio.mtlx").write_text(STUDIO)
-    made = make(GOLD + assign("studio.mtlx", "/Car/Hood") + '[[look]]\nname = "two"\nmaterial = "studio.mtlx"')
-    assert worn(made) == ALL_GOLD | {"/Car/Hood": "Studio"}
-    assert worn(made, "two") == dict.fromkeys(OWN, "two")
-    assert {look.layers[0].model for look in made.scenes["two", "white"].looks} == {"standard_surface"}
-    (note,) = made.notes
+    prepared = make(GOLD + assign("studio.mtlx", "/Car/Hood") + '[[look]]\nname = "two"\nmaterial = "studio.mtlx"')
+    assert look_by_part(prepared) == ALL_GOLD | {"/Car/Hood": "Studio"}
+    assert look_by_part(prepared, "two") == dict.fromkeys(OWN, "two")
+    assert {look.layers[0].model for look in prepared.scenes["two", "white"].looks} == {"standard_surface"}
+    (note,) = prepared.notes
     assert note.startswith(f"{folder / 'studio.mtlx'}: /MaterialX/Materials/Studio/S.inputs:subsurface: ")
     folder.joinpath("lama.mtlx").write_text(STUDIO.replace("standard_surface", "lama_surface"))
-    found = faults(make, 'material = "lama.mtlx"')
-    assert "lama.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
+    messages = faults(make, 'material = "lama.mtlx"')
+    assert "lama.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in messages
 
 
 def test_built_in_assets_are_dressed_by_part_have_uvs_for_any_look_and_no_collections(make: Make) -> None:
     built_in = 'builtin = "shaderball"'
-    made = make(assign("dirt.usda", "*/base"), built_in)
-    assert worn(made) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
-    assert made.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
-    made = make('material = "stripes.usda"', built_in)
-    assert all("map1" in mesh.uvs for mesh in made.scenes["one", "white"].asset.meshes)
-    (note,) = made.notes
+    prepared = make(assign("dirt.usda", "*/base"), built_in)
+    assert look_by_part(prepared) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
+    assert prepared.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
+    prepared = make('material = "stripes.usda"', built_in)
+    assert all("map1" in mesh.uvs for mesh in prepared.scenes["one", "white"].asset.meshes)
+    (note,) = prepared.notes
     assert "no UV set 'map1', which looks ask for: 'st' is read" in note
     (fault,) = faults(make, f'{GOLD}\nparts = ["/x.collection:y"]', built_in)
     assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"
@@ -253,12 +254,12 @@ LAYER = f'#usda 1.0\nover "Car"\n{{\n{OVERS}}}\ndef "Gold" ( references = @./gol
 def test_a_layer_is_composed_over_the_asset(make: Make, folder: Path) -> None:
     folder.joinpath("looks.usda").write_text(LAYER)
     second = '\n[[look]]\nname = "two"\n[[look]]\nname = "three"\nlayer = "looks.usda"\n'
-    made = make('layer = "looks.usda"' + second + assign("dirt.usda", "/Car/Body"))
+    prepared = make('layer = "looks.usda"' + second + assign("dirt.usda", "/Car/Body"))
     layered = OWN | {"/Car/Body": 0.75, "/Car/Left/Hub": 0.25}
-    assert worn(made) == layered
-    assert worn(made, "two") == OWN
-    assert worn(made, "three") == layered | {"/Car/Body": 1.0, "/Car/Body/Door": 1.0}
-    one, two, three = (made.scenes[name, "white"].asset for name in ("one", "two", "three"))
+    assert look_by_part(prepared) == layered
+    assert look_by_part(prepared, "two") == OWN
+    assert look_by_part(prepared, "three") == layered | {"/Car/Body": 1.0, "/Car/Body/Door": 1.0}
+    one, two, three = (prepared.scenes[name, "white"].asset for name in ("one", "two", "three"))
     assert one is three
     assert one.digest != two.digest
 
@@ -271,8 +272,8 @@ def test_a_layer_that_overrides_nothing_is_noted(make: Make, folder: Path) -> No
 def test_a_star_makes_a_look_of_each_variant_of_the_asset(make: Make) -> None:
     every = make('variants = { finish = "*" }')
     assert [look.name for look in every.job.look] == ["one_gloss", "one_matt"]
-    assert worn(every, "one_gloss") == OWN | {"/Car/Body": 0.125}
-    assert worn(every, "one_matt") == OWN
+    assert look_by_part(every, "one_gloss") == OWN | {"/Car/Body": 0.125}
+    assert look_by_part(every, "one_matt") == OWN
 
 
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,8 +291,8 @@ def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypat
 
 
 def test_another_uv_set_stands_for_the_one_asked_for(make: Make) -> None:
-    made = make(assign("checks.usda", "*/Hub") + assign("stripes.usda", "*/Body"))
-    assert made.notes[1:] == (
+    prepared = make(assign("checks.usda", "*/Hub") + assign("stripes.usda", "*/Body"))
+    assert prepared.notes[1:] == (
         "/Car/Body has no UV set 'map1', which looks ask for: 'st' is read",
         "/Car/Left/Hub has no UV set 'st', which looks ask for: 'map1' is read",
     )
@@ -329,8 +330,8 @@ PATTERNS = {
     ],
 )
 def test_what_the_asset_does_not_have_is_a_fault(make: Make, look: str, asset: str, fault: str) -> None:
-    (found,) = faults(make, look, CAR + asset)
-    assert found.startswith(fault)
+    (messages,) = faults(make, look, CAR + asset)
+    assert messages.startswith(fault)
 
 
 def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
@@ -339,7 +340,7 @@ def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "what"),
+    ("text", "said"),
     [
         ("no USD", "USD cannot open it"),
         ('#usda 1.0\n(\n subLayers = [@gone.usda@]\n)\nover "Car" {\n}', "gone.usda"),
@@ -347,21 +348,21 @@ def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
         ('#usda 1.0\ndef "X" ( references = </X/Y> ) {\n}', "/X"),
     ],
 )
-def test_a_layer_that_breaks_is_a_fault(make: Make, folder: Path, text: str, what: str) -> None:
+def test_a_layer_that_breaks_is_a_fault(make: Make, folder: Path, text: str, said: str) -> None:
     folder.joinpath("looks.usda").write_text(text)
-    found = faults(make, 'layer = "looks.usda"')
-    assert len(found) == 1
-    assert what in found[0]
+    messages = faults(make, 'layer = "looks.usda"')
+    assert len(messages) == 1
+    assert said in messages[0]
 
 
 def test_faults_of_assigned_materials_and_of_patterns_are_reported_at_once(make: Make, folder: Path) -> None:
     folder.joinpath("dirt.usda").write_text("no USD")
     wrong, gold = assign("dirt.usda", "/Wrong"), assign("gold.usda", "/Car")
-    found = faults(make, f'{wrong}prim = "/X"\n{gold}prim = "/X"\n')
-    assert len(found) == 3
-    assert found[0].startswith("dirt.usda: : USD cannot open it")
-    assert found[1].startswith("gold.usda: /X: no such prim")
-    assert found[2].startswith("job.toml: look[0].assign[0].prims: '/Wrong' fits no part")
+    messages = faults(make, f'{wrong}prim = "/X"\n{gold}prim = "/X"\n')
+    assert len(messages) == 3
+    assert messages[0].startswith("dirt.usda: : USD cannot open it")
+    assert messages[1].startswith("gold.usda: /X: no such prim")
+    assert messages[2].startswith("job.toml: look[0].assign[0].prims: '/Wrong' fits no part")
 
 
 def preview(name: str) -> str:
@@ -383,12 +384,12 @@ def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_
     meshes = [("A", "Red"), ("B", "Blue"), ("C", "Red")]
     parts = [bound(f'def Mesh "{name}"', f"/{material}", SQUARE) for name, material in meshes]
     (folder / "car.usda").write_text("".join(["#usda 1.0\n", *parts, preview("Red"), preview("Blue")]))
-    made = make('\n[[look]]\nname = "two"\n')
-    assert [look.name for look in made.scenes["one", "white"].looks] == ["Red", "Blue", "Red"]
-    (lost, uvs) = made.notes
+    prepared = make('\n[[look]]\nname = "two"\n')
+    assert [look.name for look in prepared.scenes["one", "white"].looks] == ["Red", "Blue", "Red"]
+    (lost, uvs) = prepared.notes
     assert "/Red/Surface.inputs:emissiveColor and 1 more: " in lost
     assert uvs == "/A and 2 more have no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)"
-    assert worn(made, "two") == worn(made)
+    assert look_by_part(prepared, "two") == look_by_part(prepared)
 
 
 @pytest.mark.parametrize(

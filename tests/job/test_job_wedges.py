@@ -102,9 +102,9 @@ def test_looks_of_a_wedge_share_one_program_and_frames_are_planned_once(tmp_path
     (tmp_path / "paint.usda").write_text(LOOK)
     wedges = wedge('look = "paint"\nrig = "white"\nparameter = "Base.roughness"\nrange = [0.1, 0.4, 4]')
     prepared = plan_job(parse_job(JOB + wedges, tmp_path / "job.toml"))
-    own = [each for each in prepared.setups if each.look.startswith("paint_")]
-    sources = [source for each in own for source in each.task.shaders]
-    assert len(own) == 4
+    varied = [setup for setup in prepared.setups if setup.look.startswith("paint_")]
+    sources = [source for setup in varied for source in setup.task.shaders]
+    assert len(varied) == 4
     assert all(isinstance(source, ShaderSource) for source in sources)
     assert len({source.program.osl for source in sources}) == 1
     assert len({source.digest for source in sources}) == 4
@@ -125,7 +125,7 @@ BY = '\nby = { parameter = "exposure", values = [1] }'
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "what"),
+    ("text", "where", "said"),
     [
         ('parameter = "Base.rougness"\n' + ONE, "wedge[0]", "did you mean 'Base.roughness'"),
         ('parameter = "roughness"\n' + ONE, "wedge[0]", "one of Base.roughness, Coat.roughness would be right"),
@@ -144,11 +144,11 @@ BY = '\nby = { parameter = "exposure", values = [1] }'
         ('parameter = "exposure"\nvalues = [0]' + BY, "wedge[0].by.parameter", "varies what the wedge varies already"),
     ],
 )
-def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, what: str) -> None:
+def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, said: str) -> None:
     with pytest.raises(FaultsError) as caught:
         scenes(tmp_path, wedge(text))
-    found = [f"{fault.what} {fault.hint}" for fault in caught.value.faults if fault.where.startswith(where)]
-    assert any(what in fault for fault in found), caught.value
+    messages = [f"{fault.what} {fault.hint}" for fault in caught.value.faults if fault.where.startswith(where)]
+    assert any(said in fault for fault in messages), caught.value
 
 
 def test_two_wedges_of_one_name(tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ from lookdev.job.mapping import mapped, read_rules
 
 def write(file: Path, *rules: tuple[str, str, str]) -> Path:
     keys = ("source_path_format", "source_path", "destination_path")
-    data = {"version": "pathmapping-1.0", "path_mapping_rules": [dict(zip(keys, each, strict=True)) for each in rules]}
+    data = {"version": "pathmapping-1.0", "path_mapping_rules": [dict(zip(keys, rule, strict=True)) for rule in rules]}
     file.write_text(json.dumps(data))
     return file
 
 
 @pytest.mark.parametrize(
-    ("given", "found"),
+    ("path", "expected"),
     [
         ("/show/looks/a.usda", "/mnt/looks/a.usda"),
         ("/show/plates/sky.exr", "/plates/sky.exr"),  # the longer source
@@ -29,9 +29,9 @@ def write(file: Path, *rules: tuple[str, str, str]) -> Path:
         ("looks/a.usda", "looks/a.usda"),
     ],
 )
-def test_paths_are_where_the_longest_rule_says(tmp_path: Path, given: str, found: str) -> None:
+def test_paths_are_where_the_longest_rule_says(tmp_path: Path, path: str, expected: str) -> None:
     rules = [("POSIX", "/show", "/mnt"), ("POSIX", "/show/plates", "/plates"), ("WINDOWS", r"P:\show", "/mnt/p")]
-    assert mapped(given, read_rules(write(tmp_path / "rules.json", *rules))) == found
+    assert mapped(path, read_rules(write(tmp_path / "rules.json", *rules))) == expected
 
 
 def test_a_job_finds_its_files_by_rules(tmp_path: Path) -> None:

@@ -63,8 +63,8 @@ def scenes(scene: SceneTask) -> Scenes:
 def plan_of(disk: Disk, scenes: Scenes, make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> PlanOf:
     """Return a function that plans a job, or one with text appended, of which some scenes look the same all around."""
 
-    def plan(given: Job | str = "", around: Collection[tuple[str, str]] = ()) -> Plan:
-        job = make_job(given) if isinstance(given, str) else given
+    def plan(job_or_text: Job | str = "", around: Collection[tuple[str, str]] = ()) -> Plan:
+        job = make_job(job_or_text) if isinstance(job_or_text, str) else job_or_text
         setups = make_setups(job, scenes, around)
         turns = Turns(job.turntable, job.output, job.camera.azimuth)
         return build_plan(setups, turns, disk.read_header, labels={"job": "a job"}, beside=job.outputs.beside)
@@ -133,8 +133,8 @@ def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
 
     def planned_poses(look: str, ibl: str) -> dict[Pose, list[str]]:
         tasks = [frame.task for frame in plan_of(job, {("gold", "studio")}).frames]
-        shown = [task for task in tasks if (task.labels["look"], task.labels["ibl"]) == (look, ibl)]
-        return {task.pose: [path.stem for path in task.files] for task in shown}
+        of_scene = [task for task in tasks if (task.labels["look"], task.labels["ibl"]) == (look, ibl)]
+        return {task.pose: [path.stem for path in task.files] for task in of_scene}
 
     lighting = [f"lighting.000{number}" for number in (1, 2, 3)]
     # The asset turns on, and the whole lighting turntable is its first frame.

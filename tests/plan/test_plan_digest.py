@@ -74,5 +74,5 @@ def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) 
         part_digests(replace(scene, backend=name, shaders=(source,)), POSE, 0.0)
         for name, source in zip(names, sources, strict=True)
     ]
-    assert len({each["look"] for each in parts}) == 5
-    assert [len({each[part] for each in parts}) for part in ("asset", "ibl", "camera", "pose")] == [1] * 4
+    assert len({digests["look"] for digests in parts}) == 5
+    assert [len({digests[part] for digests in parts}) for part in ("asset", "ibl", "camera", "pose")] == [1] * 4

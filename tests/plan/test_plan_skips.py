@@ -56,9 +56,9 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image = tmp_path / "linear.exr"
     image.touch()
 
-    def generate(worn: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
+    def generate(one_look: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
         setting = Setting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
-        return BACKENDS["exact"].generate(worn, setting)
+        return BACKENDS["exact"].generate(one_look, setting)
 
     return generate
 
@@ -95,8 +95,8 @@ def nodes(*labels: str, **values: Any) -> NodeSource:
     ],
 )
 def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable[..., ShaderSource]) -> None:
-    worn = look(*layers)
-    assert same_all_around([shader(worn)]) is same
+    one_look = look(*layers)
+    assert same_all_around([shader(one_look)]) is same
 
 
 def test_every_part_must_be_the_same_all_around_and_read_nothing() -> None:
@@ -126,38 +126,38 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, shader: 
     wo, wi = rng.normal(size=(2, 200, 3))
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))
     for name in CONTINUOUS[model].parameters:
-        known = MODELS[model].parameters[name]
+        parameter = MODELS[model].parameters[name]
         if name == "variant":
             continue
-        value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": known.choices[-1:]}.get(
-            known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
+        value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": parameter.choices[-1:]}.get(
+            parameter.kind, parameter.soft[0] + 0.7 * (parameter.soft[1] - parameter.soft[0])
         )
         # Every lobe is there.
-        given = usual.get(model, {}) | MODELS[model].probe | {name: value[0] if known.kind == "token" else value}
-        bsdf = MODELS[model].bsdf(complete_parameters(model, given))
+        inputs = usual.get(model, {}) | MODELS[model].probe | {name: value[0] if parameter.kind == "token" else value}
+        bsdf = MODELS[model].bsdf(complete_parameters(model, inputs))
         f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))
         assert f.any(), name
         same = np.allclose(f, turned, rtol=1e-6, atol=1e-12)
-        assert same_all_around([shader(look(base(model, **given)))]) == same, name
+        assert same_all_around([shader(look(base(model, **inputs)))]) == same, name
 
 
 @pytest.fixture
 def skips_of(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> SkipsOf:
     """Return a function that returns the skips of one look, the same under both lights."""
 
-    def skips_of(given: Job | str, scene: SceneTask, worn: Look, around: bool = False) -> list[str]:
-        job = make_job(given) if isinstance(given, str) else given
-        scenes = {(each.name, ibl.name): scene for each in job.look for ibl in job.ibl}
-        setups = make_setups(job, scenes, scenes if around else (), worn)
-        shown: Any = SimpleNamespace(looks=(worn,) * len(scene.worn), lights=scene.lights)
-        setups = [replace(each, scene=shown) for each in setups]
+    def skips_of(job_or_text: Job | str, scene: SceneTask, one_look: Look, around: bool = False) -> list[str]:
+        job = make_job(job_or_text) if isinstance(job_or_text, str) else job_or_text
+        scenes = {(entry.name, ibl.name): scene for entry in job.look for ibl in job.ibl}
+        setups = make_setups(job, scenes, scenes if around else (), one_look)
+        scene_of_look: Any = SimpleNamespace(looks=(one_look,) * len(scene.worn), lights=scene.lights)
+        setups = [replace(entry, scene=scene_of_look) for entry in setups]
         skips = list(find_skips(setups, Turns(job.turntable, job.output, job.camera.azimuth)))
         by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
-        assert all(each == by_scene[0] for each in by_scene)
+        assert all(entry == by_scene[0] for entry in by_scene)
         assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]
         # element 0, 90, 180, 270 and lighting 0, 120, 240: pose 0 is shared in any case.
         assert by_scene[0].count("1 of 7 frames (same pose)") == (len(job.turntable) == 2)
-        return [each for each in by_scene[0] if not each.endswith("(same pose)")]
+        return [entry for entry in by_scene[0] if not entry.endswith("(same pose)")]
 
     return skips_of
 
@@ -238,10 +238,10 @@ def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, sh
 def test_textures_that_reach_no_pixel_are_counted(
     skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], skip: str | None
 ) -> None:
-    worn = look(*layers)
-    source = replace(shader(worn), transmits=True, directions=(4, 4), folded=0)
+    one_look = look(*layers)
+    source = replace(shader(one_look), transmits=True, directions=(4, 4), folded=0)
     # Two slots that wear one look read its textures once.
-    assert skips_of("", replace(bare, shaders=(source,), worn=(0, 0)), worn) == ([skip] if skip else [])
+    assert skips_of("", replace(bare, shaders=(source,), worn=(0, 0)), one_look) == ([skip] if skip else [])
 
 
 def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
@@ -264,13 +264,13 @@ def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: Scene
     assert skips_of("", replace(bare, shaders=(replace(bare.shaders[0], textures=tiles),)), look(tiled)) == []
 
 
-@pytest.mark.parametrize("backend", [name for name, each in BACKENDS.items() if each.source is NodeSource])
+@pytest.mark.parametrize("backend", [name for name, entry in BACKENDS.items() if entry.source is NodeSource])
 def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: SceneTask, tmp_path: Path) -> None:
     image = tmp_path / "linear.exr"
     image.touch()
-    worn = look(base(roughness=MAP), dirt(roughness=OTHER))
-    source = BACKENDS[backend].generate(worn, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
-    assert skips_of("", replace(bare, backend=backend, shaders=(source,)), worn) == [
+    one_look = look(base(roughness=MAP), dirt(roughness=OTHER))
+    source = BACKENDS[backend].generate(one_look, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
+    assert skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look) == [
         "light from behind (nothing transmits)",
         "1 texture (reaches no pixel)",
     ]
