@@ -35,6 +35,6 @@ def dome(radiance):
     return prepare_light(make_environment("test", radiance), sampled=False)
 
 
-def estimate(bsdf, shape, *lights, camera=CAMERA, pose=POSE, size=SIZE, pixels=INSIDE, samples=256, **options):
+def estimate(bsdf, shape, *lights, camera=CAMERA, pose=POSE, size=SIZE, pixels=INSIDE, samples=128, **options):
     scene = replace(shape, bsdf=bsdf)
     return frame_pixels(scene, lights, camera, pose, size, pixels, samples=samples, scrambles=16, **options)

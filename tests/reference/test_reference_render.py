@@ -83,7 +83,7 @@ def test_a_shell_in_a_furnace_lacks_what_is_still_inside_and_lets_through_where_
 def test_light_inside_a_sphere_is_even(bounces, lamps):
     # What a diffuse wall radiates lights every place of its sphere alike: an integrating sphere.
     reflected, transmitted = 0.3, 0.6
-    got = estimate(lambert(reflected, transmitted), Sphere(), lamps, bounces=bounces)
+    got = estimate(lambert(reflected, transmitted), Sphere(), lamps, bounces=bounces, samples=256)
     inside = transmitted * mean_irradiance(lamps) * sum(reflected**k for k in range(bounces))
     outside = reflected * irradiance(normals_in_pixels(Sphere()), lamps)
     assert_agrees(got, (outside + transmitted * inside) / np.pi)
