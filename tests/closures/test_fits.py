@@ -115,6 +115,6 @@ def test_the_reflectance_is_that_of_the_script() -> None:
         kept = REFLECTANCE[name]
         assert made["residual"]["largest"] == pytest.approx(kept["residual"]["largest"], rel=0.02)
         x, y = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.001, 1.0, 33))
-        stored, again = (Rational(each["numerator"], each["denominator"])(x, y) for each in (kept, made))
+        stored, again = (Rational(entry["numerator"], entry["denominator"])(x, y) for entry in (kept, made))
         assert np.isfinite(np.asarray(stored)).all()
         np.testing.assert_allclose(stored, again, atol=1e-4, err_msg=name)

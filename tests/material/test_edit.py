@@ -68,11 +68,13 @@ def node_of(file: Path) -> dict[str, object]:
     stage = Usd.Stage.Open(str(file))
     node = stage.GetPrimAtPath("/Paint/RubberMask")
     assert node.GetAttribute("info:id").Get() == "LookdevExpression"
-    return {
-        each.GetBaseName(): (str(each.GetTypeName()), str(paths[0])) if (paths := each.GetConnections()) else each.Get()
-        for each in node.GetAttributes()
-        if each.GetNamespace() == "inputs"
-    }
+    inputs: dict[str, object] = {}
+    for attribute in node.GetAttributes():
+        if attribute.GetNamespace() == "inputs":
+            sources = [str(path) for path in attribute.GetConnections()]
+            source = (str(attribute.GetTypeName()), *sources)
+            inputs[attribute.GetBaseName()] = source if sources else attribute.Get()
+    return inputs
 
 
 def refused(edit: Callable[[], object], file: Path) -> str:
@@ -404,8 +406,8 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
         changed = [replace(constant_of(before, name), value=NAMES[name]) for name in names]
         write_changed(file, out, changed)
         found = read_look(out)
-        for each in changed:
-            assert constant_of(found, each.name).value == pytest.approx(each.value)
+        for constant in changed:
+            assert constant_of(found, constant.name).value == pytest.approx(constant.value)
         assert len(found.layers) == len(before.layers)
         stage = Usd.Stage.Open(str(out))
         # An interface keeps a constant that is its own; one that two layers share is left to the other.
@@ -454,7 +456,7 @@ PAINT = Look("paint", (STEEL, Layer("Paint", "disney", {"roughness": 0.5}, mask=
 
 
 def layer_named(look: Look, name: str) -> Layer:
-    return next(each for each in look.layers if each.name == name)
+    return next(layer for layer in look.layers if layer.name == name)
 
 
 @pytest.mark.parametrize(
@@ -470,7 +472,9 @@ def test_an_input_of_one_layer(parameter: str, value: object, name: str, expecte
     changed = changed_look(PAINT, parameter, value)
     own = parameter.partition(".")[0]
     assert layer_named(changed, own).inputs == {**layer_named(PAINT, own).inputs, name: expected}
-    assert [each for each in changed.layers if each.name != own] == [each for each in PAINT.layers if each.name != own]
+    assert [layer for layer in changed.layers if layer.name != own] == [
+        layer for layer in PAINT.layers if layer.name != own
+    ]
 
 
 def test_masks_and_inputs_of_their_expressions() -> None:

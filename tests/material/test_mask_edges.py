@@ -97,8 +97,8 @@ def test_no_lobe_leaves_its_range(presets: dict[str, Preset]) -> None:
 
 def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
     shown = [edges(light, presets, pairs) for light in LIGHTS]
-    assert all(np.isfinite(each).all() and (each >= 0.0).all() for each in shown)
-    worst = np.max([mask_edges.excess(each).max(axis=(1, 2, 3)) for each in shown], axis=0)
+    assert all(np.isfinite(pixels).all() and (pixels >= 0.0).all() for pixels in shown)
+    worst = np.max([mask_edges.excess(pixels).max(axis=(1, 2, 3)) for pixels in shown], axis=0)
     recorded = mask_edges.read_edges()
     assert {pair: mask_edges.kind_of(value) for pair, value in zip(pairs, worst, strict=True)} == {
         pair: recorded[pair] for pair in pairs

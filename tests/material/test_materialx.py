@@ -33,7 +33,7 @@ def library() -> dict[str, str]:
     """Return the type of every input of the node, as the MaterialX library has it."""
     document = mx.createDocument()
     mx.readFromXmlFile(document, mx.getDefaultDataSearchPath().find("libraries/bxdf/disney_principled.mtlx"))
-    return {each.getName(): each.getType() for each in document.getNodeDef("ND_disney_principled").getInputs()}
+    return {given.getName(): given.getType() for given in document.getNodeDef("ND_disney_principled").getInputs()}
 
 
 INPUTS = library()

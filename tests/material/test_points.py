@@ -189,7 +189,7 @@ def test_a_constant_outside_its_range_is_refused(points: Points) -> None:
 
 
 def of_view(text: str, **inputs: Any) -> Formula:
-    kinds = {name: "color" if isinstance(each, Coordinates | tuple) else "float" for name, each in inputs.items()}
+    kinds = {name: "color" if isinstance(source, Coordinates | tuple) else "float" for name, source in inputs.items()}
     return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **kinds})
 
 

@@ -61,7 +61,7 @@ def layer_of(file: Path) -> Layer:
 def test_a_preset_is_one_documented_layer_and_nothing_else(file: Path) -> None:
     prim, doc = preset(file), preset(file).GetDocumentation()
     assert prim.GetName() == file.stem.title().replace("_", "")
-    assert [each.GetName() for each in stage_of(file).TraverseAll()] == [prim.GetName()]
+    assert [node.GetName() for node in stage_of(file).TraverseAll()] == [prim.GetName()]
     shader = UsdShade.Shader(prim)
     assert shader.GetShaderId() in layer_shaders()
     assert [output.GetBaseName() for output in shader.GetOutputs()] == ["layer"]
@@ -80,7 +80,7 @@ def test_the_library_is_large_enough() -> None:
 @pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
 def test_a_preset_has_what_differs_from_the_default_within_what_a_slider_offers(file: Path) -> None:
     layer = layer_of(file)
-    assert {each.GetBaseName() for each in UsdShade.Shader(preset(file)).GetInputs()} == set(layer.inputs)
+    assert {given.GetBaseName() for given in UsdShade.Shader(preset(file)).GetInputs()} == set(layer.inputs)
     for name, value in layer.inputs.items():
         parameter = MODELS[layer.model].parameters[name]
         if isinstance(value, str):
@@ -157,7 +157,7 @@ def textures_of(look: Look) -> list[Texture]:
 
 @pytest.mark.parametrize(
     ("file", "variants"),
-    [pytest.param(file, each, id=f"{file.stem}-{each}") for file in LOOKS for each in ({}, *variants_of(file))],
+    [pytest.param(file, chosen, id=f"{file.stem}-{chosen}") for file in LOOKS for chosen in ({}, *variants_of(file))],
 )
 def test_every_variant_can_be_read(file: Path, variants: dict[str, str]) -> None:
     look = read_look(file, variants=variants)
@@ -187,7 +187,7 @@ def test_brushed_metal_is_anisotropic_with_streaks() -> None:
     metals = [shipped("brushed_metal", metal=metal) for metal in ("aluminium", "copper")]
     inputs = [look.layers[0].inputs for look in metals]
     assert inputs[0]["baseColor"] != inputs[1]["baseColor"]
-    assert all(each["anisotropic"] > 0.5 and each["metallic"] == 1.0 for each in inputs)
+    assert all(given["anisotropic"] > 0.5 and given["metallic"] == 1.0 for given in inputs)
     assert isinstance(inputs[0]["roughness"], Texture)
 
 
@@ -297,8 +297,8 @@ def rows(name: str) -> tuple[Job, dict[str, list[tuple[Layer, ...]]]]:
 def test_figure_16_varies_one_parameter_a_row_from_0_to_1() -> None:
     job, figure = rows("figure_16")
     parameters = MODELS["disney"].parameters
-    published = {name: each for name, each in parameters.items() if name != "presence" and not each.optional}
-    scalars = [name for name, each in published.items() if each.kind == "float"]
+    published = [parameter for name, parameter in parameters.items() if name != "presence" and not parameter.optional]
+    scalars = [parameter.name for parameter in published if parameter.kind == "float"]
     assert list(figure) == scalars  # every one, in the order of the paper's list
     for parameter, looks in figure.items():
         layers = [layer for (layer,) in looks]

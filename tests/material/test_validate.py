@@ -22,8 +22,8 @@ LOOKS = [file for place in (".", "presets", "classic") for file in sorted((ROOT 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
     """Return severity, place and text of what is found in a look."""
     report = examine(file, **options)
-    places = [short(f"{each.prim}.{each.input}".rstrip(".")) for each in report.findings]
-    return [(each.severity, place, each.what) for place, each in zip(places, report.findings, strict=True)]
+    places = [short(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
+    return [(finding.severity, place, finding.what) for place, finding in zip(places, report.findings, strict=True)]
 
 
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)

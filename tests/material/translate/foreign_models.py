@@ -319,7 +319,7 @@ def compare(name: str, count: int, seed: int) -> list[Compared]:
     found = []
     for _ in range(count):
         given = _draw(foreign.draws, rng)
-        whole = {each: parameter.default for each, parameter in known.items()} | given
+        whole = {input_name: parameter.default for input_name, parameter in known.items()} | given
         own = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
         ours = np.stack([translated_albedo(name, given, angle) for angle in VIEWS])
         found.append(Compared(given, foreign.metal(whole), own, ours))

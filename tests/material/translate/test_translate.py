@@ -230,7 +230,7 @@ def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
     below, above = ({"diffuseColor": tuple(rng.random(3)), "clearcoat": 1.0, "roughness": r} for r in (0.3, 0.7))
     layers = (Layer("A", "preview_surface", below), Layer("B", "preview_surface", above, 0.25))
     whole, first, second = (
-        evaluate(look_bsdf(Look("look", each), Carried({})), WO, WI) for each in (layers, layers[:1], layers[1:])
+        evaluate(look_bsdf(Look("look", stacked), Carried({})), WO, WI) for stacked in (layers, layers[:1], layers[1:])
     )
     # What the coats of the upper layer withhold, they withhold from what shows beside it, too.
     np.testing.assert_allclose(whole, 0.25 * second + 0.75 * first, rtol=0.1)
@@ -306,8 +306,8 @@ def test_fits_are_those_of_the_functions(name: str) -> None:
 def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
     """Return the errors, (n,), where the models can agree: of dielectrics, and of what is part metal."""
     near = np.array(VIEWS) <= FOREIGN[name].metals_agree
-    dielectrics = [each.error for each in sets if each.metal == 0.0]
-    metals = [each.error[near] for each in sets if each.metal > 0.0]
+    dielectrics = [compared.error for compared in sets if compared.metal == 0.0]
+    metals = [compared.error[near] for compared in sets if compared.metal > 0.0]
     return np.concatenate(dielectrics), np.concatenate(metals)
 
 
