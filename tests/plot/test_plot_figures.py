@@ -1,10 +1,9 @@
-"""Every command of docs/figures.md and docs/plot.md is read, and each kind of them drawn, at a small size."""
+"""Every command of docs/figures.md and docs/plot.md is read, and one of each sort drawn, at a small size."""
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,63 +18,51 @@ COMMANDS = [
     for line in block.splitlines()
 ]
 FLAGS = ("--chroma", "--cosine")
+TEXTS = ("--scale", "--axis", "--channels", "--angles")
 SIZES = {"albedo": 4, "sphere": 12}
 
 
-Plotted = tuple[str, list[Subject], dict[str, object], str]
-
-
-@pytest.fixture
-def read(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Plotted]:
-    """Return a function that reads the kind, the subjects, the options and the file of a command."""
+@pytest.fixture(autouse=True)
+def library(monkeypatch: pytest.MonkeyPatch) -> None:
     folders = ":".join(str(ROOT / "materials" / name) for name in ("presets", "metals", "classic"))
     monkeypatch.setenv("LOOKDEV_LIBRARY", folders)
-
-    def parse(command: str) -> Plotted:
-        program, verb, kind, *words = shlex.split(command)
-        assert (program, verb) == ("lookdev", "plot")
-        options: dict[str, object] = {"size": SIZES.get(kind, 24)}
-        subjects, output = [], ""
-        rest = iter(words)
-        for word in rest:
-            if word in FLAGS:
-                options[word[2:]] = True
-            elif word == "-o":
-                output = next(rest)
-            elif word.startswith("--"):
-                text = next(rest)
-                options[word[2:]] = text if word in ("--scale", "--axis", "--channels", "--angles") else float(text)
-            else:
-                subjects.append(read_subject(word))
-        return kind, subjects, options, output
-
-    return parse
+    monkeypatch.setattr("lookdev.plot.solid._SAMPLES", 4)
 
 
-def alike(command: str) -> tuple[str, ...]:
-    """Return the kind and the names of the options of a command."""
-    _, _, kind, *words = shlex.split(command)
-    return kind, *sorted(word for word in words if word.startswith("--"))
+def parse(command: str) -> tuple[str, list[str], dict[str, object], str]:
+    """Return the kind, the words of the subjects, the options and the file of a command."""
+    program, verb, kind, *words = shlex.split(command)
+    assert (program, verb) == ("lookdev", "plot")
+    options: dict[str, object] = {"size": SIZES.get(kind, 24)}
+    subjects, output, rest = [], "", iter(words)
+    for word in rest:
+        if word in FLAGS:
+            options[word[2:]] = True
+        elif word == "-o":
+            output = next(rest)
+        elif word.startswith("--"):
+            options[word[2:]] = next(rest) if word in TEXTS else float(next(rest))
+        else:
+            subjects.append(word)
+    return kind, subjects, options, output
 
 
-# The first of those that are alike is drawn, the others in `proof`.
-FIRST = set({alike(command): command for command in reversed(COMMANDS)}.values())
+def read(words: list[str]) -> list[Subject]:
+    return [read_subject(word) for word in words]
+
+
+# Commands of one kind with the same options are alike: the first is drawn, the others in `proof`.
+SORTS = {command: (kind, *options) for command in COMMANDS for kind, _, options, _ in [parse(command)]}
+FIRST = {sort: command for command, sort in reversed(SORTS.items())}.values()
 DRAWN = [pytest.param(command, marks=() if command in FIRST else pytest.mark.proof) for command in COMMANDS]
 
 
-def test_all_commands_are_read(read: Callable[[str], Plotted]) -> None:
-    for command in COMMANDS:
-        _, subjects, options, _ = read(command)
-        assert subjects, command
-        Options(**options)  # type: ignore[arg-type]
+def test_all_commands_are_read() -> None:
+    assert all(read(subjects) for _, subjects, _, _ in map(parse, COMMANDS))
 
 
 @pytest.mark.parametrize("command", DRAWN)
-def test_a_command_draws_its_figure(
-    command: str, read: Callable[[str], Plotted], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("lookdev.plot.solid._SAMPLES", 4)
-    kind, subjects, options, output = read(command)
-    plot = draw(kind, subjects, Options(**options))  # type: ignore[arg-type]
-    plot.write(tmp_path / output, dpi=40)
+def test_a_command_draws_its_figure(command: str, tmp_path: Path) -> None:
+    kind, subjects, options, output = parse(command)
+    draw(kind, read(subjects), Options(**options)).write(tmp_path / output, dpi=40)  # type: ignore[arg-type]
     assert (tmp_path / output).stat().st_size > 1000
