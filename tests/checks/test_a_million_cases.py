@@ -55,6 +55,7 @@ def test_numpy_is_finite(model: str) -> None:
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("model", sorted(CONTINUOUS))
 def test_cycles_is_finite(model: str) -> None:
     for batch in parts(model):

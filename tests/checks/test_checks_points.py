@@ -79,6 +79,7 @@ def test_a_value_that_is_none_fails(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("name", ["car_paint", "robot_paint"])
 def test_a_look_with_textures_agrees(name: str) -> None:
     finding = check_points(read_look(MATERIALS / f"{name}.usda"), count=COUNT, seed=5)
@@ -87,6 +88,7 @@ def test_a_look_with_textures_agrees(name: str) -> None:
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize(
     ("right", "wrong"), [("f += color(", "f += 1.001 * color("), ("pdf / shares", "pdf / (1.001 * shares)")]
 )

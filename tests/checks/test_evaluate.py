@@ -97,6 +97,15 @@ _STACKED = (
 )
 
 
+@pytest.mark.both_pythons
+@pytest.mark.cycles
+def test_cycles_answers_from_a_process_of_its_own() -> None:
+    """Other tests share one that is warm."""
+    (numpy, cycles) = (json.loads(*evaluate_lines([_line()], backend)) for backend in ("numpy", "cycles"))
+    np.testing.assert_allclose([*cycles["f"], cycles["pdf"]], [*numpy["f"], numpy["pdf"]], rtol=1e-6)
+
+
+@pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("backend", ["numpy", pytest.param("cycles", marks=pytest.mark.cycles)])
 def test_numbers_may_be_expressions_of_the_view(backend: Backend) -> None:
     front, behind = {"wo": [0.6, 0, 0.8], "wi": [-0.6, 0, 0.8]}, {"wo": [0.6, 0, -0.8], "wi": [0, 0.6, -0.8]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,7 +26,6 @@ from lookdev.codegen.points import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.material import Layer, Look, Texture
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import renderer
 
 Floats = NDArray[np.float64]
 
@@ -209,12 +207,6 @@ def test_scenes_are_as_named() -> None:
     assert CASES["sun of a texel, 1e6"].light.radiance.max() == 1e6
 
 
-@pytest.fixture(scope="module")
-def render() -> Iterator[Render]:
-    with renderer(patience=120.0) as render:
-        yield render
-
-
 def _scenes(*names: str) -> list[SceneCase]:
     return [CASES[name] for name in names]
 
@@ -235,6 +227,7 @@ def test_another_picture_is_found(render: Render) -> None:
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 def test_a_look_of_constants_passes(render: Render) -> None:
     look = Look("lacquer", (Layer("Lacquer", "pixar", {"roughness": 0.0, "clear": 1.0, "energy": "conserving"}),))
     findings = list(stress([look], render, depth="quick"))
@@ -245,6 +238,7 @@ def test_a_look_of_constants_passes(render: Render) -> None:
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 def test_a_formula_that_cancels_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     layers = STACKS["pixar published schlick"]
     assert check_stack("pixar", layers, rng(), "default").passed
@@ -257,6 +251,7 @@ def test_a_formula_that_cancels_is_found(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.cycles
+@pytest.mark.usefixtures("warm_points")
 def test_a_normal_bent_by_less_than_float32_resolves_gives_no_negative_light() -> None:
     case = {
         "model": "disney",

@@ -1,0 +1,20 @@
+"""A renderer of the checks: the warm worker of each renderer."""
+
+from __future__ import annotations
+
+import pytest
+
+from lookdev.checks.frames import Render
+from lookdev.render.results import Rendered
+from lookdev.render.task import FrameTask
+
+
+@pytest.fixture
+def render(request: pytest.FixtureRequest) -> Render:
+    def render_frame(task: FrameTask) -> Rendered:
+        name = "mitsuba_worker" if task.scene.backend == "mitsuba" else "cycles_worker"
+        worker = request.getfixturevalue(name)
+        worker.start()
+        return worker.render(task, lambda progress: None)
+
+    return render_frame
