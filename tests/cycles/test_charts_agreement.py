@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lending import lend_workers
 
 from lookdev.batch.events import Event, Noted
 from lookdev.batch.run import render_job
@@ -95,7 +96,10 @@ def run(folder: Path, more: str = "") -> list[str]:
     return notes
 
 
-def test_a_job_with_charts_has_the_frames_of_one_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_job_with_charts_has_the_frames_of_one_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    lend_workers(request, monkeypatch)
     assert run(tmp_path) == []
     frame = tmp_path / "out/paint/white/element.0001.exr"
     picture = frame.with_suffix(".png")

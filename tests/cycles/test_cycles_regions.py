@@ -53,17 +53,17 @@ def test_a_rectangle_is_that_part_of_the_frame(
 
 def test_rectangles_bring_a_frame_to_its_target(render: RenderScene, light_of: Callable[[str], Dome]) -> None:
     def frame(**given):
-        return render("shaderball", [PLASTIC], light_of("studio"), size=64, **given)
+        return render("shaderball", [PLASTIC], light_of("studio"), size=48, **given)
 
-    found = frame(samples=4096, error=4e-3, seed=3)
+    found = frame(samples=4096, error=6e-3, seed=3)
     # What else is rendered in between does not matter.
     converged = frame(samples=1024, seed=1000)
-    again = frame(samples=4096, error=4e-3, seed=3)
+    again = frame(samples=4096, error=6e-3, seed=3)
     # Rounds over the whole frame alone would end at a power of two.
     assert found.samples & (found.samples - 1), f"nothing was adaptive at {found.samples} samples"
     for name in ("a", "b", "alpha"):
         np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
-    assert found.relmse <= 4e-3
+    assert found.relmse <= 6e-3
     true = relmse(0.5 * (found.a + found.b), 0.5 * (converged.a + converged.b), converged.alpha)
     assert 0.5 < found.relmse / true < 2.0, (found.relmse, true, found.samples)
     # At a silhouette alpha is a mean as the colours are.

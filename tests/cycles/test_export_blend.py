@@ -162,6 +162,7 @@ def direct(worker: Worker, task: FrameTask) -> Rendered:
     return worker.render(task, lambda progress: None)
 
 
+@pytest.mark.both_pythons
 @pytest.mark.parametrize("frame", [2, 5], ids=["element", "lighting"])
 @pytest.mark.parametrize("look", LOOKS)
 def test_the_reopened_file_renders_the_same_picture(look: str, frame: int, case: Case, worker: Worker) -> None:

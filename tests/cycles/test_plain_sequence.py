@@ -26,7 +26,7 @@ def sphere(*names: str) -> Asset:
     return make_asset("sphere", meshes, asset.instances, asset.slots)
 
 
-@pytest.mark.parametrize("names", [("st",), ("map1", "map2"), ()])
+@pytest.mark.parametrize("names", [("map1", "map2"), ()])
 def test_it_builds_meshes_with_and_without_uvs(
     names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
