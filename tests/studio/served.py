@@ -85,7 +85,7 @@ def served(
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     try:
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         while not (started := STARTED.search(found.log)):
             assert process.poll() is None, found.log
             assert time.monotonic() < until, found.log

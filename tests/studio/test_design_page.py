@@ -217,17 +217,18 @@ def test_a_variant_is_chosen(page: DesignPage) -> None:
 
 
 def test_a_parameter_that_is_still_moved_is_kept_within_two_seconds(page: DesignPage) -> None:
-    sent, undoes, compiled = page.js(
+    in_time, undoes, compiled = page.js(
         "at('layer-0').click(); const slider = document.querySelector('[data-parameter=roughness] input');"
-        "const compiled = viewport.programs.compiled, began = performance.now(), fetched = window.fetch; let sent = 0;"
-        "window.fetch = (...asked) => { if (asked[0] === 'edit') sent = performance.now(); return fetched(...asked); };"
-        "for (let k = 0; !sent; k += 1) { typed(slider, 0.5 + 0.001 * k, 'input'); await pause(50); }"
-        "window.fetch = fetched; await exact.settled(); const { undoes } = await (await fetch('status?whole')).json();"
+        "const compiled = viewport.programs.compiled, fetched = window.fetch; let sent = false, late = false;"
+        "window.fetch = (...asked) => { sent ||= asked[0] === 'edit'; return fetched(...asked); };"
+        "setTimeout(() => { late = true; }, 2000);"  # a timer like the page's own, late by as much where others work
+        "for (let k = 0; !sent && !late; k += 1) { typed(slider, 0.5 + 0.001 * k, 'input'); await pause(50); }"
+        "const inTime = sent; window.fetch = fetched; await exact.settled();"
+        "const { undoes } = await (await fetch('status?whole')).json();"
         "typed(slider, 0.9); await until(() => !at('undo').disabled); await answered();"
-        "return [sent - began, undoes, viewport.programs.compiled - compiled];",
+        "return [inTime, undoes, viewport.programs.compiled - compiled];",
     )
-    assert sent < 2000
-    assert (undoes, compiled) == ("Base roughness", 0)
+    assert (in_time, undoes, compiled) == (True, "Base roughness", 0)
 
 
 def test_snapshots_are_compared_and_gone_back_to(page: DesignPage) -> None:
