@@ -158,23 +158,3 @@ def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
         # As parts of the angle at which the light is seen; float32 directions are 6e-8 apart.
         wide = 1.0 / np.sqrt(right_pdf.max())
         assert np.abs(wi - right_wi).max() < 1e-4 * min(wide, 1.0) + 1e-7
-
-
-_NEAR = [(0.0, 0.02), (0.55, 0.02), (0.3, 0.05), (0.49, 0.01), (0.6, 0.03)]
-
-
-@pytest.mark.parametrize(("aside", "above"), quick_among(_NEAR, _NEAR[:2]))
-def test_near_a_rectangle_the_variance_is_a_small_part_of_that_of_area_sampling(aside: float, above: float) -> None:
-    """Of the irradiance of planes in several tilts; the area's pdf is distance^2 / (area cosine)."""
-    rng = np.random.default_rng(11)
-    light, count = RectLight(width=1.0, height=1.0), 100_000
-    place = np.tile((aside, 0.1, -above), (count, 1))
-    by_solid_angle = light.sample(place, rng.random((count, 2)))
-    points = np.concatenate([rng.random((count, 2)) - 0.5, np.zeros((count, 1))], axis=-1) - place
-    away = np.linalg.norm(points, axis=-1)
-    by_area = points / away[:, None]
-    for normal in np.array([(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.8, 0.0, 0.6), (0.0, 1.0, 0.0)]):
-        value = np.maximum(by_solid_angle @ normal, 0.0) / light.pdf(place, by_solid_angle)
-        other = np.maximum(by_area @ normal, 0.0) * by_area[:, 2] / away**2
-        assert value.mean() == pytest.approx(other.mean(), rel=0.1)
-        assert value.var() <= other.var() / 5.0
