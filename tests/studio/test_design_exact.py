@@ -101,6 +101,7 @@ def test_rounds_have_more_samples_and_less_error(talk: Talk) -> None:
     assert 0.4 < error / later["relmse"] < 2.5
 
 
+@pytest.mark.both_pythons
 def test_an_edit_that_is_not_saved_is_seen_by_the_same_renderer(talk: Talk, look: Path) -> None:
     text = look.read_text()
     talk.edit(0.2)
@@ -232,6 +233,7 @@ def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: S
         pass
 
 
+@pytest.mark.both_pythons
 def test_ctrl_c_ends_the_renderer_too(look: Path, tmp_path: Path) -> None:
     with served("sphere", "--material", str(look), verb="design", temporary=tmp_path) as started:
         with connect(f"ws://127.0.0.1:{started.port}/exact", max_size=None) as socket:

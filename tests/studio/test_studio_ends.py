@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from served import descendants
 
 HOLDER = """
 import pytest
@@ -21,16 +22,6 @@ def test_holds(tab, tmp_path):
         print("held", server.process.pid, flush=True)
         server.process.wait()
 """
-
-
-def descendants(parent: int) -> dict[int, str]:
-    """Return the processes below one, by number, with their command lines."""
-    rows = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
-    listed = {int(pid): (int(above), line) for pid, above, line in (row.split(None, 2) for row in rows.splitlines())}
-    family = {parent}
-    while more := {pid for pid, (above, _) in listed.items() if above in family} - family:
-        family |= more
-    return {pid: listed[pid][1] for pid in family - {parent} if pid in listed}
 
 
 def is_alive(pid: int) -> bool:
