@@ -105,7 +105,8 @@ def by_chunks(job: Path, out: Path, workers: int) -> None:
     last = sorted(out.glob("*/*/*.exr"))[-1]
     last.unlink()
     name = last.relative_to(out).with_suffix("")
-    done(lookdev(*options, "--frame", name), lookdev(*options, "--outputs-only"))
+    done(lookdev(*options, "--frame", name))
+    done(lookdev(*options, "--outputs-only"))
 
 
 WAYS: dict[str, Callable[[Path, Path, int], None]] = {
