@@ -50,14 +50,14 @@ def test_estimate_is_honest(asset: str, ibl: str, look: str, samples: int, rende
 def test_error_target_adds_samples_until_it_is_reached(render: RenderScene, light_of) -> None:
     light = light_of("studio")
     coarse = render("sphere", LOOKS["coated"], light, samples=4096, error=2e-2)
-    fine = render("sphere", LOOKS["coated"], light, samples=4096, error=1e-3)
+    fine = render("sphere", LOOKS["coated"], light, samples=4096, error=2e-3)
     assert coarse.relmse <= 2e-2
-    assert fine.relmse <= 1e-3
+    assert fine.relmse <= 2e-3
     assert coarse.samples < fine.samples < 4096
     # Rounds that repeated each other's samples would lower the estimate's hopes, not the error.
-    converged = render("sphere", LOOKS["coated"], light, samples=2048, seed=1000)
+    converged = render("sphere", LOOKS["coated"], light, samples=1024, seed=1000)
     truth = (converged.a + converged.b) / 2
-    assert relmse((fine.a + fine.b) / 2, truth, fine.alpha) < 2e-3
+    assert relmse((fine.a + fine.b) / 2, truth, fine.alpha) < 4e-3
 
 
 TARGET = 6e-3  # between the errors of the first round, raw and denoised
@@ -68,7 +68,7 @@ def test_a_denoised_frame_is_nearer_and_its_error_is_measured(render: RenderScen
     def frame(**given):
         return render("shaderball", [COPPER], light_of("studio"), size=72, **given)
 
-    reference = frame(samples=1024, seed=7)
+    reference = frame(samples=512, seed=7)
     truth = 0.5 * (reference.a + reference.b)
     for seed in range(2):
         raw, smooth = (frame(samples=32, seed=seed, denoise=choice) for choice in ("off", "measured"))
