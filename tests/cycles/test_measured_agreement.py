@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import tempfile
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from agreement import assert_agreement
+from agreement import assert_agreement, shape_pixels
 from frames import RenderScene
+from looks import quick_among
+from stored_references import Arrays, StoredReference
 
 from lookdev.brdf import complete_parameters, model_named
 from lookdev.brdf.measured.synthetic import write_synthetic
@@ -18,19 +22,33 @@ from lookdev.checks.points import check_points
 from lookdev.codegen.osl import block
 from lookdev.material import Layer, Look
 
-pytestmark = pytest.mark.cycles
+pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm_points")]
 
-_PLASTIC: dict[str, Any] = {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35}
-_SATIN: dict[str, Any] = {"baseColor": (0.5, 0.4, 0.1), "roughness": 0.6, "anisotropic": 0.7, "metallic": 0.8}
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "plastic": {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35},
+    "satin": {"baseColor": (0.5, 0.4, 0.1), "roughness": 0.6, "anisotropic": 0.7, "metallic": 0.8},
+}
+
+
+def write_measured(folder: Path, name: str) -> Path:
+    """Write what Disney's model measures: isotropic, or anisotropic in another format."""
+    parameters = PARAMETERS[name]
+    file = folder / (f"{name}.dat" if "anisotropic" in parameters else f"{name}.binary")
+    write_synthetic(file, model_named("disney").bsdf(complete_parameters("disney", parameters)))
+    return file
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("measured")
-    made = {"plastic": (folder / "plastic.binary", _PLASTIC), "satin": (folder / "satin.dat", _SATIN)}
-    for file, parameters in made.values():
-        write_synthetic(file, model_named("disney").bsdf(complete_parameters("disney", parameters)))
-    return {name: file for name, (file, _) in made.items()}
+    return {name: write_measured(folder, name) for name in PARAMETERS}
+
+
+def measured_pixels(name: str, **case: Any) -> Arrays:
+    """Return pixels of a sphere of measured data, which the digest of a stored reference has by their name."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = write_measured(Path(folder), name)
+        return shape_pixels(layers=[Layer("base", "measured", {"file": str(file)})], **case)
 
 
 def _lines(file: Path, interpolation: str) -> list[str]:
@@ -50,10 +68,13 @@ def _lines(file: Path, interpolation: str) -> list[str]:
     return [json.dumps({**case, "wo": o, "wi": i}) for o, i in pairs]
 
 
-@pytest.mark.parametrize("arrays", [True, False], ids=["arrays", "textures"])
 @pytest.mark.parametrize(
-    ("name", "interpolation"),
-    [("plastic", "linear"), ("plastic", "nearest"), ("satin", "linear"), ("satin", "nearest")],
+    ("name", "interpolation", "arrays"),
+    quick_among(
+        list(product(PARAMETERS, ("linear", "nearest"), (True, False))),
+        # Each of both interpolations, of isotropic and anisotropic data, and from arrays and textures.
+        [("plastic", "linear", True), ("satin", "linear", False), ("satin", "nearest", True)],
+    ),
 )
 def test_values_in_float32(
     name: str, interpolation: str, arrays: bool, files: dict[str, Path], monkeypatch: pytest.MonkeyPatch
@@ -74,20 +95,24 @@ def test_values_in_float32(
     assert np.count_nonzero(wanted > 1e-4) > wanted.size // 2
 
 
-@pytest.mark.parametrize("name", ["plastic", "satin"])
+@pytest.mark.parametrize("name", PARAMETERS)
 def test_a_sphere_agrees_with_the_reference(
-    name: str, files: dict[str, Path], render: RenderScene, light_of: Any
+    name: str, files: dict[str, Path], render: RenderScene, light_of: Any, stored_reference: StoredReference
 ) -> None:
     layers, light = [Layer("base", "measured", {"file": str(files[name])})], light_of("studio")
     frames = [render("sphere", layers, light, samples=32, seed=seed, size=40) for seed in range(8)]
-    assert_agreement(frames, layers, "sphere", light)
+
+    def stored(label: str, compute: object, *, layers: object, **case: Any) -> Arrays:
+        return stored_reference(f"measured {name}", measured_pixels, name=name, **case)
+
+    assert_agreement(frames, layers, "sphere", light, stored=stored)
 
 
 def test_a_file_of_a_model_renders_as_the_model(files: dict[str, Path], render: RenderScene, light_of: Any) -> None:
     light = light_of("city")
     looks = {
         "measured": Layer("base", "measured", {"file": str(files["plastic"])}),
-        "model": Layer("base", "disney", _PLASTIC),
+        "model": Layer("base", "disney", PARAMETERS["plastic"]),
     }
     frames = {name: render("sphere", [each], light, samples=1024, size=40) for name, each in looks.items()}
     picture = {name: 0.5 * (frame.a.astype(np.float64) + frame.b) for name, frame in frames.items()}
@@ -101,7 +126,7 @@ def test_a_file_of_a_model_renders_as_the_model(files: dict[str, Path], render: 
     assert abs(difference.mean()) < 3e-3 * picture["model"][seen].mean()
 
 
-@pytest.mark.parametrize("name", ["plastic", "satin"])
+@pytest.mark.parametrize("name", PARAMETERS)
 def test_points_of_a_look_agree(name: str, files: dict[str, Path]) -> None:
     look = Look("look", (Layer("base", "measured", {"file": str(files[name])}),))
     assert check_points(look, count=8000).passed
