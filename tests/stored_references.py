@@ -73,10 +73,10 @@ def stored_reference(request: pytest.FixtureRequest) -> StoredReference:
     renew = bool(config.getoption(RENEW))
     always = bool(config.getoption(RECOMPUTE)) or config.getoption("markexpr") == "proof"
 
-    def arrays(name: str, compute: Callable[..., Arrays], *, recompute: bool = False, **inputs: Any) -> Arrays:
+    def arrays(label: str, /, compute: Callable[..., Arrays], *, recompute: bool = False, **inputs: Any) -> Arrays:
         if proof:
             return compute(**inputs)
-        stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
+        stem = re.sub(r"[^a-z0-9]+", "-", label.lower()).strip("-")
         file = FOLDER / f"{stem}-{digest_of(compute.__name__, inputs)}.npz"
         if renew:
             _renew(file, compute(**inputs))
