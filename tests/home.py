@@ -9,8 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from lookdev.lifetime import end_with_parent
+
 # What leads programs to folders outside of the home: each of them would be read, or written.
 ELSEWHERE = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "LOOKDEV_LIBRARY", "OCIO")
+# Without compiled modules each of the hundreds of processes of a run would compile the whole package, for a second.
+SLOW = "PYTHONDONTWRITEBYTECODE"
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -20,10 +24,11 @@ def pytest_configure(config: pytest.Config) -> None:
     their own.
     """
     if hasattr(config, "workerinput"):
+        end_with_parent()
         return
     home = Path(tempfile.mkdtemp(prefix="lookdev-home-"))
     patch = pytest.MonkeyPatch()
-    for name in ELSEWHERE:
+    for name in (*ELSEWHERE, SLOW):
         patch.delenv(name, raising=False)
     patch.setenv("HOME", str(home))
     patch.setenv("LOOKDEV_CACHE", str(home / "cache"))
