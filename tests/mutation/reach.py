@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -60,8 +61,8 @@ class Reach:
 
 
 def _plain(nodeid: str) -> str:
-    """Return the name of a test without the group that xdist appends."""
-    return nodeid.rpartition("@")[0] or nodeid
+    """Return the name of a test without the group that xdist appends: a file, or a fixture."""
+    return re.sub(r"@(\w+\.py|cycles_worker|mitsuba_worker|browser)$", "", nodeid)
 
 
 @functools.cache
