@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -107,9 +109,10 @@ def test_a_frame_does_not_depend_on_the_speed_of_launches(
 
     task, mi = task_of(Look("coated", LOOKS["coated"]), samples=512, error=4e-3), load_mitsuba("cpu")
     frames, launches = [], []
-    # As on a machine that is forty times slower.
-    for seconds in (0.2, 0.005):
-        monkeypatch.setattr(render, "LONGEST_LAUNCH", seconds)
+    # Each launch takes a tenth of the longest, so that the next is larger, or twice the longest.
+    for part in (0.1, 2.0):
+        clock = itertools.count(0.0, part * render.LONGEST_LAUNCH)
+        monkeypatch.setattr(render, "time", SimpleNamespace(perf_counter=clock.__next__))
         report = Mock()
         frames.append(render.MitsubaScene(mi, task).render(one_frame(task, POSE, "frame"), report))
         launches.append(report.call_count)
