@@ -150,10 +150,17 @@ def check_scene(
     **options: Any,
 ) -> Finding:
     """Compare frames of a scene, `per_frame` samples of each pixel, with the reference; `options` of `scene_pixels`."""
-    found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
+    return _check_pixels(name, frames, per_frame, _scene_reference(name, scene, stored, options))
+
+
+def _scene_reference(name: str, scene: Scene, stored: StoredReference, options: dict[str, Any]) -> Arrays:
+    return stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
+
+
+def _check_pixels(name: str, frames: Sequence[Rendered], per_frame: int, reference: Arrays) -> Finding:
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    alpha = frames[0].alpha
-    return check_frame(name, halves, alpha, len(frames) * per_frame, found["pixels"], estimate_of(found))
+    count = len(frames) * per_frame
+    return check_frame(name, halves, frames[0].alpha, count, reference["pixels"], estimate_of(reference))
 
 
 def assert_scene_agreement(
@@ -165,10 +172,10 @@ def assert_scene_agreement(
     **options: Any,
 ) -> Finding:
     """Assert that `check_scene` finds nothing."""
-    finding = check_scene(name, frames, scene, per_frame, stored, **options)
+    reference = _scene_reference(name, scene, stored, options)
+    finding = _check_pixels(name, frames, per_frame, reference)
     if not finding.passed:
-        found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
-        with comparison(_mean(frames), found["value"], found["pixels"]):
+        with comparison(_mean(frames), reference["value"], reference["pixels"]):
             raise AssertionError("\n".join((finding.summary, *finding.details)))
     return finding
 

@@ -17,9 +17,10 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
+from testing_page import write_part
+
 ROOT = Path(__file__).resolve().parents[1]
-DATA, PAGE = ROOT / "tests" / "durations.json", ROOT / "docs" / "testing.md"
-BEGIN, END = "<!-- durations -->\n", "<!-- end of durations -->"
+DATA = ROOT / "tests" / "durations.json"
 HEAVY = "not proof and not bench and not chaos"
 SHOWN = 30  # files and tests in the tables
 
@@ -86,8 +87,7 @@ def main() -> None:
     version = "{}.{}".format(*sys.version_info[:2])
     measured = json.loads(DATA.read_text()) | {version: measure(version)}
     DATA.write_text(json.dumps(measured, indent=1) + "\n")
-    head, _, rest = PAGE.read_text().partition(BEGIN)
-    PAGE.write_text(head + BEGIN + tables(measured) + END + rest.partition(END)[2])
+    write_part("durations", tables(measured))
 
 
 if __name__ == "__main__":

@@ -22,10 +22,11 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))
 
 from mutant import LIST, ROOT, Mutant, locate, read_mutants, read_sources, write_mutants
 from recorder import FOLDER
+from testing_page import write_part
 
 DATA = ROOT / ".mutation"
 
@@ -118,9 +119,6 @@ def show_survivors(rooms: list[str]) -> None:
 
 
 def write_report() -> None:
-    page = ROOT / "docs" / "testing.md"
-    head, _, rest = page.read_text().partition("<!-- mutants -->\n")
-    tail = rest.partition("<!-- end of mutants -->")[2]
     table = "| room | drawn | equivalent | found by the default tier | with `proof` |\n|---|---|---|---|---|"
     mutants = read_mutants()
     for room, drawn in Counter(mutant.room for mutant in mutants).items():
@@ -130,7 +128,7 @@ def write_report() -> None:
         rates = [f"{100 * count / max(len(real), 1):.1f} %" for count in (found.count("default"), len(found))]
         part = f"{drawn}" if len(tried) == drawn else f"{drawn}, {len(tried)} tried"
         table += f"\n| {room} | {part} | {len(tried) - len(real)} | {rates[0]} | {rates[1]} |"
-    page.write_text(f"{head}<!-- mutants -->\n{table}\n<!-- end of mutants -->{tail}")
+    write_part("mutants", f"{table}\n")
 
 
 if __name__ == "__main__":

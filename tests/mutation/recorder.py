@@ -14,7 +14,7 @@ MONITORING = getattr(sys, "monitoring", None)
 
 
 class Recorder:
-    """Functions of the package by who reaches them; the last owner of `owners` is the one at work."""
+    """The functions of the package that were reached since `switch` was last called."""
 
     def __init__(self) -> None:
         self.reached: set[str] = set()

@@ -126,8 +126,9 @@ class Copy:
             shutil.rmtree(scratch, ignore_errors=True)
         if process.returncode in (0, 5):
             return []
-        failed = [line.split(" ")[1] for line in output.splitlines() if line.startswith(("FAILED ", "ERROR "))]
-        return failed or [f"the tests' collection: {output[-500:]}"]
+        lines = (line for line in output.splitlines() if line.startswith(("FAILED ", "ERROR ")))
+        names = [line.partition(" ")[2].partition(" - ")[0] for line in lines]
+        return names or [f"the tests' collection: {output[-500:]}"]
 
 
 def end_all(process: subprocess.Popen[str], folder: Path) -> None:
