@@ -21,7 +21,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Make the home before anything is imported; processes of xdist and all that tests start inherit it.
 
     Cache and compiled kernels in it are shared by all tests but those that set ``$LOOKDEV_CACHE`` to a folder of
-    their own.
+    their own. ``$TMPDIR`` is in it too, for what a killed process leaves there; folders of ``tmp_path`` stay outside,
+    as they hold the pictures of what failed.
     """
     if hasattr(config, "workerinput"):
         end_with_parent()
@@ -33,6 +34,10 @@ def pytest_configure(config: pytest.Config) -> None:
     patch.setenv("HOME", str(home))
     patch.setenv("LOOKDEV_CACHE", str(home / "cache"))
     patch.setenv("LOOKDEV_STATE", str(home / "state"))
+    patch.setenv("PYTEST_DEBUG_TEMPROOT", os.environ.get("PYTEST_DEBUG_TEMPROOT") or tempfile.gettempdir())
+    (home / "tmp").mkdir()
+    patch.setenv("TMPDIR", str(home / "tmp"))
+    patch.setattr(tempfile, "tempdir", str(home / "tmp"))
 
     def leave() -> None:
         patch.undo()

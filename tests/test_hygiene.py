@@ -15,6 +15,7 @@ from batch_case import wait_until
 TESTS = Path(__file__).parent
 # With a fake in the place of Cycles, which starts at once.
 TINY = """
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +29,7 @@ BACKENDS["exact"] = replace(BACKENDS["exact"], command=batch_case.command(folder
 
 def test_tiny(cycles_worker, tmp_path):
     cycles_worker.start()
-    for written in (tmp_path, cache_dir("rooms"), Path.home()):
+    for written in (tmp_path, cache_dir("rooms"), Path.home(), Path(tempfile.mkdtemp())):
         (written / "file").touch()
     (folder / "started").touch()
     while (folder / "waits").exists():
@@ -62,7 +63,7 @@ def test_a_run_leaves_nothing_behind(tmp_path, is_killed):
     # xdist itself lets its processes run for some seconds after theirs is killed.
     options = ["-n", "0" if is_killed else "1", "-p", "no:cacheprovider"]
     command = (sys.executable, "-m", "pytest", *options, "tests/test_tiny.py")
-    environment = os.environ | {"HOME": str(home), "TMPDIR": str(temporary), "MARK": mark}
+    environment = os.environ | {"HOME": str(home), "TMPDIR": str(temporary), "PYTEST_DEBUG_TEMPROOT": "", "MARK": mark}
     log = tmp_path / "log"
     with log.open("w") as output, subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=output) as process:
         try:
