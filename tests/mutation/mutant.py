@@ -6,6 +6,7 @@ Names outlive moves and renames: where the function is gone, the text alone find
 from __future__ import annotations
 
 import ast
+import functools
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -71,8 +72,9 @@ def write_mutants(mutants: Iterable[Mutant], path: Path = LIST) -> None:
     scratch.replace(path)
 
 
-def functions_of(source: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the functions of a module that are in no other, methods included: name, first and last line, from 1."""
+@functools.cache  # for thousands of mutants, the same modules
+def functions_of(source: str) -> tuple[tuple[str, int, int], ...]:
+    """Return the functions of a module that are in no other, methods included: name, first and last line, from 1."""
 
     def visit(body: Sequence[ast.stmt], prefix: str) -> Iterator[tuple[str, int, int]]:
         for node in body:
@@ -81,7 +83,7 @@ def functions_of(source: str) -> Iterator[tuple[str, int, int]]:
             elif isinstance(node, ast.ClassDef):
                 yield from visit(node.body, f"{prefix}{node.name}.")
 
-    return visit(ast.parse(source).body, "")
+    return tuple(visit(ast.parse(source).body, ""))
 
 
 def places_of(lines: Sequence[str], before: str, first: int, last: int) -> list[int]:

@@ -10,10 +10,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import accumulate, pairwise
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -22,6 +24,11 @@ from reach import reach_map
 
 MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
+STAGES = (
+    2.0,
+    20.0,
+    math.inf,
+)  # seconds of tests: collecting all files that reach a function can take longer than these
 FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
 
 
@@ -39,13 +46,18 @@ class Reached:
     def tests_of(self, function: str) -> list[tuple[str, float]]:
         """Return the tests that reach a function, or where none does, its module; the fastest first.
 
-        Tests of similar duration stay together by file, whose fixtures they share.
+        Tests of similar duration stay together by file, whose fixtures they share, those of the function's room first.
         """
         module = function.partition(":")[0] + ":"
+        room = f"tests/{module.split('/')[1]}/"
         found = [(test, seconds) for test, seconds, reached in self._tests if function in reached]
         if not found:
             found = [(t, seconds) for t, seconds, reached in self._tests if any(f.startswith(module) for f in reached)]
-        return sorted(found, key=lambda entry: (round(math.log2(entry[1] + 0.02)), entry[0]))
+
+        def order(entry: tuple[str, float]) -> tuple[int, bool, str]:
+            return round(math.log2(entry[1] + 0.02)), not entry[0].startswith(room), entry[0]
+
+        return sorted(found, key=order)
 
 
 class Copy:
@@ -146,6 +158,13 @@ def end_all(process: subprocess.Popen[str], folder: Path) -> None:
             continue
 
 
+def stages(tests: Sequence[tuple[str, float]]) -> Iterator[list[tuple[str, float]]]:
+    """Yield tests in their order, the fastest alone: most mutants need few files."""
+    totals = list(accumulate(seconds for _, seconds in tests))
+    ends = [0, *(bisect_right(totals, limit) for limit in STAGES)]
+    yield from filter(None, ([*tests[first:last]] for first, last in pairwise(ends)))
+
+
 def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int) -> Iterator[Mutant]:
     """Yield mutants with what killed them, as results come."""
     folder = Path(tempfile.mkdtemp(prefix="mutants-"))
@@ -157,7 +176,7 @@ def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: in
         tests, copy = reached.tests_of(mutant.function), copies.get()
         try:
             with copy.planted(mutant):
-                failed = copy.test(tests, MARKERS[tier]) if tests else []
+                failed = next(filter(None, (copy.test(part, MARKERS[tier]) for part in stages(tests))), [])
         finally:
             copies.put(copy)
         return replace(mutant, killed_by="".join(failed[:1]), tier=tier)
