@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from frames import POSE, RenderScene, orbit_camera
+from looks import quick_among
 from warm_blender import BlenderProcess
 
 from lookdev.asset import load_asset
@@ -24,16 +25,14 @@ PLASTIC = Layer("plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness":
 
 WIDTH, HEIGHT = 67, 45
 BOXES = [
-    (0, 0, WIDTH, HEIGHT),
     (0, 0, 4, 4),
     (WIDTH - 4, HEIGHT - 4, WIDTH, HEIGHT),
     (21, 16, 46, 32),
-    (32, 0, 48, HEIGHT),
     (0, 16, WIDTH, 31),
 ]
 
 
-@pytest.mark.parametrize("backend", ["exact", "nodes-exact", pytest.param("nodes", marks=pytest.mark.proof)])
+@pytest.mark.parametrize("backend", quick_among([("exact",), ("nodes-exact",), ("nodes",)], [("exact",)]))
 def test_a_rectangle_is_that_part_of_the_frame(
     backend: str, blender: BlenderProcess, light_of: Callable[[str], Dome]
 ) -> None:
@@ -48,22 +47,25 @@ def test_a_rectangle_is_that_part_of_the_frame(
         assert part.shape == (top - bottom, right - left, 4)
         for other in ("before", "again", "after"):
             np.testing.assert_array_equal(part, found[f"{other}{number}"], err_msg=f"box {number}, {other}")
-    assert any(found[f"part{number}"][..., :3].any() for number in (1, 3)), "the boxes show nothing"
+    assert any(found[f"part{number}"][..., :3].any() for number in (0, 2)), "the boxes show nothing"
+
+
+TARGET = 6e-3
 
 
 def test_rectangles_bring_a_frame_to_its_target(render: RenderScene, light_of: Callable[[str], Dome]) -> None:
     def frame(**given):
-        return render("shaderball", [PLASTIC], light_of("studio"), size=48, **given)
+        return render("shaderball", [PLASTIC], light_of("studio"), size=32, **given)
 
-    found = frame(samples=4096, error=6e-3, seed=3)
+    found = frame(samples=4096, error=TARGET, seed=3)
     # What else is rendered in between does not matter.
-    converged = frame(samples=1024, seed=1000)
-    again = frame(samples=4096, error=6e-3, seed=3)
+    converged = frame(samples=256, seed=1000)
+    again = frame(samples=4096, error=TARGET, seed=3)
     # Rounds over the whole frame alone would end at a power of two.
     assert found.samples & (found.samples - 1), f"nothing was adaptive at {found.samples} samples"
     for name in ("a", "b", "alpha"):
         np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
-    assert found.relmse <= 6e-3
+    assert found.relmse <= TARGET
     true = relmse(0.5 * (found.a + found.b), 0.5 * (converged.a + converged.b), converged.alpha)
     assert 0.5 < found.relmse / true < 2.0, (found.relmse, true, found.samples)
     # At a silhouette alpha is a mean as the colours are.
