@@ -45,11 +45,15 @@ def evaluate(
     arrays: Mapping[str, Any] | None = None,
     samples: Mapping[str, int] | None = None,
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return the tables as Cycles gets them, in float32, and the values; one sample a pixel where none are given."""
+    """Return the tables as Cycles gets them, in float32, and the values; one sample a pixel where none are given.
+
+    Code that names no array gets none.
+    """
     shaders = {}
     for name, (table, code) in probes.items():
         count = (samples or {}).get(name, 1)
-        osl = TEMPLATE % {"samples": count, "headers": headers, "arrays": parameters, "code": code}
+        declared = parameters if any(array in code for array in arrays or ()) else ""
+        osl = TEMPLATE % {"samples": count, "headers": headers, "arrays": declared, "code": code}
         shaders[name] = osl, table.astype(np.float32), count
     values = blender.call("probes.render_tables", shaders, arrays or {})
     tables = {name: table.astype(np.float64) for name, (_, table, _) in shaders.items()}

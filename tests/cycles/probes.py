@@ -182,10 +182,12 @@ def render_tables(
     shaders: Mapping[str, tuple[str, Floats, int]], arrays: Mapping[str, NDArray[Any]]
 ) -> dict[str, Floats]:
     """Return the emission (n, 3) of OSL shaders by their text, table (n, 12) and samples; arrays are parameters."""
-    return {
-        name: render_table(ShaderSource("probe", osl, (), (), ""), table, 4, samples, arrays)
-        for name, (osl, table, samples) in shaders.items()
-    }
+    pictures = {}
+    for name, (osl, table, samples) in shaders.items():
+        # Half a million numbers take longer than the rest of a shader that does not read them.
+        declared = {array: values for array, values in arrays.items() if f" {array}[" in osl}
+        pictures[name] = render_table(ShaderSource("probe", osl, (), (), ""), table, 4, samples, declared)
+    return pictures
 
 
 def write_arrays(oso: str, arrays: Mapping[str, NDArray[Any]]) -> str:
