@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.brdf.measured.files import write_anisotropic
+from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 
 pytest.importorskip("starlette", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
 
@@ -50,18 +50,18 @@ def toy_car() -> str:
 
 @pytest.fixture(scope="session")
 def roots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a small measurement and a look, and beside it a secret."""
+    """Return a folder with a measurement and, beside it, a secret; an anisotropic one would take four times as long."""
     folder = tmp_path_factory.mktemp("studio")
     (folder / "secret.dat").write_text("secret")
     root = folder / "scans"
     root.mkdir()
-    rng = np.random.default_rng(3)
-    write_anisotropic(root / "satin.dat", rng.uniform(0.1, 0.4, (6, 6, 8, 8, 3)))
+    grey = np.random.default_rng(3).uniform(0.1, 0.4, (*MERL_SIZE[:2], 1, 1))
+    write_merl(root / "satin.binary", np.broadcast_to(grey, (*MERL_SIZE, 3)))
     (root / "out.dat").symlink_to(folder / "secret.dat")
     return root
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def server(roots: Path) -> Iterator[Served]:
     with served("--root", str(roots), "disney:roughness=.3") as started:
         yield started

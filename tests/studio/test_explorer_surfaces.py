@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import CONTINUOUS, evaluate
+from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
 from lookdev.material.usd import read_look
 from lookdev.plot import KINDS, Options, read_subject
@@ -40,7 +41,7 @@ def surfaces(tmp_path: Path, roots: Path) -> Surfaces:
     [
         ("disney:roughness=.3,baseColor=.8/.2/.1", "disney", {"roughness": 0.3, "baseColor": [0.8, 0.2, 0.1]}),
         ("mine=red_plastic:roughness=.1", "red_plastic", {"roughness": 0.1}),
-        ("scans/satin.dat", "measured", {"file": "scans/satin.dat"}),
+        ("scans/satin.binary", "measured", {"file": "scans/satin.binary"}),
         ("materials/car_paint.usda@.2,.3", "materials/car_paint.usda@.2,.3", {}),
     ],
 )
@@ -71,7 +72,7 @@ def test_a_draft_is_near_what_it_is_a_draft_of(kind: str, surfaces: Surfaces) ->
 
 
 @pytest.mark.parametrize(
-    "words", ["disney:roughness=.3,baseColor=.8/.2/.1", "ward:alphaX=.3", "measured:file=scans/satin.dat"]
+    "words", ["disney:roughness=.3,baseColor=.8/.2/.1", "ward:alphaX=.3", "measured:file=scans/satin.binary"]
 )
 def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: Path) -> None:
     file = tmp_path / "copied.usda"
@@ -85,27 +86,27 @@ def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: 
 
 
 def test_a_command_has_paths_and_the_options_that_are_used(surfaces: Surfaces, roots: Path) -> None:
-    text = surfaces.command("retro", ["a b=scans/satin.dat", "disney"], Options(scale="log", exposure=2.0))
+    text = surfaces.command("retro", ["a b=scans/satin.binary", "disney"], Options(scale="log", exposure=2.0))
     parts = shlex.split(text)
     assert parts == [
-        "lookdev", "plot", "retro", f"a b={roots / 'satin.dat'}", "disney", "-o", "retro.png", "--scale", "log",
+        "lookdev", "plot", "retro", f"a b={roots / 'satin.binary'}", "disney", "-o", "retro.png", "--scale", "log",
     ]  # fmt: skip
 
 
-def test_files_of_the_command_line_get_names(surfaces: Surfaces, roots: Path, tmp_path: Path) -> None:
-    file = tmp_path / "my scan.dat"
-    file.write_bytes((roots / "satin.dat").read_bytes())
-    assert named_words(f"a={file}", surfaces.roots) == "a=my_scan.dat"
-    assert named_words(f"measured:file={file},scale=2", surfaces.roots) == "measured:file=my_scan.dat,scale=2"
+def test_files_of_the_command_line_get_names(surfaces: Surfaces, tmp_path: Path) -> None:
+    file = tmp_path / "my scan.binary"
+    file.touch()
+    assert named_words(f"a={file}", surfaces.roots) == "a=my_scan.binary"
+    assert named_words(f"measured:file={file},scale=2", surfaces.roots) == "measured:file=my_scan.binary,scale=2"
     assert named_words("disney:roughness=.1", surfaces.roots) == "disney:roughness=.1"
-    assert surfaces.roots.locate("my_scan.dat") == file
+    assert surfaces.roots.locate("my_scan.binary") == file
     with pytest.raises(LookdevError, match="--root"):
-        surfaces.roots.locate("my_scan.dat/../../x")
+        surfaces.roots.locate("my_scan.binary/../../x")
 
 
-def test_threads_that_ask_at_once_prepare_a_measurement_once(roots: Path, tmp_path: Path) -> None:
+def test_threads_that_ask_at_once_prepare_a_measurement_once(tmp_path: Path) -> None:
     file = tmp_path / "asked.dat"
-    file.write_bytes((roots / "satin.dat").read_bytes())
+    write_anisotropic(file, np.full((2, 2, 2, 2, 3), 0.1))
     made: list[object] = []
 
     def make(grid: object) -> object:
@@ -126,5 +127,5 @@ def test_numbers_beyond_float32_are_its_largest() -> None:
 
 def test_every_continuous_model_is_described(surfaces: Surfaces) -> None:
     for name in CONTINUOUS:
-        words = "measured:file=builtin:plastic" if name == "measured" else name
+        words = "measured:file=scans/satin.binary" if name == "measured" else name
         assert surfaces.describe(words)["editable"]
