@@ -19,7 +19,7 @@ from lookdev.scene import Pose
 
 pytestmark = pytest.mark.cycles
 
-SIZE, SEEDS, BOUNCES = 48, 8, 3
+SIZE, SEEDS, BOUNCES = 32, 8, 3
 REFLECTING = ("diffuse", "cloth", "coated", "brushed", "polished", "painted", "chrome")
 TRANSMITTING = ("leaf", "frosted", "glassy", "net", "tilted", "lacquered", "mixed")
 # White light is not sampled, and directions of a shiny surface weigh alike but for the few below its horizon: the noise
@@ -37,7 +37,7 @@ def rendered(render: RenderScene, shape: str, look: str, light: Any, seeds: int 
 
 @pytest.mark.parametrize(
     ("ibl", "look"),
-    quick_among(FRONT, [("white", "diffuse"), ("studio", "coated"), ("city", "brushed"), ("city", "painted")]),
+    quick_among(FRONT, [("studio", "coated")]),
 )
 def test_a_sphere_agrees_within_its_own_noise(
     ibl: str, look: str, render: RenderScene, light_of, stored_reference: StoredReference
@@ -59,7 +59,7 @@ def test_a_shiny_sphere_agrees_in_white_light(look: str, render: RenderScene, li
 
 @pytest.mark.parametrize(
     ("asset", "look"),
-    quick_among(list(product(SHAPES, TRANSMITTING)), [("plane", "tilted"), ("sphere", "leaf")]),
+    quick_among(list(product(SHAPES, TRANSMITTING)), [("sphere", "leaf")]),
 )
 def test_backlit_shapes_agree_within_their_own_noise(
     asset: str, look: str, render: RenderScene, light_of, stored_reference: StoredReference
