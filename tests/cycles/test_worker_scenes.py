@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -22,15 +22,17 @@ from lookdev.material import Layer, Look, Texture
 from lookdev.render.backends import WORKER_COMMAND, job_backends
 from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, contents, one_frame
+from lookdev.render.task import FrameTask, SceneTask, contents, one_frame
 from lookdev.render.worker import Worker, renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
 
-GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.5}),))
-RED = Look("red", (Layer("Red", "pixar", {"surfaceColor": (0.6, 0.1, 0.1)}),))
+GREY, RED = (
+    Look(name, (Layer(name, "lambert", {"reflectance": color}),))
+    for name, color in (("grey", (0.5, 0.5, 0.5)), ("red", (0.6, 0.1, 0.1)))
+)
 
 
 @pytest.fixture
@@ -47,9 +49,9 @@ def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
     card = make_asset("card", plane.meshes, plane.instances, plane.slots)
     balls = make_asset("balls", ball.meshes, [Instance(0, place) for place in places], ball.slots)
     cases: tuple[tuple[Asset, Look, str], ...] = (
-        (card, GREY, "studio"),
-        (balls, GREY, "studio"),
-        (balls, RED, "studio"),
+        (card, GREY, "slopes"),
+        (balls, GREY, "slopes"),
+        (balls, RED, "slopes"),
         (balls, RED, "city"),
     )
     return {
@@ -57,7 +59,8 @@ def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
             framed(asset, look, (light_of(light),), 24), Sampling(samples=4), backend
         )
         for backend in ("exact", "nodes", "nodes-exact")
-        for asset, look, light in cases
+        # Nodes take a second for each look: everything changes between two scenes.
+        for asset, look, light in (cases[::3] if backend == "nodes" else cases)
     }
 
 
@@ -72,27 +75,28 @@ def assert_same(one: Rendered, other: Rendered, label: str) -> None:
     assert one.alpha.any()
 
 
-def test_a_scene_shows_in_no_picture_of_another(new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]) -> None:
-    """What comes before each scene differs between two workers; the first of each comes after nothing."""
-    order = [*scenes]
-    one, other = new_worker(), new_worker()
-    first = {name: render(one, scenes[name]) for name in order}
-    assert_same(render(one, scenes[order[0]]), first[order[0]], f"{order[0]} again")
+def test_a_scene_shows_in_no_picture_of_another(
+    worker: Worker, new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
+) -> None:
+    """What comes before each scene differs between two workers; the first of a new one comes after nothing."""
+    order, other = [*scenes], new_worker()
+    first = {name: render(worker, scenes[name]) for name in order}
+    assert_same(render(worker, scenes[order[0]]), first[order[0]], f"{order[0]} again")
     # Neighbours in the first order are none in this one.
     for name in (name for start in range(5) for name in order[::-1][start::5]):
         assert_same(render(other, scenes[name]), first[name], name)
 
 
 def test_a_scene_that_was_prepared_shows_in_no_picture(
-    new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
+    worker: Worker, new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
 ) -> None:
-    card, balls = (scenes[f"exact {name} grey studio"] for name in ("card", "balls"))
-    plain = render(new_worker(), balls)
-    for ahead in (card, balls, replace(card, asset=replace(card.asset, digest="0" * 64))):  # the last has no asset
-        worker = new_worker()
-        worker.launch()
-        worker.prepare(ahead)
-        assert_same(render(worker, balls), plain, "prepared")
+    card, balls = (scenes[f"exact {name} grey slopes"] for name in ("card", "balls"))
+    plain = render(worker, balls)
+    for ahead in (card, replace(card, asset=replace(card.asset, digest="0" * 64))):  # the last has no asset
+        other = new_worker()
+        other.launch()
+        other.prepare(ahead)
+        assert_same(render(other, balls), plain, "prepared")
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +128,7 @@ PAIRS = [
 def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTask]:
     """The scenes of two pairs of looks, one program for all four."""
     camera = orbit_camera(balls.center, balls.radius)
-    shown = [Scene.of_look(balls, pair[0], light_of("studio"), (64, 32), camera) for pair in PAIRS]
+    shown = [Scene.of_look(balls, pair[0], light_of("slopes"), (64, 32), camera) for pair in PAIRS]
     shown = [replace(each, wears={"/a": a, "/b": b}) for each, (a, b) in zip(shown, PAIRS, strict=True)]
     tasks = [scene_task(scene, Sampling(samples=16), "exact") for scene in shown]
     shared = shared_programs(shader for task in tasks for shader in task.shaders)
@@ -149,28 +153,41 @@ def test_shared_programs_show_the_pictures_of_own_ones(worker: Worker, paired_sc
     assert (np.abs(found[0].a - found[1].a).max(axis=(0, 2)).reshape(4, -1).max(axis=1)[[0, 1, 2]] > 0.05).all()
 
 
-def test_a_task_needs_only_its_contents(light_of, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "backends",
+    [("exact", "nodes"), pytest.param(tuple(job_backends()), marks=pytest.mark.proof)],
+    ids=["Cycles", "all"],
+)
+def test_a_task_needs_only_its_contents(
+    backends: Sequence[str],
+    light_of,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pixels = np.random.default_rng(7).integers(40, 255, (16, 16, 3)).astype(np.uint8)
     assert oiio.ImageBuf(pixels).write(str(tmp_path / "color.png"))
     chips = Texture(tmp_path / "color.png", "rgb", "sRGB")
     look = Look("chips", (Layer("Base", "disney", {"baseColor": chips, "roughness": 0.6}),))
-    scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("studio"), (24, 24))
+    scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("slopes"), (24, 24))
     tasks = [
-        one_frame(scene_task(scene, Sampling(samples=4), backend), Pose(30.0, 75.0), backend)
-        for backend in job_backends()
+        one_frame(scene_task(scene, Sampling(samples=4), backend), Pose(30.0, 75.0), backend) for backend in backends
     ]
 
-    def rendered() -> list[Rendered]:
-        with renderer() as render:
-            return [render(task) for task in tasks]
+    def render_here(task: FrameTask) -> Rendered:
+        worker: Worker = request.getfixturevalue(f"{'mitsuba' if task.scene.backend == 'mitsuba' else 'cycles'}_worker")
+        worker.start()
+        return worker.render(task, lambda progress: None)
 
-    here = rendered()
+    here = [render_here(task) for task in tasks]
     store = tmp_path / "cache" / "content"
     store.mkdir(parents=True)
     for content in {content for task in tasks for content in contents(task)}:
         shutil.copyfile(content.path, store / content.path.name)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    for task, ours, theirs in zip(tasks, here, rendered(), strict=True):
+    with renderer() as render_there:
+        there = [render_there(task) for task in tasks]
+    for task, ours, theirs in zip(tasks, here, there, strict=True):
         assert ours.a[ours.alpha == 1.0].mean() > 0.01
         for one, other in ((ours.a, theirs.a), (ours.b, theirs.b), (ours.alpha, theirs.alpha)):
             np.testing.assert_allclose(other, one, rtol=1e-5, atol=1e-6, err_msg=task.scene.backend)
