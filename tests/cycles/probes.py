@@ -144,7 +144,7 @@ def build_nodes(light: Dome) -> dict[str, Any]:
 
     They show suzanne in one pose, first as `Scene` turns it, then with the world turned instead.
     """
-    pose, samples = Pose(30.0, 75.0), 64
+    pose, samples = Pose(30.0, 75.0), 16
     asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     source = node_sources.diffuse((0.5, 0.4, 0.3))

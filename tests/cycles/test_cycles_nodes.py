@@ -13,7 +13,7 @@ import node_sources
 import numpy as np
 import pytest
 from frames import POSE, RenderScene, orbit_camera
-from looks import LOOKS
+from looks import LOOKS, quick_among
 from warm_blender import BlenderProcess
 
 from lookdev.asset import Asset, load_asset, save_asset
@@ -83,7 +83,7 @@ def test_it_is_as_bright_as_the_diffuse_part_of_principled(shoot: RenderSource, 
     principled = PrincipledSource("grey", {"Base Color": GREY, "Roughness": 1.0, "Specular IOR Level": 0.0})
     # Four halves of each, which are independent.
     ours, theirs = (
-        [half.mean() for seed in range(2) for half in halves(shoot("suzanne", source, light, seed=seed))]
+        [half.mean() for seed in range(2) for half in halves(shoot("suzanne", source, light, samples=32, seed=seed))]
         for source in (node_sources.diffuse(GREY), principled)
     )
     error = np.hypot(*(np.std(values, ddof=1) / 2.0 for values in (ours, theirs)))
@@ -91,6 +91,7 @@ def test_it_is_as_bright_as_the_diffuse_part_of_principled(shoot: RenderSource, 
     assert abs(np.mean(ours) - np.mean(theirs)) < 4.0 * error + 5e-3 * np.mean(theirs)
 
 
+@pytest.mark.proof  # frames of rigs agree with the reference in their pose alone
 def test_a_pose_shows_what_our_own_shaders_show(shoot: RenderSource, render: RenderScene, light_of) -> None:
     light = light_of("city")
     exact = mean(render("suzanne", LOOKS["diffuse"], light, samples=64, bounces=0))
@@ -160,17 +161,15 @@ def test_the_same_frame_again_is_the_same(kind: str, shoot: RenderSource, light_
 
 def test_halves_are_independent_and_their_estimate_is_honest(shoot: RenderSource, light_of) -> None:
     source, light = node_sources.diffuse(GREY), light_of("city")
-    truth = mean(shoot("sphere", source, light, samples=512, seed=100))
-    ratios, alike = [], []
-    for seed in range(8):
-        frame = shoot("sphere", source, light, samples=16, seed=seed)
-        ratios.append(frame.relmse / relmse(mean(frame), truth, frame.alpha))
-        inside = frame.alpha == 1.0
-        a, b = ((half - truth)[inside].mean(axis=-1) for half in (frame.a, frame.b))
-        alike.append(np.corrcoef(a, b)[0, 1])
+    frames = [shoot("sphere", source, light, samples=16, seed=seed) for seed in range(8)]
+    truth, inside = np.mean([mean(frame) for frame in frames], axis=0), frames[0].alpha == 1.0
+    # From a mean that they are part of, eight frames differ by 7/8 of their squared error.
+    ratios = [frame.relmse / (relmse(mean(frame), truth, frame.alpha) * 8.0 / 7.0) for frame in frames]
     assert 0.5 < min(ratios) <= max(ratios) < 2.0, ratios
-    # The mean of correlations of some 900 pixels each, within four sigma of none.
-    assert abs(np.mean(alike)) < 4.0 / np.sqrt(8 * 800), alike
+    around = [[(half - truth)[inside].mean(axis=-1) for half in halves(frame)] for frame in frames]
+    alike = [np.corrcoef(a, b)[0, 1] for a, b in around]
+    # The mean of correlations of some 900 pixels each, within four sigma of that of 2 of 16 about their common mean.
+    assert abs(np.mean(alike) + 1.0 / 15.0) < 4.0 / np.sqrt(8 * 800), alike
 
 
 def test_a_target_error_is_reached(shoot: RenderSource, light_of) -> None:
@@ -232,6 +231,7 @@ def test_trees_of_a_material_may_have_no_groups(shoot: RenderSource, light_of) -
 
 
 SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "specular": 0.0}),)
+QUICK = [("coated",), ("lacquered",)]
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
@@ -239,7 +239,7 @@ def mean_color(frame: Rendered) -> Any:
     return mean(frame)[frame.alpha > 0.5].mean(axis=0)
 
 
-@pytest.mark.parametrize("name", ["coated", "lacquered", "brushed", "sheen"])
+@pytest.mark.parametrize("name", quick_among([(name,) for name in ("coated", "lacquered", "brushed", "sheen")], QUICK))
 def test_white_light_is_reflected_as_by_the_exact_lobes(name: str, render: RenderScene, light_of) -> None:
     layers, options = SHEEN if name == "sheen" else LOOKS[name], {"samples": 64, "size": 32, "bounces": 1}
     exact, nodes = (
