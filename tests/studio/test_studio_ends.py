@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from batch_case import wait_until
 from served import descendants
 
 HOLDER = """
-import pytest
+from pathlib import Path
 from served import served
 
-def test_holds(tab, tmp_path):
+def test_holds(tab):
     tab.get("about:blank")
     with served() as server:
-        print("held", server.process.pid, flush=True)
+        Path("held").touch()
         server.process.wait()
 """
 
@@ -36,24 +36,27 @@ def is_alive(pid: int) -> bool:
 def test_a_killed_test_process_leaves_nothing(browser: object, tmp_path: Path) -> None:
     """`browser` is here for its mark, and to be in its process of xdist: the killed one has its own."""
     (tmp_path / "test_holder.py").write_text(HOLDER)
-    command = [sys.executable, "-m", "pytest", "-q", "-s", "-n", "0", "-p", "chromium", "--rootdir", str(tmp_path)]
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-p", "chromium", "--rootdir", str(tmp_path)]
     folders = os.pathsep.join(map(str, (Path(__file__).parents[1], Path(__file__).parent)))
     environment = os.environ | {"PYTHONPATH": folders}
-    holder = subprocess.Popen(
-        [*command, "--basetemp", str(tmp_path / "base"), str(tmp_path)],
-        stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path,
-    )  # fmt: skip
-    with holder:
-        assert holder.stdout is not None
-        assert any(line.startswith("held") for line in holder.stdout)
+    log, held = tmp_path / "log", tmp_path / "held"
+    with log.open("w") as output:
+        holder = subprocess.Popen(
+            [*command, "--basetemp", str(tmp_path / "base"), str(tmp_path)],
+            stdout=output, stderr=output, env=environment, cwd=tmp_path,
+        )  # fmt: skip
+    try:
+        wait_until(lambda: held.exists() or holder.poll() is not None)
         below = descendants(holder.pid)
         for name in ("lifeline.py", "chromedriver --port", "--type=renderer", "lookdev explore"):
-            assert any(name in line for line in below.values()), name
+            assert any(name in line for line in below.values()), (name, below, log.read_text())
         driver = next(pid for pid, line in below.items() if Path(line.split()[0]).name == "chromedriver")
         variables = Path(f"/proc/{driver}/environ").read_text().split("\0")
         folder = next(Path(each.removeprefix("TMPDIR=")) for each in variables if each.startswith("TMPDIR="))
         assert list(folder.iterdir())
-        holder.send_signal(signal.SIGKILL)
+    finally:
+        holder.kill()
+        holder.wait()
     until = time.monotonic() + 60.0
     while (left := [line for pid, line in below.items() if is_alive(pid)]) and time.monotonic() < until:
         time.sleep(0.02)  # processes that are no children end without an event for us
