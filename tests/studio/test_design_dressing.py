@@ -220,6 +220,13 @@ def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path
     assert "three_point" not in job.read_text() != text
 
 
+def test_looks_that_cannot_be_edited_say_why(job: Path) -> None:
+    document = open_document(job)
+    assert "translated from preview_surface" in document.stacks()[0]["locked"]
+    with pytest.raises(LookdevError, match="cannot be edited here"):
+        document.arrange(0, {"op": "add", "preset": "rust"})
+
+
 def test_what_can_be_worn_is_listed(document: Document) -> None:
     found = document.wearables()
     assert {"material": "../materials/car_paint.usda", "prim": None, "variants": {"wear": "dusty"}} in found["job"]

@@ -34,6 +34,7 @@ def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DesignP
     look = shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks"))
     with served("suzanne", "--material", str(look), verb="design") as started:
         page = DesignPage(tab, started.url, mode="exact")
+        page.js("viewport.settings.most = 16")  # else it takes the renderer's time
         page.wait("exact.round || exact.problem")
         yield page
 

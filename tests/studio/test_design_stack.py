@@ -333,14 +333,6 @@ def test_a_variant_that_the_job_chooses_is_only_shown(look: Path) -> None:
     assert len(document.looks[0].layers) == 3
 
 
-def test_looks_that_cannot_be_edited_say_why() -> None:
-    document = open_document(ROOT / "jobs" / "parts.toml")
-    stack = document.stacks()[0]
-    assert "translated from preview_surface" in stack["locked"]
-    with pytest.raises(LookdevError, match="cannot be edited here"):
-        do(document, "add", preset="rust")
-
-
 def test_a_layer_is_saved_as_a_preset(document: Document, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     library = tmp_path / "library"
     library.mkdir()

@@ -48,8 +48,12 @@ def Material "{name}"
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory, toy_car: str) -> Path:
-    """Return a job of the toy car, chromed, with small looks beside it: it compiles soon."""
+    """Return a job of the toy car, all in one look, with looks beside it that compile as soon."""
     folder = tmp_path_factory.mktemp("dressed")
+    chrome, rest = toy_car.split('def Material "Chrome"')
+    surface, (*_, after) = LOOK.partition("def Material")[2], rest.partition("\n        }\n")
+    surface = surface.format(name="Chrome").replace("</Chrome", "</Car/Looks/Chrome")
+    toy_car = f"{chrome}def Material{surface}{after}"
     for name in ("Paint", "Glass", "Rubber"):
         toy_car = toy_car.replace(f"</Car/Looks/{name}>", "</Car/Looks/Chrome>")
     (folder / "toy_car.usda").write_text(toy_car)
