@@ -25,7 +25,7 @@ PLAIN = Look("plain", (Layer("v", "disney", {"baseColor": (0.3, 0.1, 0.1), "shee
 
 def rig() -> tuple[Light, ...]:
     """Return a dome, and lamps about the balls, two of them of one group."""
-    dome = prepare_light(load_environment(builtin="sunset"))
+    dome = prepare_light(load_environment(builtin="studio"))
     sky = replace(dome, emission=replace(dome.emission, color=(0.4, 0.4, 0.4), group="sky"))
     x, y, z = CENTER
     lamp = RectLight(width=2.0, height=2.0, position=(x, y, z + 4.0), emission=Emission((3.0, 2.5, 2.0), group="key"))
@@ -63,11 +63,17 @@ GROUPS = ("key", "sky", "fi_ll")
 
 
 def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker) -> None:
-    lights = rig()
+    lamp, *others = rig()
+    x, y, z = CENTER
+    # It sends its light along -z, away from the balls: left out of the shader, it is a black layer.
+    idle = RectLight(width=1.0, height=1.0, position=(x, y, z - 9.0), emission=Emission(group="idle"))
+    lights = (lamp, idle, *others)
     frames = [frame_of(worker, COATED, lights, ("lights",), seed=seed) for seed in range(4)]
     for frame in frames:
-        sums(frame, GROUPS)
-    for name in GROUPS:
+        sums(frame, (*GROUPS, "idle"))
+        assert not frame.passes["light_idle"].any()
+    # The parts sum up to the beauty: where all others are right, the sky is.
+    for name in GROUPS[::2]:
         alone = tuple(light for light in lights if light.emission.group.replace(".", "_") == name)
         single = [frame_of(worker, COATED, alone, (), seed=seed) for seed in range(2)]
         shown = np.array([frame.passes[light_layer(name)].mean(axis=(0, 1)) for frame in frames])
@@ -81,11 +87,11 @@ def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker)
 
 
 @pytest.mark.parametrize(
-    "given", [{}, {"denoise": "measured"}, {"error": 5e-3, "samples": 256}], ids=["samples", "denoise", "error"]
+    "given", [{}, {"denoise": "measured"}, {"error": 1e-2, "samples": 64}], ids=["samples", "denoise", "error"]
 )
 def test_sets_that_do_not_fit_one_render_are_shared_by_the_halves(given: dict[str, object], worker: Worker) -> None:
     passes = ("lobes", "direct", "lights")
-    frame = frame_of(worker, VELVET, rig(), passes, bounces=2, **given)
+    frame = frame_of(worker, VELVET, rig(), passes, **{"bounces": 2, "samples": 16} | given)
     sums(frame, GROUPS)
     assert frame.passes["sheen"].mean() > 2e-4
     assert not frame.passes["transmission"].any()
@@ -130,13 +136,3 @@ def test_sheen_is_what_a_look_has_more_with_it(worker: Worker) -> None:
     for name in ("diffuse", "specular", "clearcoat"):
         a, b = (each.passes[name].mean(axis=(0, 1)) for each in (velvet, plain))
         np.testing.assert_allclose(a, b, rtol=0.02)
-
-
-def test_a_light_that_reaches_nothing_is_a_black_layer(worker: Worker) -> None:
-    lights = rig()[:2]
-    x, y, z = CENTER
-    # It sends its light along -z, away from the balls.
-    idle = RectLight(width=1.0, height=1.0, position=(x, y, z - 9.0), emission=Emission(group="idle"))
-    frame = frame_of(worker, COATED, (lights[0], idle, lights[1]), ("lights",))
-    sums(frame, ("key", "sky", "idle"))
-    assert not frame.passes["light_idle"].any()

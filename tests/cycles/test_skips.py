@@ -11,8 +11,7 @@ import pytest
 from frames import POSE, orbit_camera
 
 from lookdev.asset import Asset, load_asset
-from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight, load_environment, prepare_light
-from lookdev.light.dome.environment import make_environment
+from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight
 from lookdev.light.dome.files import write_exr
 from lookdev.material import Layer, Look, Texture
 from lookdev.plan.poses import unturned
@@ -28,7 +27,7 @@ pytestmark = pytest.mark.cycles
 
 COAT = Layer("Paint", "disney", {"baseColor": (0.6, 0.1, 0.05), "roughness": 0.3, "clearcoat": 0.7})
 CHALK = Layer("Chalk", "lambert", {"reflectance": (0.6, 0.5, 0.3)})
-SAMPLING = Sampling(samples=128, bounces=4)
+SAMPLING = Sampling(samples=64, bounces=4)
 
 
 def scene_of(asset: Asset, layer: Layer, light: Dome) -> Scene:
@@ -69,7 +68,7 @@ def sphere() -> Asset:
     return load_asset(builtin="sphere")
 
 
-@pytest.mark.parametrize("layer", [COAT, CHALK], ids=lambda layer: layer.model)
+@pytest.mark.parametrize("layer", [pytest.param(COAT, marks=pytest.mark.proof), CHALK], ids=lambda layer: layer.model)
 def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
     layer: Layer, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
@@ -81,13 +80,10 @@ def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
 def test_a_constant_light_needs_no_light_samples(
     worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
-    # A texel of 32,768 differs by a thousandth.
-    radiance = load_environment(builtin="white").radiance.copy()
-    radiance = np.broadcast_to(radiance[:1, :1], (128, 256, 3)).copy()
-    radiance[60, 100] *= 1.001
-    nearly = prepare_light(make_environment("nearly", radiance, "nearly"))
-    scenes = [scene_of(sphere, COAT, light) for light in (light_of("white"), nearly)]
-    same_both_ways(worker, *scenes, {"light samples"})
+    """Beside a lamp, however faint, a constant dome is part of a rig, whose light samples stay."""
+    faint = SphereLight(radius=0.2, position=(1.0, -3.0, 3.0), emission=Emission((1e-5, 1e-5, 1e-5)))
+    short = scene_of(sphere, COAT, light_of("white"))
+    same_both_ways(worker, short, replace(short, lights=(light_of("white"), faint)), {"light samples"})
 
 
 def test_a_broad_lobe_needs_no_samples_of_its_own(
@@ -131,14 +127,10 @@ def test_lights_that_reach_nothing_are_left_out(
 def test_frames_of_other_poses_are_the_one_that_is_rendered(
     ibl: str, causes: str, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
-    """Every pose that shares a frame with another, rendered as it was asked for."""
+    """A pose that shares a frame with another, rendered as it was asked for."""
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
-    asked = [Pose(0.0, 40.0), Pose(75.0, 40.0), Pose(190.0, 40.0)]
-    if causes == "constant light":
-        asked = [Pose(20.0, 0.0), Pose(20.0, 100.0)]
-    shown = {unturned(pose, setup.around, setup.task.light_stays) for pose in asked}
-    assert len(shown) == 1
-    one = rendered(worker, setup.task, shown.pop())
-    for number, pose in enumerate(asked):
-        same(one, rendered(worker, setup.task, pose, f"pose {number}"))
+    asked = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
+    shown = unturned(asked, setup.around, setup.task.light_stays)
+    assert shown == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
+    same(rendered(worker, setup.task, shown), rendered(worker, setup.task, asked, "asked"))
