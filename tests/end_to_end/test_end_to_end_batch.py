@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,16 +22,19 @@ pytestmark = pytest.mark.cycles
 
 # Frames that take some tenths of a second, so that a kill hits the batch in the middle.
 LONG = {
-    "turntable": '[{ kind = "element", frames = 10 }, { kind = "lighting", frames = 2 }]',
+    "turntable": '[{ kind = "element", frames = 12 }, { kind = "lighting", frames = 2 }]',
+    "look": '[{ name = "red", material = "red.usda" }]',
     "render": "{ resolution = [80, 80], samples = 64, bounces = 0 }",
 }
 
 
 @pytest.mark.usefixtures("warm")
-def test_a_batch_is_rendered_once_and_again_only_where_a_look_changed(tmp_path: Path) -> None:
+def test_a_batch_is_rendered_once_and_again_only_where_a_look_changed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     job = batches.write_job(tmp_path)
-    output = batches.finish(batches.start(job), 0)
-    assert "6 of 6 frames are done, 6 of them rendered now." in output
+    app(["render", str(job)], standalone_mode=False)
+    assert "6 of 6 frames are done, 6 of them rendered now." in capfd.readouterr().out
     first = batches.files(job)
     expected = {f"{look}/studio/{kind}.{n:04d}.exr" for look in ("red", "blue") for kind in ("element", "lighting")
                 for n in (1, 2)}  # fmt: skip
@@ -85,42 +87,32 @@ def test_the_command_line_renders_a_job_with_each_backend(backend: str, tmp_path
 
 @pytest.mark.usefixtures("warm")
 @pytest.mark.both_pythons
-def test_a_batch_goes_on_after_a_kill_of_its_worker_a_kill_and_ctrl_c(tmp_path: Path) -> None:
+def test_a_batch_goes_on_after_a_kill_of_its_worker_and_ctrl_c(tmp_path: Path) -> None:
+    """A kill of the batch itself is in tests/batch, and of its Blender with it in tests/cli."""
     job = batches.write_job(tmp_path, **LONG)
-
-    def start(frames: int) -> tuple[Callable[..., str], int]:
-        """Start the batch; return what awaits its end, and the worker's process once there are so many frames."""
-        batch = batches.start(job)
-        wait_until(lambda: len(batches.files(job)) >= frames)
-        return batch, batches.worker_of(batch)
-
-    batch, first = start(1)
+    batch = batches.start(job)
+    wait_until(lambda: len(batches.files(job)) >= 1)
+    first = batches.worker_of(batch)
     os.kill(first, signal.SIGKILL)
-    many = len(batches.files(job)) + 6
-    wait_until(lambda: len(batches.files(job)) >= many)
+    killed = batches.files(job)
+    wait_until(lambda: len(batches.files(job)) >= len(killed) + 2)
     worker = batches.worker_of(batch)
     assert worker != first
-    batch.kill()
-    output = batches.finish(batch, -signal.SIGKILL, retries=1)
-    assert output.count("the render worker died of SIGKILL") == 1
-    wait_until(lambda: not is_alive(worker), seconds=5.0)
-    killed = batches.files(job)
-
-    batch, worker = start(len(killed) + 2)
     os.kill(batch.pid, signal.SIGINT)
-    output = batches.finish(batch, 130)
+    output = batches.finish(batch, 130, retries=1)
+    assert output.count("the render worker died of SIGKILL") == 1
     assert "Interrupted; run the same command again to continue." in output
     assert "Traceback" not in output
     assert not is_alive(worker)
     assert batches.leftovers(job) == []
     interrupted = batches.files(job)
-    assert len(interrupted) < 24
+    assert len(interrupted) < 14
 
     result = render_job(job)
-    assert (result.exit_code, result.done) == (0, 22)
-    assert result.rendered < 22 - len(interrupted) / 2
+    assert (result.exit_code, result.done) == (0, 13)
+    assert result.rendered < 13 - len(interrupted) / 2
     done = batches.files(job)
-    assert len(done) == 24
+    assert len(done) == 14
     # Only a second name of a frame may be new: its file is the one that was there.
     assert {name: done[name] for name in interrupted} == interrupted
     assert {name: interrupted[name] for name in killed} == killed

@@ -91,9 +91,9 @@ def test_a_pose_shows_the_asset_and_the_light_turned(
     # u grows clockwise, the angle of light counter-clockwise.
     rolled = make_environment("made", np.roll(light.radiance, -round(width * lighting / 360.0), axis=1))
     assert difference(posed, stage.render(asset, BRUSHED, rolled, CAMERA, STILL, seed=1)) < SAME
-    back = placed(*(turned(-element) @ matrix for matrix in GROUP))
-    wrong = make_environment("made", np.roll(light.radiance, round(width * lighting / 360.0), axis=1))
-    assert difference(posed, stage.render(back, BRUSHED, wrong, CAMERA, STILL, seed=1)) > OTHER
+    # By what agrees above: another light would need tables of its own, of three seconds.
+    wrong = stage.render(placed(*GROUP), BRUSHED, light, CAMERA, Pose(-element, -lighting), seed=1)
+    assert difference(posed, wrong) > OTHER
 
 
 def baked(mesh: Mesh, matrix: Floats) -> Mesh:

@@ -17,8 +17,8 @@ from lookdev.output.exr import read_frame, read_header
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
 JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
-# One of each kind: props, variants, a shadow catcher, looks of parts, passes.
-QUICK = ("charts", "figure_19", "ground", "parts", "passes")
+# Variants, and looks of parts under a background. Jobs of props, a ground, passes and rigs have tests in their rooms.
+QUICK = ("figure_19", "parts")
 MOST_LOOKS = 4
 
 

@@ -24,7 +24,7 @@ def rendered(folder: Path, seed: int, roughness: float = 0.3) -> Pixels:
         asset='{ builtin = "shaderball" }',
         look='[{ name = "red", material = "red.usda" }]',
         turntable='[{ kind = "element", frames = 1, start = 150 }]',
-        render=f"{{ resolution = [160, 120], samples = 32, bounces = 0, seed = {seed} }}",
+        render=f"{{ resolution = [112, 84], samples = 32, bounces = 0, seed = {seed} }}",
     )
     batches.write_look(folder, "red", (0.7, 0.1, 0.1), roughness=roughness, specular=0.5, metallic=0.5)
     assert render_job(job).exit_code == 0
@@ -40,7 +40,7 @@ def beyond(a: Pixels, b: Pixels, size: int) -> float:
 
 
 def test_other_seeds_show_nothing_and_two_hundredths_of_roughness_show(tmp_path: Path) -> None:
-    frames = [rendered(tmp_path / str(seed), seed) for seed in (1, 2, 3, 4)]
+    frames = [rendered(tmp_path / str(seed), seed) for seed in (1, 2, 3)]
     first, second = frames[:2]
     assert not np.array_equal(first.beauty, second.beauty)
     # One outlier among the pixels is a whole square beyond: the share is that of all pairs.

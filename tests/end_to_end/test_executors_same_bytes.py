@@ -116,7 +116,8 @@ WAYS: dict[str, Callable[[Path, Path, int], None]] = {
     "openjd": by_openjd,
     "chunks": by_chunks,
 }
-QUICK = ("workers", "dask", "openjd")
+# Two workers at once, and processes that are given one core.
+QUICK = ("workers", "openjd")
 
 
 def _cases() -> list[object]:

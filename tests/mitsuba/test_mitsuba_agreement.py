@@ -34,7 +34,13 @@ ROUGH = {name: LOOKS[name] for name in (*REFLECTING, *TRANSMITTING) if name not 
 BACKLIT = Pose(30.0, 126.0)
 
 
-@pytest.mark.parametrize("light", [pytest.param("city", marks=pytest.mark.both_pythons), "sunset", "white"])
+@pytest.mark.parametrize(
+    "light",
+    [
+        pytest.param("city", marks=pytest.mark.both_pythons),
+        *(pytest.param(light, marks=pytest.mark.proof) for light in ("sunset", "white")),
+    ],
+)
 def test_looks_side_by_side_agree(
     light: str, render_seeds: RenderSeeds, light_of, stored_reference: StoredReference
 ) -> None:
@@ -70,21 +76,12 @@ def test_backlit_shapes_agree(asset: str, name: str, render_seeds: RenderSeeds, 
     assert_agreement(frames, LOOKS[name], asset, light, BACKLIT, bounces=3 if asset == "sphere" else 0)
 
 
-@pytest.mark.parametrize(
-    ("name", "look"),
-    [
-        ("suzanne", painted),
-        pytest.param("shaderball", embossed, marks=pytest.mark.proof),
-        pytest.param("suzanne", sparkling, marks=pytest.mark.proof),
-    ],
-)
-def test_meshes_agree(
-    name: str, look, render_seeds: RenderSeeds, light_of, stored_reference: StoredReference, tmp_path: Path
-) -> None:
+@pytest.mark.proof  # the default tier has a painted ball, below
+@pytest.mark.parametrize(("name", "look"), [("suzanne", painted), ("shaderball", embossed), ("suzanne", sparkling)])
+def test_meshes_agree(name: str, look, render_seeds: RenderSeeds, light_of, tmp_path: Path) -> None:
     asset, light, layers = load_asset(builtin=name), light_of("city"), look(tmp_path)
     frames = render_seeds(dressed(asset, layers, light, size=48), POSE, 6, samples=32, bounces=2)
-    options = {"samples": 32, "bounces": 2, "stored": stored_reference}
-    found = assert_mesh_agreement(frames, asset, layers, light, **options)
+    found = assert_mesh_agreement(frames, asset, layers, light, samples=32, bounces=2)
     assert found.figures["bias_limit"] < 0.05
 
 

@@ -34,7 +34,7 @@ from lookdev.scene import Sampling
 pytestmark = pytest.mark.mitsuba
 
 
-def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["coated"], **given: Any) -> FrameTask:
+def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["diffuse"], **given: Any) -> FrameTask:
     scene = dressed("suzanne", layers, light, size=16)
     return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | given), "mitsuba"), POSE, "frame")
 

@@ -88,7 +88,7 @@ def test_linked_shadows_are_cast_by_their_parts_alone(
 @pytest.mark.parametrize(
     "made",
     [
-        lambda folder: heads_under_lights(folder, SIZE, ("rect", "controls")),
+        lambda folder: heads_under_lights(folder, SIZE, ("controls",)),
         pytest.param(lambda folder: heads_under_lights(folder, SIZE, ("disk", "images")), marks=pytest.mark.proof),
         pytest.param(lambda folder: row_of_three(SIZE), marks=pytest.mark.proof),
     ],
@@ -125,13 +125,13 @@ def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path,
     assert np.abs(found[1]).max() > 0.01
 
 
-def test_rigs_light_what_they_are_to_show(tmp_path: Path) -> None:
+@pytest.mark.parametrize("rig", [pytest.param(rig, marks=[pytest.mark.proof] * (rig == "local grey")) for rig in RIGS])
+def test_rigs_light_what_they_are_to_show(tmp_path: Path, rig: str) -> None:
     """A lamp that is turned away would agree in darkness."""
-    for rig, lights in ((name, make(tmp_path)) for name, make in RIGS.items()):
-        for light in lights:
-            rng = np.random.default_rng(1)
-            places = rng.uniform(-0.9, 0.9, (400, 3))
-            assert light.radiance(places, light.sample(places, rng.random((400, 2)))).any(), (rig, light.kind)
+    for light in RIGS[rig](tmp_path):
+        rng = np.random.default_rng(1)
+        places = rng.uniform(-0.9, 0.9, (400, 3))
+        assert light.radiance(places, light.sample(places, rng.random((400, 2)))).any(), light.kind
     assert FACING[2] == (0.0, -1.0, 0.0)
 
 

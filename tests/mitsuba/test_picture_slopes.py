@@ -59,9 +59,11 @@ class Case:
 
 
 CASES = {
-    # In the shaderball's recess, copper is lit by copper.
-    "interreflection": Case("shaderball", "city", of(COPPER), ("roughness",), bounces=3, samples=256),
+    # In the shaderball's recess, copper is lit by copper; white light has the least noise.
+    "interreflection": Case("shaderball", "white", of(COPPER), ("roughness",), bounces=3),
+    "interreflection of a city": Case("shaderball", "city", of(COPPER), ("roughness",), bounces=3, samples=256),
     "colours": Case("shaderball", "city", of(COPPER), ("baseColor",), bounces=3),
+    "texture": Case("suzanne", "city", painted, ("Paint.metallic", "Dust.roughness")),
     "textures": Case("suzanne", "city", painted, ("Paint.metallic", "Dust.roughness", "Dust.baseColor")),
     "presence": Case("plane", "sunset", of(replace(COPPER, inputs={**COPPER.inputs, "presence": 0.6})), ("presence",)),
     "expression": Case(
@@ -78,7 +80,7 @@ CASES = {
     "mirror": Case("suzanne", "city", of(Layer("L", "mirror", {"tint": (0.7, 0.6, 0.5)})), ("tint",)),
 }  # fmt: skip
 CONTROLS = ("shadow", "response", "seen")
-QUICK = ("interreflection", "textures")
+QUICK = ("interreflection", "texture")
 
 
 def lights(name: str, light_of: Callable[[str], Light], folder: Path) -> tuple[Light, ...]:

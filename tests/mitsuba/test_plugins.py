@@ -100,7 +100,10 @@ def test_samples_follow_their_pdf(model: str, mi: Any, tmp_path: Path, monkeypat
     assert test.run(0.01, len(SETTINGS)), test.messages
 
 
-@pytest.mark.parametrize("name", ["car_paint", "lacquer_wood", "leaf", "frosted_plastic"])
+@pytest.mark.parametrize(
+    "name",
+    ["leaf", *(pytest.param(n, marks=pytest.mark.proof) for n in ("car_paint", "lacquer_wood", "frosted_plastic"))],
+)
 def test_a_look_of_a_file_weighs_its_samples_rightly(name: str, mi: Any) -> None:
     """Weights are value over pdf, from both sides; what passes through a leaf's holes passes unchanged."""
     import drjit as dr
