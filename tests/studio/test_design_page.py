@@ -39,7 +39,7 @@ def page(opened: DesignPage, look: Path) -> Iterator[DesignPage]:
     text = look.read_text()
     yield opened
     assert opened.js(
-        "while (!at('undo').disabled) { at('undo').click(); await answered(); }"
+        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
         "if (!at('save').disabled) await saved(); return layers();"
     ) == ["Base", "Flakes", "Dust"]
     assert look.read_text() == text

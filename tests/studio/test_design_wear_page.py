@@ -76,7 +76,8 @@ def page(opened: DesignPage, job: Path) -> Iterator[DesignPage]:
     """Return the page; what a test edits is undone afterwards, and the job is as it was."""
     yield opened
     opened.js(
-        "while (!at('undo').disabled) { at('undo').click(); await answered(); }if (!at('save').disabled) await saved();"
+        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
+        "if (!at('save').disabled) await saved();"
     )
     assert job.read_text() == JOB
 
