@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import replace
 from typing import Any
@@ -33,17 +34,19 @@ LAMPS: tuple[Light, ...] = (
     replace(LIGHT_KINDS["rect"].example(), emission=Emission((6.0, 5.0, 4.0), group="key")),
     replace(LIGHT_KINDS["sphere"].example(), position=(1.4, -1.4, 0.7), emission=Emission((4.0,) * 3, turns=False)),
 )
-RIGS = {
-    "studio": LAMPS,
-    "sky": (LIGHT_KINDS["dome"].example(), replace(LIGHT_KINDS["disk"].example(), emission=Emission(group="fill"))),
-}
+
+
+@functools.cache  # a dome takes seconds to prepare
+def rigs() -> dict[str, tuple[Light, ...]]:
+    group = replace(LIGHT_KINDS["disk"].example(), emission=Emission(group="fill"))
+    return {"studio": LAMPS, "sky": (LIGHT_KINDS["dome"].example(), group)}
 
 
 def task_of(look: str, rig: str) -> SceneTask:
     asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, (*PIVOT, 0.0), 4.5 * asset.radius)
     wears = {slot.path: LOOKS[look] for slot in asset.slots}
-    scene = Scene(asset, wears, RIGS[rig], camera, Film((SIZE, SIZE)))
+    scene = Scene(asset, wears, rigs()[rig], camera, Film((SIZE, SIZE)))
     return scene_task(scene, Sampling(samples=SAMPLES, seed=SEED, bounces=1), "nodes")
 
 
@@ -51,12 +54,12 @@ def task_of(look: str, rig: str) -> SceneTask:
 def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any]:
     """Return facts of an exported file, and the second frame of its second scene."""
     folder = tmp_path_factory.mktemp("rigs")
-    images = tuple(BlendImage(each, "maps/sky.exr") for each in native_images(RIGS["sky"]))
-    rigs = tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in RIGS.items())
+    images = tuple(BlendImage(each, "maps/sky.exr") for each in native_images(rigs()["sky"]))
+    collections = tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in rigs().items())
     task = BlendTask(
         file=folder / "look.blend",
         scenes={look: task_of(look, "studio") for look in LOOKS},
-        rigs=rigs,
+        rigs=collections,
         turntables=(BlendTurntable("sun", POSES),),
         images=images,
         pack=True,
@@ -71,7 +74,7 @@ def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], 
 
 def test_each_rig_is_a_collection_and_a_world(reopened: tuple[dict[str, Any], Any]) -> None:
     facts, _ = reopened
-    assert set(facts["worlds"]) == set(RIGS)
+    assert set(facts["worlds"]) == set(rigs())
     for scene in facts["scenes"].values():
         assert scene["world"] == "studio"
         assert scene["rigs"] == {
