@@ -87,7 +87,7 @@ def _at_corners(data: Any, attribute: Any) -> Floats:
 
 SIDE = 0.004
 SHOWN: dict[str, tuple[str, int, float]] = {
-    "diffuse": ("BsdfDiffuse", 1024, math.pi),
+    "diffuse": ("BsdfDiffuse", 256, math.pi),
     "mirror": ("BsdfGlossy", 16, 1.0),
 }
 
@@ -110,7 +110,7 @@ def _measure(light: Light, place: Vector, normal: Vector, towards: Vector, shown
     kind, samples, scale = SHOWN[shown]
     scene = engine.empty_scene()
     engine.configure_closures(scene, (16, 16), 4, "cpu")
-    scene.world = build_world("world", [light], sampled=True)
+    scene.world = build_world("world", [light], sampled=shown == "diffuse")  # by a mirror no light is sampled
     add_lights(scene.collection, [light], np.zeros(3))
     _add_square(scene, place, normal, kind)
     lens = bpy.data.cameras.new("camera")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from failed_pictures import comparison
+from looks import quick_among
 
 from lookdev.asset import Asset, Mesh, load_asset
 from lookdev.asset.builtin import make_sphere
@@ -81,8 +83,13 @@ def _row(assets: Sequence[Asset], scale: float) -> Asset:
     return make_asset("row", meshes, instances, assets[0].slots)
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("backend", ["exact", "nodes", "nodes-exact"])
+@pytest.mark.parametrize(
+    ("scale", "backend"),
+    quick_among(
+        list(product([1e-6, 1.0, 1e6], ["exact", "nodes", "nodes-exact"])),
+        [(1e6, "exact"), (1.0, "nodes"), (1e-6, "nodes-exact")],
+    ),
+)
 def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backend: str) -> None:
     single, size = make_sphere(96, 48), 80
     # Without bounces: what neighbours reflect has other noise where a ray meets another copy first.
@@ -109,9 +116,11 @@ def test_light_between_coincident_surfaces_is_kept(render, light_of, backend: st
     """Indirect light passes what coincides at both of its ends."""
     single = load_asset(builtin="shaderball")
 
+    options = {"backend": backend, "bounces": 2, "samples": 32, "size": 32}
+
     def mean(asset: Asset) -> float:
-        layers = [Layer("Base", "disney")]
-        frame = render(_row([asset], 1.0), layers, light_of("slopes"), backend=backend, bounces=4)
+        frame = render(_row([asset], 1.0), [Layer("Base", "disney")], light_of("slopes"), **options)
         return float(np.mean(frame.a + frame.b))
 
-    assert mean(reversed_faces(single)) == pytest.approx(mean(single), rel=0.005)
+    # Four standard errors of the difference, by the halves; a tenth of the light is indirect.
+    assert mean(reversed_faces(single)) == pytest.approx(mean(single), rel=0.02)
