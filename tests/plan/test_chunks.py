@@ -4,9 +4,11 @@ import random
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations_with_replacement, pairwise
+from typing import Any
 
 import pytest
 
+from lookdev.codegen import PrincipledSource, Source
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
 from lookdev.plan.costs import estimate, filled
@@ -70,6 +72,12 @@ def test_scenes_stay_together_where_that_costs_nothing() -> None:
     assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), Division(3)) == (20, 40, 60)
 
 
+def test_parts_do_not_depend_on_the_unit_of_costs() -> None:
+    costs = Costs((3.0, 1.0, 2.0, 1.0, 1.0, 4.0), 0.5, 1.0)
+    small = Costs(tuple(1e-9 * seconds for seconds in costs.frames), 1e-9 * costs.scene, 1.0)
+    assert split([0] * 6, small, Division(3)) == split([0] * 6, costs, Division(3))
+
+
 @pytest.mark.parametrize(("frames", "count"), [(0, 3), (2, 5), (7, 7)])
 def test_parts_without_frames_are_the_last(frames: int, count: int) -> None:
     ends = split([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), Division(count))
@@ -92,3 +100,36 @@ def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(
     assert filled(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
     assert filled(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
     assert filled(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))
+
+
+def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) -> None:
+    def seconds(shaders: tuple[Source, ...], size: tuple[int, int] = (64, 48), backend: str = "exact", **values: Any):
+        sampling = replace(scene.sampling, **{"samples": 100, "bounces": 0, **values})
+        return estimate(replace(scene, backend=backend, resolution=size, sampling=sampling, shaders=shaders))
+
+    def directions(*count: int, transmits: bool = False) -> tuple[Source, ...]:
+        return (replace(scene.shaders[0], directions=count, transmits=transmits),)  # type: ignore[type-var]
+
+    usual = directions(2, 6)
+    frame = seconds(usual, (0, 48))
+    sample = seconds(usual) - frame
+    assert frame > 0.0
+    assert sample > 0.0
+    for work, times in [
+        (seconds(usual, (128, 48)), 2.0),
+        (seconds(usual, (64, 96)), 2.0),
+        (seconds(usual, samples=300), 3.0),
+        (seconds(usual, samples=300, error=1e-3), 2.56),  # what a target usually takes
+        (seconds(usual, samples=50, error=1e-3), 0.5),
+        (seconds(usual, bounces=2), 2.0),
+        (seconds(directions(6, 10)), 1.75),
+        (seconds(directions(0, 0)), 0.25),
+        (seconds(directions(2, 6, transmits=True)), 1.8),
+        (seconds(usual + directions(0, 0)), 0.625),
+        (seconds((PrincipledSource("p", {}),), backend="principled"), 1.0),
+    ]:
+        assert work - frame == pytest.approx(times * sample)
+
+
+def test_a_frame_s_own_time_is_its_cost_and_its_scene_s_mean_that_of_the_others(scene: SceneTask) -> None:
+    assert filled([scene] * 3, [2.0, None, 4.0]) == [2.0, 3.0, 4.0]

@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.cache import Content
 from lookdev.codegen import NodeSource, PrincipledSource
-from lookdev.plan.digest import frame_digest, part_digests
+from lookdev.plan.digest import frame_digest, part_digests, pose_digest
 from lookdev.render import backends
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
@@ -76,3 +76,18 @@ def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) 
     ]
     assert len({digests["look"] for digests in parts}) == 5
     assert [len({digests[part] for digests in parts}) for part in ("asset", "ibl", "camera", "pose")] == [1] * 4
+
+
+def test_what_only_passes_show_counts_where_there_are_passes(scene: SceneTask) -> None:
+    shown = replace(scene, prims=("/ball",), light_groups=("key",))
+    before = [part_digests(replace(scene, sampling=replace(scene.sampling, passes=p)), POSE, 0.0) for p in ((), ("z",))]
+    after = [part_digests(replace(shown, sampling=replace(scene.sampling, passes=p)), POSE, 0.0) for p in ((), ("z",))]
+    assert [changed_parts(*pair) for pair in zip(before, after, strict=True)] == [set(), {"render"}]
+    grouped = replace(shown, prims=scene.prims, sampling=replace(scene.sampling, passes=("z",)))
+    assert changed_parts(before[1], part_digests(grouped, POSE, 0.0)) == {"render"}
+
+
+def test_a_digest_is_of_values_in_any_order_and_of_numbers_alone() -> None:
+    assert frame_digest({"pose": "1", "look": "2"}) == frame_digest({"look": "2", "pose": "1"})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        pose_digest(Pose(float("nan"), 0.0))
