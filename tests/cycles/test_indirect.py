@@ -20,8 +20,8 @@ MIRROR = (Layer("Mirror", "disney", {"baseColor": (1.0, 1.0, 1.0), "metallic": 1
 def test_a_lossless_mirror_vanishes_in_a_white_furnace(render: RenderScene, light_of) -> None:
     light = light_of("white")
     means = {}
-    for bounces in (0, 1, 2, 4, 16):
-        frame = render("shaderball", MIRROR, light, samples=32, bounces=bounces)
+    for bounces in (0, 1, 16):
+        frame = render("shaderball", MIRROR, light, samples=32, size=32, bounces=bounces)
         inside = frame.alpha == 1.0
         means[bounces] = float(((frame.a + frame.b) / 2)[inside].mean())
     values = list(means.values())
