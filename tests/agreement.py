@@ -188,15 +188,14 @@ def assert_mesh_agreement(
     *,
     samples: int,
     bounces: int,
-    stored: StoredReference = compute_live,
 ) -> Finding:
     """Compare square frames of one look at `POSE` with the reference, and find that light bounces in them."""
     camera, size = orbit_camera(asset.center, asset.radius), frames[0].alpha.shape
     scene = Scene.of_look(asset, Look("look", tuple(layers)), light, size, camera)
     name = f"{asset.name} {layers[0].name}"
-    finding = assert_scene_agreement(name, frames, scene, samples, stored, count=80, bounces=bounces)
+    finding = assert_scene_agreement(name, frames, scene, samples, count=80, bounces=bounces)
     # Without its indirect light the frame is another.
-    assert not check_scene(f"{name} direct", frames, scene, samples, stored, count=80, bounces=0).passed
+    assert not check_scene(f"{name} direct", frames, scene, samples, count=80, bounces=0).passed
     return finding
 
 

@@ -11,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from looks import quick_among
 
 import lookdev
 from lookdev.batch.crash import DISTRIBUTIONS
@@ -18,6 +19,7 @@ from lookdev.batch.doctor import Finding
 from lookdev.errors import AssetError
 
 ROOT = Path(__file__).parents[2]
+CLOSED = ("<&-", ">&-", "2>&-", "<&- >&-", "<&- >&- 2>&-")
 
 
 def test_version_and_help(run_cli):
@@ -157,7 +159,7 @@ def test_doctor(run_cli, monkeypatch, good, code):
     assert "bpy (Blender)  4.5" in shown
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", quick_among([(c,) for c in CLOSED], [("<&- >&-",), ("<&- >&- 2>&-",)]))
 def test_closed_streams_are_no_defect(closed):
     command = f"{sys.executable} -m lookdev plan gone.toml {closed}"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)

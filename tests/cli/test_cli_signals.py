@@ -56,8 +56,17 @@ def _wait(condition, seconds: float) -> float:
     return time.monotonic() - started
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("program", [_WAITS, _LOSES, _COMPUTES])
+@pytest.mark.parametrize(
+    ("program", "number"),
+    [
+        pytest.param(_WAITS, signal.SIGTERM, id="waits, terminated"),
+        pytest.param(_LOSES, signal.SIGINT, id="loses, interrupted"),
+        pytest.param(_COMPUTES, signal.SIGINT, id="computes, interrupted"),
+        pytest.param(_WAITS, signal.SIGINT, id="waits, interrupted", marks=pytest.mark.proof),
+        pytest.param(_LOSES, signal.SIGTERM, id="loses, terminated", marks=pytest.mark.proof),
+        pytest.param(_COMPUTES, signal.SIGTERM, id="computes, terminated", marks=pytest.mark.proof),
+    ],
+)
 def test_children_end_with_the_program(tmp_path, program, number):
     file = tmp_path / "child"
     command = [sys.executable, "-c", program.format(child=_CHILD.format(str(file)))]

@@ -108,9 +108,9 @@ def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
 def test_some_edges_are_as_recorded(presets: dict[str, Preset]) -> None:
     assert_as_recorded(
         presets,
-        some(of_models(presets, "disney", "disney"), 25)
-        + some(of_models(presets, "pixar", "pixar"), 5)
-        + some(of_models(presets, "disney", "pixar"), 4),
+        some(of_models(presets, "disney", "disney"), 12)
+        + some(of_models(presets, "pixar", "pixar"), 3)
+        + some(of_models(presets, "disney", "pixar"), 3),
     )
 
 

@@ -260,9 +260,9 @@ def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]
 
 
-@pytest.fixture(scope="module", params=[5, pytest.param(1, marks=pytest.mark.proof)], ids=["a fifth", "all"])
+@pytest.fixture(scope="module", params=[12, pytest.param(1, marks=pytest.mark.proof)], ids=["a twelfth", "all"])
 def malformed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
-    """Return what became of malformed files: of a fifth of each family, or of all."""
+    """Return what became of malformed files: of a twelfth of each family, or of all."""
     folder, script = tmp_path_factory.mktemp("malformed") / "looks", Path(__file__).with_name("malformed.py")
     program = (sys.executable, "-W", "ignore", str(script), str(folder), str(request.param))
     done = subprocess.run(program, capture_output=True, text=True, check=True, timeout=600)
