@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,9 +15,37 @@ import pytest
 
 from lookdev.batch.run import RunResult, render_job
 from lookdev.job import Job
+from lookdev.output import sheet
+from lookdev.output.display import Pixels
 from lookdev.render.backends import BACKENDS
 
 RenderFile = Callable[..., RunResult]
+
+
+@contextmanager
+def small_sheets() -> Iterator[None]:
+    """Let sheets have cells of at most 32 pixels: those of 256 would be half of the time of these tests."""
+    write = sheet.write_sheet
+
+    def write_small(
+        path: Path,
+        frames: Sequence[Pixels],
+        labels: Sequence[str],
+        title: str,
+        columns: int | None = None,
+        cell: int = 32,
+    ) -> None:
+        write(path, frames, labels, title, columns, min(cell, 32))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sheet, "write_sheet", write_small)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_sheets() -> Iterator[None]:
+    with small_sheets():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +53,8 @@ def finished_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the small job and all that a run of it makes, which is only read."""
     folder = tmp_path_factory.mktemp("finished")
     (folder / "job.toml").write_text(case.JOB + case.TURNTABLES + case.RENDER)
-    case.run(folder)
+    with small_sheets():
+        case.run(folder)
     return folder
 
 
