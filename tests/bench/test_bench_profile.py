@@ -101,12 +101,15 @@ def test_ctrl_c_and_failures_leave_what_was_measured(document: Path, tmp_path: P
 
 
 @pytest.mark.cycles
-@pytest.mark.parametrize("look", ["metal", pytest.param("plastic", marks=pytest.mark.proof)])
-def test_stages_render(look: str, cycles_worker: Worker) -> None:
-    """In each a part is missing, and nothing else."""
+@pytest.mark.parametrize(
+    ("look", "between"),
+    [("metal", False), *(pytest.param(look, True, marks=pytest.mark.proof) for look in ("metal", "plastic"))],
+)
+def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
+    """In each a part is missing, and nothing else; `between` the first three and the last two too."""
     cycles_worker.start()
-    shots = []
-    for number, stage in enumerate(stages(Cell("shaderball", "studio", look), 24)):
+    shots, every = [], stages(Cell("shaderball", "studio", look), 24)
+    for number, stage in enumerate(every if between else every[:3] + every[-2:]):
         task = one_frame(stage.scene, POSE, f"{number}", samples=16)
         shots.append(shot_of(cycles_worker.render(task, lambda progress: None)))
     whole = shots[0]

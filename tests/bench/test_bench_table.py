@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import bench_fakes
 import pytest
 from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
 from test_bench_growth import processes
@@ -56,6 +57,7 @@ def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
     kept = {of: growth.QUANTITIES[of] for of in ("pixels", "frames")}
     monkeypatch.setattr(growth, "QUANTITIES", kept)
     monkeypatch.setattr(growth, "PIXELS", (16, 32))
+    monkeypatch.setattr(bench_fakes, "SIDE", 32)
     for backend in run.NEEDS:
         monkeypatch.setitem(run.NEEDS, backend, lambda: None)
 
@@ -146,7 +148,7 @@ def test_ctrl_c_leaves_a_document_that_says_so(measure: Callable[..., Measured])
 
 
 def test_a_backend_that_fails_is_in_the_document(measure: Callable[..., Measured]) -> None:
-    results, document = measure(backends=FakeBackends(principled=100))
+    results, document = measure(small(looks=("plastic",)), FakeBackends(principled=60))
     text = document.read_text()
     assert results.complete
     assert "principled has no more ink" in text
@@ -160,7 +162,7 @@ def test_a_backend_that_is_not_here_is_in_the_document_by_name(
         raise RenderError("no LLVM")
 
     monkeypatch.setitem(run.NEEDS, "mitsuba-principled", no_llvm)
-    text = measure()[1].read_text()
+    text = measure(small(looks=("plastic",)))[1].read_text()
     assert "Without `mitsuba-principled`: no LLVM." in text
     # What is missing is not what options restrict.
     assert "backends" not in text.partition("A part of the table: ")[2].partition(" are not")[0]
