@@ -14,6 +14,7 @@ from scipy import stats
 from stored_references import Arrays, StoredReference
 
 from lookdev.asset import Asset, load_asset
+from lookdev.asset.builtin import make_sphere
 from lookdev.light import Dome, Light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.fit import fitted
@@ -31,7 +32,7 @@ from lookdev.scene.ground import GREY, PATH, Ground, on_ground
 
 pytestmark = pytest.mark.cycles
 
-SIZE = (40, 30)
+SIZE = (28, 21)
 POSE = Pose(50.0, 20.0)
 BLACK = Look("black", (Layer("a", "lambert", {"reflectance": (0.0, 0.0, 0.0)}),))
 RED = Look("red", (Layer("a", "disney", {"baseColor": (0.7, 0.2, 0.1), "roughness": 0.4}),))
@@ -42,7 +43,9 @@ CAMERA = Camera(40.0, 22.0, (0.0, 0.0, -0.5), 6.0, axis=(0.0, 0.0))
 def scene_of(
     lights: list[Light], look: Look, under: Look, *, catcher: bool, asset: Asset | None = None, camera: Camera = CAMERA
 ) -> Scene:
-    asset = asset or load_asset(builtin="sphere")
+    asset = asset or make_sphere(
+        96, 48
+    )  # each part of a frame builds its geometry: of 512 x 256 facets, in half a second
     ground = Ground(under, 10.0, -1.0, catcher)
     both, wears = on_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
     catchers = frozenset([PATH] if catcher else [])
@@ -116,7 +119,7 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(
     # Rays to the ground before the ball's contact pass under its bulge.
     before = np.einsum("...i,...i->...", place - origin, ray) < -along
     ground = (seen & (~meets_ball | before)).all(axis=(-2, -1))
-    assert ground.sum() > 300
+    assert ground.sum() > 150
     expected = shadow.mean(axis=(-2, -1))
     chosen = np.argwhere(ground)
     # Next to the contact hardly a ray arrives: the spread of few frames is 0 there, that of independent rays is not.
@@ -131,7 +134,7 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(
     order = np.argsort(expected[ground])
     binned = [each.mean() for each in np.array_split(mean[ground][order], 8)]
     assert (np.diff(binned) > 0.0).all()
-    assert mean[ground].max() > 0.9
+    assert expected[ground].max() > 0.8, "the contact is not seen"
     assert mean[ground].argmax() in np.argsort(expected[ground])[-6:]
 
 
@@ -191,8 +194,8 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
     lights: list[Light] = [light_of("slopes")]
     caught = scene_of(lights, half, GREY, catcher=True, asset=card)
     plain = scene_of(lights, half, GREY, catcher=False, asset=card)
-    ours = frames_of(worker, caught, 6, samples=32, bounces=2)
-    theirs = frames_of(worker, plain, 6, samples=32, bounces=2)
+    ours = frames_of(worker, caught, 6, samples=32, bounces=1)
+    theirs = frames_of(worker, plain, 6, samples=32, bounces=1)
     chosen = np.random.default_rng(5).permutation(np.argwhere(theirs[0].alpha > 0.0))[:300]
     expected = np.stack([((f.a + f.b) / 2.0).mean(axis=-1)[tuple(chosen.T)] for f in theirs])
     error = np.sqrt(expected.var(axis=0, ddof=1) / len(expected))

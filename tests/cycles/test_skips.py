@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from frames import POSE, orbit_camera
 
-from lookdev.asset import Asset, load_asset
+from lookdev.asset import Asset
+from lookdev.asset.builtin import make_sphere
 from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight
 from lookdev.light.dome.files import write_exr
 from lookdev.material import Layer, Look, Texture
@@ -65,7 +66,7 @@ def skipped(scene: Scene, task: SceneTask) -> set[str]:
 
 @pytest.fixture(scope="module")
 def sphere() -> Asset:
-    return load_asset(builtin="sphere")
+    return make_sphere(96, 48)
 
 
 @pytest.mark.parametrize("layer", [pytest.param(COAT, marks=pytest.mark.proof), CHALK], ids=lambda layer: layer.model)
