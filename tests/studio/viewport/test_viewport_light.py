@@ -120,7 +120,7 @@ def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = Fals
 
 
 @pytest.mark.parametrize(
-    "name", ["frosted", *(pytest.param(name, marks=pytest.mark.proof) for name in ("coated", "brushed", "chrome"))]
+    "name", ["brushed", "frosted", *(pytest.param(name, marks=pytest.mark.proof) for name in ("coated", "chrome"))]
 )
 def test_a_dome_lights_every_kind_of_lobe(name: str, page: ViewportPage) -> None:
     compare(page, dressed(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
@@ -130,24 +130,13 @@ def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None
     compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
 
 
-def beam() -> Shaping:
-    """Return a narrow coloured beam with an IES profile."""
-    angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
-    table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
-    return Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
-
-
 @pytest.mark.parametrize(
     ("name", "samples"),
-    [("brushed", 48), *(pytest.param(name, 128, marks=pytest.mark.proof) for name in ("leaf", "painted"))],
+    [("leaf", 64), pytest.param("painted", 128, marks=pytest.mark.proof)],
 )
 def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: ViewportPage) -> None:
-    """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same.
-
-    A beam shapes one sphere, and leaves another alone.
-    """
+    """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
     lamps = [LIGHT_KINDS[kind].example() for kind in LAMPS]
-    lamps.append(replace(lamps[-1], emission=replace(lamps[-1].emission, shaping=beam())))  # type: ignore[type-var]
     still = replace(lamps[0], emission=replace(lamps[0].emission, turns=False))  # type: ignore[type-var]
     leaning = dome(axes=((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8)), emission=Emission((0.3, 0.2, 0.1)))
     white = load_dome(builtin="white").dome
@@ -156,16 +145,15 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: View
     compare(page, dressed(LOOKS[name], lights), samples, 40, samples=64).assert_agrees()
 
 
-@pytest.mark.proof
 def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: ViewportPage) -> None:
+    angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
+    table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
+    beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
     # Beside another kind, and one of its own kind, whose light no profile changes.
     lamps = [LIGHT_KINDS[kind].example() for kind in ("sphere", "sphere", "rect")]
-    shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam()))  # type: ignore[type-var]
+    shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam))  # type: ignore[type-var]
     scene = dressed(LOOKS["painted"], [shaped, *lamps[1:], dome()])
-    plain = compare(page, replace(scene, lights=(*lamps, dome())), 32, 40, samples=16)
-    compared = compare(page, scene, 128, 40, samples=64)
-    compared.assert_agrees()
-    assert np.abs(compared.mean - plain.mean).mean() > 0.05 * plain.mean.mean()
+    compare(page, scene, 128, 40, samples=64).assert_agrees()
 
 
 HALF_GLASS = Layer("Layer", "pixar", {"surfaceColor": (0.7, 0.5, 0.1), "roughness": 0.0, "clear": 0.5})
@@ -193,12 +181,13 @@ def test_shadow_is_switched_while_nothing_compiles(look: str, page: ViewportPage
     assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
 
 
-SHADOWED = ("texture", "local_dome", "shadow")
-
-
 @pytest.mark.parametrize(
     "rigs",
-    [SHADOWED, *(pytest.param([rig], marks=pytest.mark.proof) for rig in (*SHADOWED, "local grey", "response"))],
+    [
+        ["texture", "local_dome"],
+        ["shadow"],
+        *(pytest.param([rig], marks=pytest.mark.proof) for rig in ("texture", "local_dome", "local grey", "response")),
+    ],
     ids=" ".join,
 )
 def test_a_rig_casts_shadow(rigs: Sequence[str], page: ViewportPage, tmp_path: Path) -> None:
