@@ -79,7 +79,7 @@ def test_white_light_on_a_diffuse_surface_is_its_colour(shoot: RenderSource, lig
 
 
 def test_it_is_as_bright_as_the_diffuse_part_of_principled(shoot: RenderSource, light_of) -> None:
-    light = light_of("city")
+    light = light_of("white")
     principled = PrincipledSource("grey", {"Base Color": GREY, "Roughness": 1.0, "Specular IOR Level": 0.0})
     # Four halves of each, which are independent.
     ours, theirs = (
@@ -149,12 +149,13 @@ def test_without_bounces_a_portal_ends_at_the_next_surface(shoot: RenderSource, 
     assert frame.alpha.max() == 1.0
 
 
-@pytest.mark.parametrize("kind", ["diffuse", "portal"])
+@pytest.mark.parametrize("kind", ["portal", "diffuse"])
 def test_the_same_frame_again_is_the_same(kind: str, shoot: RenderSource, light_of) -> None:
     source, light = getattr(node_sources, kind)(GREY), light_of("city")
-    first = shoot("sphere", source, light, samples=4, bounces=1)
-    shoot("sphere", source, light, samples=4, bounces=1, pose=Pose(200.0, 10.0))
-    again = shoot("sphere", source, light, samples=4, bounces=1)
+    options = {"samples": 4, "bounces": 1 if kind == "portal" else 0}
+    first = shoot("sphere", source, light, **options)
+    shoot("sphere", source, light, **options, pose=Pose(200.0, 10.0))
+    again = shoot("sphere", source, light, **options)
     np.testing.assert_allclose(again.a, first.a, rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(again.alpha, first.alpha)
 

@@ -42,9 +42,9 @@ def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
     """Return a function that compares frames of a scene with the reference, and finds that light bounces in them."""
 
     def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> Finding:
-        # No light is sampled by nodes that are exact: their noise is larger. Four frames have the fewest halves.
-        samples = 64 if backend == "nodes-exact" else 32
+        samples = 32
         options: dict[str, Any] = {"samples": samples, "brdf_samples": 2, "ibl_samples": 4, "bounces": bounces}
+        # Four frames have the fewest halves.
         frames = render_seeds(worker, scene, range(4), backend=backend, **options)
         name = f"{scene.asset.name} {scene.looks[0].name}"
         found = assert_scene_agreement(name, frames, scene, samples, stored_reference, count=80, bounces=bounces)
