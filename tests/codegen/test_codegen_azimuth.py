@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from random_parameters import EVERY, directions, near_the_mirror_image, random_parameters
+from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image, random_parameters
 
 from lookdev.brdf import MODELS
 from lookdev.brdf.frames import ZENITH
@@ -44,8 +44,14 @@ def changes(bsdf: Bsdf, rng: np.random.Generator) -> bool:
     return bool((np.abs(f - turned) > 1e-6 * np.abs(f).max(axis=0) + 1e-3 * np.abs(f)).any())
 
 
-@EVERY
-@pytest.mark.parametrize("draws", [8, pytest.param(120, marks=pytest.mark.proof)], ids=lambda draws: f"{draws} draws")
+@pytest.mark.parametrize(
+    ("model", "tokens", "draws"),
+    [
+        *((model, tokens, 8) for model, tokens in dict(VARIANTS).items()),  # the last of a model, with all its options
+        *(pytest.param(*variant, 120, marks=pytest.mark.proof) for variant in VARIANTS),
+    ],
+    ids=str,
+)
 def test_a_traced_model_needs_a_tangent_where_turning_it_shows(model: str, tokens: dict[str, str], draws: int) -> None:
     """Of upright normals, and of those that lean in three draws of ten."""
     rng = np.random.default_rng(5)

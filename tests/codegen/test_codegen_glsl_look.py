@@ -143,7 +143,7 @@ def test_what_scatters_along_single_directions(tab: Any) -> None:
         assert_agrees(name, half, values)
 
 
-@pytest.mark.parametrize("name", ["car_paint", "lacquer_wood"])
+@pytest.mark.parametrize("name", ["car_paint", pytest.param("lacquer_wood", marks=pytest.mark.proof)])
 def test_a_slider_changes_a_uniform_alone(name: str, tab: Any) -> None:
     """Of the numbers of a look, other values give what the look with these values gives."""
     look, table = read_look(MATERIALS / f"{name}.usda"), scattered(6)

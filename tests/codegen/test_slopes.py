@@ -21,13 +21,13 @@ COUNT = 200
 STEP = 1e-5
 
 
-def run(source: ProgramSource, symbols: dict[str, Any], output: str) -> Any:
-    """Return an output's elements (..., n): a program's operations have NumPy's names."""
+def run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
+    """Return the elements (..., n) of each output: a program's operations have NumPy's names."""
     with np.errstate(all="ignore"):  # branches that are not taken
-        return _run(source, symbols, output)
+        return _run(source, symbols)
 
 
-def _run(source: ProgramSource, symbols: dict[str, Any], output: str) -> Any:
+def _run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
     tables = [np.load(each.path).astype(np.float64) for each in source.tables]
     known: list[Any] = []
     for each in source.operations:
@@ -44,7 +44,10 @@ def _run(source: ProgramSource, symbols: dict[str, Any], output: str) -> Any:
                 known.append(tables[each.place][3 * cell + int(each.name) if each.name else cell])
             case op:
                 known.append(getattr(np, op)(*given))
-    return np.stack([np.broadcast_to(known[n], COUNT) for n in source.outputs[output]], axis=-1).astype(float)
+    return {
+        name: np.stack([np.broadcast_to(known[n], COUNT) for n in elements], axis=-1).astype(float)
+        for name, elements in source.outputs.items()
+    }
 
 
 def _quick(number: int) -> bool:
@@ -86,10 +89,10 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
         moved[name][... if moved[name].ndim == 0 else channel] += change
         return evaluate_cosine(stack_bsdf([StackLayer(model, complete_parameters(model, tokens_of | moved))]), wo, wi)
 
-    checked = 0
+    outputs, checked = run(source, symbols), 0
     for name, binding in bindings.items():
         for channel, symbol in enumerate(binding.symbols):
-            found = run(source, symbols, slope_name("value", symbol))
+            found = outputs[slope_name("value", symbol)]
             assert np.isfinite(found).all()
             size = max(abs(float(np.atleast_1d(numbers[name])[channel])), 1.0)
             # Richardson's extrapolation: the error of the difference is of the fourth order, 1e-20, and its rounding
