@@ -24,6 +24,7 @@ from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import WorkerError
+from lookdev.light import make_environment
 from lookdev.material import Layer, Look, Texture
 from lookdev.render.task import FrameTask
 
@@ -144,10 +145,15 @@ def picture(value: float = 0.5, seed: int = 0, alpha: float = 1.0) -> Picture:
 CASES = {case.name: case for case in scene_cases()}
 
 
+def constant_light(case: SceneCase) -> SceneCase:
+    """Return a case whose light, as bright as the brightest of its own, needs no tables: nothing is rendered by it."""
+    radiance = np.full((2, 4, 3), case.light.radiance.max(), np.float32)
+    return replace(case, light=make_environment("constant", radiance))
+
+
 def judged(name: str, shown: Picture) -> Finding:
-    case = CASES[name]
-    pictures = {"usual": picture(seed=1), case.name: shown}
-    cases = [CASES[each] for each in dict.fromkeys([case.like or case.name, case.name])]
+    pictures = {"usual": picture(seed=1), name: shown}
+    cases = [constant_light(CASES[each]) for each in dict.fromkeys([CASES[name].like or name, name])]
     *_, finding = check_scenes(GREY, cases, lambda task: pictures[task.digest.partition(", ")[2]])
     return finding
 
