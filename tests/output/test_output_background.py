@@ -33,7 +33,7 @@ def frame_of(scene: SceneTask, light) -> FrameOf:
     return lambda camera: one_frame(replace(scene, camera=camera, resolution=SIZE, lights=(light,)), POSE, "frame")
 
 
-@pytest.mark.parametrize("aperture", [0.2, 2.0])
+@pytest.mark.parametrize("aperture", [pytest.param(0.2, marks=pytest.mark.proof), 2.0])
 def test_a_lens_blurs_the_environment(aperture: float, light, frame_of: FrameOf) -> None:
     camera, count = replace(CAMERA, lens=Lens(aperture, 2.5)), 20000
     background = environment_background(frame_of(camera))

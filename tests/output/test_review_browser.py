@@ -116,7 +116,7 @@ def opened(tab: Any, page: Path) -> Iterator[Open]:
     assert [entry for entry in tab.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")] == []
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", [*VIEWS[:2], *(pytest.param(view, marks=pytest.mark.proof) for view in VIEWS[2:])])
 def test_the_canvas_shows_what_pictures_show_at_any_exposure(opened: Open, tmp_path: Path, view: str) -> None:
     out = case.write_job(tmp_path, ["gold"], ["city"], {"element": 2})
     shown = opened(file=review(out, view=view)[0])
@@ -183,7 +183,7 @@ def test_a_wipe_shows_the_new_version_on_its_left_and_the_old_one_on_its_right(o
     assert shown.state["split"] == pytest.approx(0.3, abs=0.02)
 
 
-@pytest.mark.parametrize("size", [1, SQUARE])
+@pytest.mark.parametrize("size", [pytest.param(1, marks=pytest.mark.proof), SQUARE])
 def test_z_shows_a_changed_look_and_not_the_noise_of_an_unchanged_one(opened: Open, size: int) -> None:
     shown = opened(f"#mode=noise&square={size}")
     shares = {}
@@ -308,7 +308,7 @@ def test_everything_that_can_be_used_has_a_name(opened: Open) -> None:
     assert [node["role"]["value"] for node in used if not node.get("name", {}).get("value", "").strip()] == []
 
 
-@pytest.mark.parametrize("width", [320, 390])
+@pytest.mark.parametrize("width", [320, pytest.param(390, marks=pytest.mark.proof)])
 def test_the_page_fits_a_phone(opened: Open, width: int) -> None:
     shown = opened("#mode=wipe", (width, 844))
     assert shown.js("return document.documentElement.scrollWidth") <= width
