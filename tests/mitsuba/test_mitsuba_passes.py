@@ -163,7 +163,7 @@ def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker)
     lights = rig()
 
     def frames(shown: tuple[Light, ...], passes: tuple[str, ...]) -> list[Rendered]:
-        return [rendered(worker, task_of((COATED, NET), passes, lights=shown, samples=512, seed=n)) for n in range(4)]
+        return [rendered(worker, task_of((COATED, NET), passes, lights=shown, samples=256, seed=n)) for n in range(4)]
 
     together = frames(lights, ("lights",))
     for group, number in (("key", 1), ("fi_ll", 2)):
