@@ -34,7 +34,9 @@ def merl_file(tmp_path_factory: pytest.TempPathFactory) -> Subject:
     return read_subject(str(file))
 
 
-@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize(
+    "loss", [pytest.param(name, marks=() if name == "log" else pytest.mark.proof) for name in LOSSES]
+)
 def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: Subject) -> None:
     assert merl_file.label == "known.binary"
     result = fit(merl_file, DISNEY, FIXED, loss=loss)
@@ -54,8 +56,8 @@ def test_an_anisotropic_surface_is_found_too() -> None:
     assert result.values["roughness"] == pytest.approx(0.4, rel=0.01)
 
 
-# A diffuse, a glossy, an anisotropic and a layered one; the others in `proof`.
-SAMPLE = ("lambert", "blinn-phong", "ward", "pixar")
+# An anisotropic and a layered one; the others in `proof`.
+SAMPLE = ("ward", "pixar")
 OTHERS = [
     pytest.param(name, marks=() if name in SAMPLE else pytest.mark.proof)
     for name in CONTINUOUS

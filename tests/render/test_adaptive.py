@@ -76,7 +76,27 @@ def test_the_error_of_a_frame_is_what_it_reports() -> None:
     assert np.std(ratios) < 0.15
 
 
-@pytest.mark.parametrize("own", [False, pytest.param(True, marks=pytest.mark.proof)])
+def test_a_half_plans_by_what_the_other_half_saw() -> None:
+    """What a half saw itself would make a pixel dark whose bright samples are rare: it stops where it saw none."""
+
+    def plans(seen: int | None) -> Round:
+        frame = Simulated(np.random.default_rng(6))
+        frame.take(whole(8))
+        frame.take(whole(8))
+        if seen is not None:
+            frame.halves[seen].spread[:] *= 1.0 + 99.0 * (COLUMN < -0.1)[..., None]
+        return next_round(Sampling(samples=65536, error=3e-2), frame.halves, 2, 3.1e-2)
+
+    first, second = plans(None)
+    assert not any(region.whole for region in (*first, *second))
+    for seen in (0, 1):
+        changed = plans(seen)
+        assert changed[seen] == (first, second)[seen]
+        assert changed[1 - seen] != (first, second)[1 - seen]
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("own", [False, True])
 def test_no_pixel_drifts_unless_a_half_chooses_for_itself(own: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     # Small tiles and rare bright samples, so that a choice is nearly that of a pixel.
     monkeypatch.setattr(adaptive, "_TILE", 4)
