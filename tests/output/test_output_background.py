@@ -25,7 +25,7 @@ def light():
     """A broad lamp before the camera, which nine places of a pixel resolve."""
     v, u = (np.mgrid[:64, :128] + 0.5) / np.array([64, 128])[:, None, None]
     lamp = np.exp(20.0 * (uv_to_direction(np.stack([u, 1.0 - v], axis=-1)) @ [0.2, 0.9, -0.35] - 1.0))
-    return prepare_light(make_environment("lamp", 0.1 + 8.0 * lamp[..., None] * [1.0, 0.8, 0.5]))
+    return prepare_light(make_environment("lamp", 0.1 + 8.0 * lamp[..., None] * [1.0, 0.8, 0.5]), sampled=False)
 
 
 @pytest.fixture

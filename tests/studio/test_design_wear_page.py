@@ -19,8 +19,8 @@ asset = { usd = "toy_car.usda" }
 name = "shop"                # the car as it comes
 
 [[ibl]]
-name = "studio"
-builtin = "studio"
+name = "white"
+builtin = "white"
 
 [[turntable]]
 kind = "element"
