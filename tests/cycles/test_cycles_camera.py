@@ -50,7 +50,8 @@ def cameras(asset: Asset) -> dict[str, Camera]:
 def test_a_frame_agrees_with_the_reference(
     name: str, look: Look, worker: Worker, light_of, stored_reference: StoredReference
 ) -> None:
-    asset, light = load_asset(builtin="suzanne"), light_of("slopes")
+    # In light that changes slowly, lace out of focus shows next to nothing of its lens.
+    asset, light = load_asset(builtin="suzanne"), light_of("forest" if look is LACE else "slopes")
     camera = cameras(asset)[name]
     scene = Scene.of_look(asset, look, light, SIZE, camera)
     frames = render_seeds(worker, scene, range(SEEDS), **SAMPLING, samples=SAMPLES, bounces=BOUNCES)
@@ -70,7 +71,7 @@ def test_every_backend_has_the_same_camera(name: str, worker: Worker, light_of) 
         for backend in ("exact", "nodes", "nodes-exact")
     )
     edge = (exact > 0.0) & (exact < 1.0)
-    assert np.count_nonzero(edge) > 200
+    assert np.count_nonzero(edge) > 100
     for alpha in others:
         # The standard error of a coverage c is at most that of independent samples, (c (1 - c) / n)^1/2; both have one.
         mean = (alpha + exact)[edge] / 2.0
