@@ -38,6 +38,7 @@ pytest_plugins = ["home", "chromium", "stored_references", "failed_pictures", "w
 # Session fixtures that are worth a process of their own: files that use one run in the same process of xdist.
 SHARED = ("cycles_worker", "mitsuba_worker", "browser")
 DURATIONS = Path(__file__).parent / "durations.json"
+LONGEST_ID = 100
 
 JOB = """
 output = "out"
@@ -66,6 +67,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.add_marker(pytest.mark.xdist_group(groups[item.path]))
     items.sort(key=lambda item: (-seconds[groups[item.path]], groups[item.path]))
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Name a case by the beginning of a long text: some tests take files of megabytes."""
+    if not isinstance(val, str | bytes) or len(val) <= LONGEST_ID:
+        return None
+    return f"{val[:LONGEST_ID]!r}..."
 
 
 @pytest.fixture(scope="session")

@@ -249,7 +249,6 @@ def _ngan(size: int = 3 * 2 * 2 * 2 * 2, **head: int) -> bytes:
         (_ngan(_9=2), "gives 2 for half the data; 0 or 1"),
         (_ngan(_10=1), "is not a file of measured|its header gives 2 x 2 x 2 samples"),
     ],
-    ids=lambda value: "file" if isinstance(value, bytes) else None,
 )
 def test_a_wrong_file_is_an_error_that_names_it(small: None, tmp_path: Path, content: bytes, message: str) -> None:
     file = tmp_path / "wrong.binary"
