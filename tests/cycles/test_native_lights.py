@@ -23,8 +23,10 @@ from lookdev.light import (
     RectLight,
     Shaping,
     make_environment,
+    prepare_light,
     prepare_texture,
 )  # fmt: skip
+from lookdev.light.dome import example_map
 from lookdev.material import Layer, Look
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose
@@ -45,11 +47,13 @@ def pictured() -> RectLight:
     return replace(RectLight.example(), texture=prepare_texture(make_environment("picture", texels)))
 
 
+DOME = prepare_light(example_map(), sampled=False)  # native worlds need no tables, which take seconds
+EXAMPLES = {name: DOME if name == "dome" else kind.example() for name, kind in LIGHT_KINDS.items()}
 CASES: dict[str, Light] = {
-    **{name: kind.example() for name, kind in LIGHT_KINDS.items() if not kind.native_gap(kind.example())},
+    **{name: light for name, light in EXAMPLES.items() if not LIGHT_KINDS[name].native_gap(light)},
     "texture": pictured(),
     "mirrored texture": replace(pictured(), axes=LEFT_HANDED),
-    "mirrored dome": replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+    "mirrored dome": replace(DOME, axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
     "sphere from inside": replace(LIGHT_KINDS["sphere"].example(), position=(0.3, -0.2, 0.6)),
     "sun": replace(DistantLight.example(), angle=0.53),
     "parallel": replace(DistantLight.example(), angle=0.0),
@@ -115,12 +119,12 @@ RIGS: dict[str, tuple[Light, ...]] = {
         replace(LIGHT_KINDS["cylinder"].example(), position=(-1.9, 0.6, 0.5), emission=Emission((2.0, 2.0, 6.0))),
     ),
     "two domes": (
-        LIGHT_KINDS["dome"].example(),
-        replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+        DOME,
+        replace(DOME, axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
         replace(LIGHT_KINDS["disk"].example(), emission=STILL),
     ),
     "still dome": (
-        replace(LIGHT_KINDS["dome"].example(), emission=replace(STILL, color=(1.0, 1.0, 1.0))),
+        replace(DOME, emission=replace(STILL, color=(1.0, 1.0, 1.0))),
         replace(RectLight.example(), emission=Emission((9.0, 6.0, 3.0))),
     ),
 }

@@ -181,8 +181,13 @@ def known_dome(digest: str, width: int, height: int, constant: bool) -> Dome | N
     return Dome(radiance[0], drawn_from, cut, weights, width, height, digest, constant)
 
 
-def example_dome() -> Dome:
+def example_map() -> EnvironmentMap:
     """Return a dim sky with a broad sun and a black ground."""
     radiance = np.full((16, 32, 3), (0.2, 0.3, 0.5))
     radiance[3:6, 9:13], radiance[12:] = (9.0, 7.0, 4.0), 0.0
-    return prepare_light(make_environment("example", radiance))
+    return make_environment("example", radiance)
+
+
+def example_dome() -> Dome:
+    """Return the light of `example_map`."""
+    return prepare_light(example_map())

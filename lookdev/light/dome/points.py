@@ -9,6 +9,8 @@ of the three channels of the radiance; A = the colour as two 12-bit integers, re
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,26 +27,37 @@ COLOR_STEPS = 4095
 
 SOBOL_SEED = 20120808
 
+_PART = 2**15  # points that are drawn at once
+
 
 def draw_points(table: Floats, warp: BilinearWarp, side: int) -> tuple[NDArray[np.float32], Floats]:
     """Draw ``side^2`` points, a power of two, of a map: the pixels (side^2, 4) of the file, and the unit directions.
 
     `table` (H, W, 3) is the radiance, row 0 at the zenith, and `warp` that of the mean of its channels.
     """
+    pixels, directions = np.empty((side * side, 4), np.float32), np.empty((side * side, 3))
+    # Arrays of a part stay in the processor's cache, which halves the time.
+    for part in (slice(begin, begin + _PART) for begin in range(0, side * side, _PART)):
+        places = warp.places(_points_along_curve(side)[part])
+        x, y = np.moveaxis(places, -1, 0)
+        color = lookup(table, np.stack([x, 1.0 - y], axis=-1))
+        mean = color.mean(axis=-1)
+        share = color / (3.0 * np.where(mean > 0.0, mean, 1.0)[:, None])
+        red, green = np.moveaxis(np.rint(share[:, :2] * COLOR_STEPS), -1, 0)
+        columns = np.pi * (1.0 - 2.0 * x), np.cos(np.pi * y), mean, red * (COLOR_STEPS + 1) + green
+        pixels[part], directions[part] = np.stack(columns, axis=-1), place_directions(places)
+    return pixels, directions
+
+
+@lru_cache(maxsize=1)  # the same for every map
+def _points_along_curve(side: int) -> Floats:
+    """Return points (side^2, 2) of the unit square, one in each cell of a grid, along a Hilbert curve."""
     # Not at the top: it takes longer to import than a drawn map to read.
     from scipy.stats import qmc
 
     # Of a power of two of Sobol points, one is in each cell of the grid.
     u = qmc.Sobol(2, scramble=True, rng=SOBOL_SEED).random(side * side)
-    u = u[np.argsort(along_hilbert(np.floor(u * side).astype(np.int64), side))]
-    places = warp.places(u)
-    x, y = np.moveaxis(places, -1, 0)
-    color = lookup(table, np.stack([x, 1.0 - y], axis=-1))
-    mean = color.mean(axis=-1)
-    share = color / (3.0 * np.where(mean > 0.0, mean, 1.0)[:, None])
-    red, green = np.moveaxis(np.rint(share[:, :2] * COLOR_STEPS), -1, 0)
-    columns = np.pi * (1.0 - 2.0 * x), np.cos(np.pi * y), mean, red * (COLOR_STEPS + 1) + green
-    return np.stack(columns, axis=-1).astype(np.float32), place_directions(places)
+    return np.asarray(u[np.argsort(along_hilbert(np.floor(u * side).astype(np.int64), side))])
 
 
 def along_hilbert(cells: Ints, side: int) -> Ints:

@@ -98,7 +98,7 @@ def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -
         First place and count of each range, and how many of the ranges are equal to it; equal ranges have count 1.
         Together they contain every value above zero once.
     """
-    kept, weights = np.flatnonzero(values), np.maximum(values, least)
+    kept, weights = np.flatnonzero(values > 0.0), np.maximum(values, least)
     reached = np.cumsum(weights, dtype=np.float64)
     longest = max(1, len(kept) // number)
     while (parted := np.flatnonzero(np.diff(kept) > longest)).size > number // 4:
@@ -119,8 +119,8 @@ def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
     times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first
-    so_far = np.cumsum(values > 0.0)
-    parted_off = (times > 1) & (so_far[first + count - 1] > so_far[first])
+    followers = np.searchsorted(kept, first + count) - np.searchsorted(kept, first, side="right")
+    parted_off = (times > 1) & (followers > 0)
     rest = parted_off & np.append(np.diff(group) > 0, True)
     count = np.where(rest, count - 1, np.where(times > 1, 1, count))
     return first + rest, count, np.where(rest, 1, times - parted_off)
