@@ -1,7 +1,5 @@
 """Colour spaces: names, constants and images, against MaterialX's matrices and the tags of files."""
 
-from __future__ import annotations
-
 import MaterialX as mx
 import numpy as np
 import OpenImageIO as oiio

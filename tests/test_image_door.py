@@ -1,7 +1,5 @@
 """The door for images: what must not be read is refused by its name, before its pixels are in memory."""
 
-from __future__ import annotations
-
 import os
 import resource
 import struct

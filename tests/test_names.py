@@ -1,7 +1,5 @@
 """Helpers of tests are imported by their bare names, from several folders at once."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The spaces of light: their matrices beside the primaries, and OpenColorIO's own conversion."""
 
-from __future__ import annotations
-
 import numpy as np
 import PyOpenColorIO as ocio
 import pytest
@@ -10,15 +8,7 @@ from lookdev.light import DistantLight, Emission, RectLight, Shadow, Shaping, pr
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.picture import prepare_texture
 from lookdev.light.space import in_space
-from lookdev.space import (
-    BASE,
-    CHROMATICITIES,
-    OCIO_NAMES,
-    error_in_rec709,
-    from_rec709,
-    to_rec709,
-    to_space,
-)
+from lookdev.space import BASE, CHROMATICITIES, OCIO_NAMES, error_in_rec709, from_rec709, to_rec709, to_space
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Composing USD files: layers over them, variants, what is missing, and MaterialX files."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """References as data: what their digest is of, what a missing or stale file says, and pictures of a failure."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Text files of any content: read whole, or refused with file and place; messages that quote them."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

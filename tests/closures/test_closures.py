@@ -1,7 +1,5 @@
 """Closures of Cycles: their formulas against closed forms, and their albedo against that of the lobes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path

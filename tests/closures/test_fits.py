@@ -1,7 +1,5 @@
 """The tables of fits, and of `lookdev.brdf.reflectance`, agree with the scripts that make them, and have no pole."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Lights of jobs, whose tables of directions are small: nothing draws from them here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The shortest job, and the faults of others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Cameras of a job: one for all looks or one each, by silhouette or sphere, or from a file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What parts wear, edited in a job's text: what is not edited stays to the letter."""
 
-from __future__ import annotations
-
 import difflib
 import random
 import tomllib

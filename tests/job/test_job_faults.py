@@ -1,7 +1,5 @@
 """Faults of job files: each alone with its place and what would be right, and all of them at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The ground of a job, and where it is; reference props that are not measured, or hide the asset."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

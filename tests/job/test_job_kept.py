@@ -1,7 +1,5 @@
 """Refined assets are read from the cache by the next run, whole or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any

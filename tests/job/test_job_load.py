@@ -1,7 +1,5 @@
 """Reading job files: values, defaults, and the config, displays and views of pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import PyOpenColorIO as ocio

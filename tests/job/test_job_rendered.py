@@ -1,7 +1,5 @@
 """From dressed assets to those that are rendered: cages refined, surfaces displaced, and the cameras that see them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

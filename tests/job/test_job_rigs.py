@@ -1,7 +1,5 @@
 """Rigs of a job: their keys, their lights in scenes, and one fit for all looks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

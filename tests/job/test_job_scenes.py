@@ -1,7 +1,5 @@
 """From a job to its scenes: what each part wears, by every way to say it, and every fault of one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The exported JSON Schema agrees with what is read."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

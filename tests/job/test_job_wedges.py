@@ -1,7 +1,5 @@
 """Wedges of a job: the looks and lights that they stand for, what is shown together, and every fault of one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans: which frames, which files, in which order, and why."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Collection
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Digests: every input that affects pixels counts, in the part that bears its name; paths do not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

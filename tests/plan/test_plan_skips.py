@@ -1,7 +1,5 @@
 """Skips: the condition of each, and of a look that is the same all around."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

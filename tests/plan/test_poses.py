@@ -1,7 +1,5 @@
 """Poses: exact steps, no repeated end pose, equal angles compare equal, the camera's azimuth folded in."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 import numpy as np
