@@ -1,7 +1,5 @@
 """Invariants of an asset, and arrays that follow from its arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The smallest ball around an asset, and an asset moved to the origin, where float32 is precise."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from asset_arrays import check_asset, face_areas, facets, world_points

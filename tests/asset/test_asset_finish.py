@@ -1,7 +1,5 @@
 """Shapes become meshes: together as alone, whatever their faces are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

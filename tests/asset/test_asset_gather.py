@@ -1,7 +1,5 @@
 """Small meshes joined: the same surface in fewer meshes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

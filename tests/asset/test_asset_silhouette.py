@@ -1,7 +1,5 @@
 """Outlines have the hull of all faces, whatever the meshes, and the turning axis is the middle of the footprint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 

@@ -1,7 +1,5 @@
 """The one door for values of attributes: type, shape and range."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, Vt

@@ -1,7 +1,5 @@
 """Which material each part is bound to: each rule of UsdShade, compared with what UsdShade itself computes."""
 
-from __future__ import annotations
-
 import pytest
 from pxr import Usd, UsdShade
 

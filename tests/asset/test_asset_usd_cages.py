@@ -1,7 +1,5 @@
 """Subdivision surfaces of a USD file: control cages with UsdGeom's rules."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from usd_file import CUBE_POINTS, TYPES, primvar
@@ -142,10 +140,7 @@ def corner(indices, *sharpness):
         (crease([0, 1, 2], [2, 1]), r"creaseLengths\[1\] is 1; a crease has at least 2"),
         (crease([0, 1], [2, 0]), r"creaseLengths\[1\] is 0"),
         (crease([0, 1], [2], []), "creaseSharpnesses has 0 values"),
-        (
-            crease([0, 1, 3, 2], [4], [1, 2]),
-            "Sharpnesses has 2 values; one for each of the 1 creases or of the 3",
-        ),
+        (crease([0, 1, 3, 2], [4], [1, 2]), "Sharpnesses has 2 values; one for each of the 1 creases or of the 3"),
         (crease([0, 1], [2], [np.nan]), r"creaseSharpnesses\[0\] is not a number"),
         (corner([8], 1.0), r"cornerIndices\[0\] is 8"),
         (corner([1, 2], 1.0), "cornerSharpnesses has 1 values, cornerIndices 2"),

@@ -1,7 +1,5 @@
 """Cameras of USD files: as USD's own frustum has them, in metres and z up; everything else is refused by name."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

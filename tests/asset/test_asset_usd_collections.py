@@ -1,7 +1,5 @@
 """Which parts a collection includes, by USD's rules, and what a wrong path of one is reported as."""
 
-from __future__ import annotations
-
 import pytest
 from pxr import Sdf, Usd
 

@@ -1,7 +1,5 @@
 """UsdGeom's curves and points: bases, wraps, widths and primvars against closed forms and SciPy."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

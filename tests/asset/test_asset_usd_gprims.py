@@ -1,7 +1,5 @@
 """Primitives, curves, points and skinned prims of a file, as an asset."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from asset_arrays import world_points

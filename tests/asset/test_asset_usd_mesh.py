@@ -1,7 +1,5 @@
 """A mesh of a USD file: faces, normals, primvars and slots."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

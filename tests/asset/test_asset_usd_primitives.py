@@ -1,7 +1,5 @@
 """UsdGeom's implicit surfaces: areas, volumes, normals and texture coordinates against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from asset_arrays import area, corner_st, corners, facets, volume

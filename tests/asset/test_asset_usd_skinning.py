@@ -1,7 +1,5 @@
 """UsdSkel: poses and blend shapes by hand, against USD's own baking, and every way in which a rig can be broken."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

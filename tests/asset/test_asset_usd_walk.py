@@ -1,7 +1,5 @@
 """What of a stage is shown, where and when: units, transforms, instances in instances, time, visibility, purpose."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from asset_arrays import world_points

@@ -1,7 +1,5 @@
 """USD files made by tests."""
 
-from __future__ import annotations
-
 import itertools
 
 from asset_arrays import check_asset

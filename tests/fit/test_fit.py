@@ -1,7 +1,5 @@
 """Fits of data that a model made give its parameters back; others end at the loss that they state."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fits to pictures without a renderer: pictures, their noise and colours, and searches of models that are linear."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Materials on disk for tests that read looks."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -5,8 +5,6 @@ that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to th
 semicolon ends a line.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -5,8 +5,6 @@ for each STEP-th of every family. A forked process of bounded memory reads one a
 the next one continues after that file.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -9,8 +9,6 @@ cells, so that a difference of two surfaces has no noise.
 writes it anew, with the tables of docs/presets.md and its picture.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Arranging layers: order, names, switches, modes, variants; copies as USD text; and sources of their parameters."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

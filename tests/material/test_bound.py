@@ -1,7 +1,5 @@
 """Materials of other models as looks: terminals, inputs, textures, and the list of what is not carried."""
 
-from __future__ import annotations
-
 import random
 import zipfile
 from pathlib import Path

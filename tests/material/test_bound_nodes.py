@@ -1,7 +1,5 @@
 """Nodes of MaterialX in bound materials: their values at points, against the definitions of the standard library."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The node definitions on disk agree with the parameters of the models."""
 
-from __future__ import annotations
-
 import pytest
 from pxr import Sdr, Usd, UsdShade
 

@@ -1,7 +1,5 @@
 """Edits of looks leave files that read without a fault, or are not made; looks with another value of one input."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Those have SeExpr's formulas, values where those have none, and noise that float32 does not change.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import time

@@ -1,7 +1,5 @@
 """An edited file keeps the layout and the comments of its author."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

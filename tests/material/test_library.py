@@ -1,7 +1,5 @@
 """Presets are found by name, in the folders that the user or the environment names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

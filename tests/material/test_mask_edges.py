@@ -3,8 +3,6 @@
 A BRDF is no straight line in its parameters, so some pairs leave the range of their ends; `mask_edges.txt` names them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import mask_edges

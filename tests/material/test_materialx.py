@@ -3,8 +3,6 @@
 Documents are of a material M, made of a disney_principled S.
 """
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

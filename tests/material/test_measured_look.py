@@ -1,7 +1,5 @@
 """Looks of measured reflectance: read from USD, imported, previewed, and what shows them."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Normals are those that a file means, in the world, whatever way the UVs run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

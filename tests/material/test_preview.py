@@ -1,7 +1,5 @@
 """The UsdPreviewSurface of a look: mapped, blended, connected through, and the same when written again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 A preset is one layer that can be referenced and read, with a plausible surface.
 """
 
-from __future__ import annotations
-
 import runpy
 from collections.abc import Callable
 from functools import cache

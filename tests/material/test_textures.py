@@ -1,7 +1,5 @@
 """Linear textures and their reference look-up; images inside usdz packages, also as sets of tiles."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every fault of a look is reported with its place and what would be right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Looks read from USD: constants, connections, textures, primvars, stacks, variants, displacement, expressions."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any

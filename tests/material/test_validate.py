@@ -1,7 +1,5 @@
 """Everything wrong with a look is found, whatever the file is, and what is right is left alone."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Variant sets as text."""
 
-from __future__ import annotations
-
 from look_files import expand
 
 

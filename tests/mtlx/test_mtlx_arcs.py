@@ -1,7 +1,5 @@
 """Arcs to MaterialX documents compose: references, payloads, sublayers, in variants, binary layers and packages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

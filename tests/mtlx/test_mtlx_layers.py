@@ -1,7 +1,5 @@
 """A MaterialX document as a USD layer: prims, values, connections, colour spaces, paths and units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

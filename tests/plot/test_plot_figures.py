@@ -1,7 +1,5 @@
 """Every command of docs/figures.md and docs/plot.md is read, and one of each sort drawn, at a small size."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every kind of plot: its figure, and numbers that are those of the models."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

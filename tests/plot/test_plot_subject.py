@@ -1,7 +1,5 @@
 """What words of the command line stand for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A diffuse surface, domes, and estimates of pixels of one shape, for tests of the reference renderer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

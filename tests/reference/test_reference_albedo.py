@@ -1,7 +1,5 @@
 """Albedo by quadrature against closed forms, and by sampling against quadrature."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The reference renderer under several lights, of finite size, and with shadows that are not physical."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product

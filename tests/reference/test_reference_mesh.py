@@ -1,7 +1,5 @@
 """Triangle meshes against the exact shapes, against furnaces, and each rule by itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

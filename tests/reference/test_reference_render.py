@@ -1,7 +1,5 @@
 """The reference renderer against what can be known without it: furnaces, quadrature, and light inside a sphere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from diffuse_scenes import SIGMAS, dome, estimate, lambert
@@ -159,10 +157,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_seed_another(lamps):
 MODEL_CASES = {
     "disney": ({"baseColor": (0.8, 0.3, 0.1), "roughness": 0.5, "anisotropic": 0.7}, Sphere()),
     "pixar": ({"surfaceColor": (0.8, 0.3, 0.1), "roughness": 0.6, "metallic": 0.3}, Sphere()),
-    "pixar leaf": (
-        {"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back": 0.4, "ior": 1.3},
-        Plane(),
-    ),
+    "pixar leaf": ({"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back": 0.4, "ior": 1.3}, Plane()),
 }
 
 

@@ -1,7 +1,5 @@
 """Assets and looks made by hand, of a few squares."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

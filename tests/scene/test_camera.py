@@ -1,7 +1,5 @@
 """Cameras: where they stand, how they orbit, and the rays of shifted frames and thin lenses."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict, replace

@@ -1,7 +1,5 @@
 """Reference props: published colours, their place in the frame, and cameras that leave room for them."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Framing: the bounding sphere touches the nearer sides at margin 1; what a turned asset covers fills its part."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

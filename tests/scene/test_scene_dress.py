@@ -1,7 +1,5 @@
 """Who wears what: parts and their paths, patterns, and meshes that are split without copies."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Mapping
 

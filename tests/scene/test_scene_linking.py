@@ -1,7 +1,5 @@
 """A scene: the look of every part, which lights light it, and where a mesh is split for them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """UV sets that looks ask for, and what is read where a mesh has another one, or none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cameras of shots: they see what USD's own frustum sees, and orbit the axis of the asset."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

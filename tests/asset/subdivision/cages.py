@@ -1,7 +1,5 @@
 """Small control cages, the same on every machine, for tests of subdivision."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tags, boundaries, holes, and cages that are wrong."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

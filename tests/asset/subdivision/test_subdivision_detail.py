@@ -1,7 +1,5 @@
 """The level of each cage by its size in the frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

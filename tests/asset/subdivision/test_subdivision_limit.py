@@ -1,7 +1,5 @@
 """Limit positions and normals against closed forms, and against themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

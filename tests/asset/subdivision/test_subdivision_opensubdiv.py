@@ -5,8 +5,6 @@ The numbers are what OpenSubdiv 3.6.0 computes for these cages after six uniform
 Blender's subdivision modifier, which is OpenSubdiv in another version, is a second witness.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

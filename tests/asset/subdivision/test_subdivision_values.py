@@ -1,7 +1,5 @@
 """Values that vary over a cage, and what the faces of a cage hand on to their children."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -12,8 +12,6 @@ where MaterialX has fits. Surfaces are opaque, thick and isotropic; random ones 
 hue beyond that of metals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache

@@ -3,8 +3,6 @@
 Directional albedos are compared with the foreign models' own definitions; an error is a part of the light that arrives.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
