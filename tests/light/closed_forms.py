@@ -4,8 +4,6 @@
 - Lagarde, de Rousiers, "Moving Frostbite to Physically Based Rendering", 2014, listing 8: spheres, cut by the horizon.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

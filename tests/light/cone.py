@@ -3,8 +3,6 @@
 ``python cone.py`` is a render worker that has the kind in its registry.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

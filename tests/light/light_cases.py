@@ -1,7 +1,5 @@
 """Dome lights, cells of the sphere, and the chi-square test of directions against a density."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """How the points of a light are ordered, and cut into ranges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Domes that are turned and coloured, and local ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What lights send out, against the formulas of UsdLux and the definition of the falloff."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

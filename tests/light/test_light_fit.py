@@ -1,7 +1,5 @@
 """A light that is scaled and moved lights what is scaled and moved along as before."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """IES profiles: angles, symmetries, power, and files that contradict themselves."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

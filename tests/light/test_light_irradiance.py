@@ -1,7 +1,5 @@
 """Irradiance on a Lambert plane by quadrature of each light's sampling, against closed forms or its surface's area."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from closed_forms import by_sampling, of_cone, of_polygon

@@ -1,7 +1,5 @@
 """Every registered kind of light, and a new one (`cone`): its protocol in NumPy, and frames by its OSL."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Several lights as numbers: the estimates by which one of them is chosen, and the rows that a shader reads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Links against USD's own membership query."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Maps that were read before: the same dome, repairs and faults, without their pixels."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

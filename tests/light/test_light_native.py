@@ -1,7 +1,5 @@
 """What Cycles' own lights cannot show is refused before rendering, by a message that names the light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

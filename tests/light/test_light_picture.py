@@ -1,7 +1,5 @@
 """Textured rectangles: how the picture lies, its means, and the variance of sampling by luminance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from looks import quick_among

@@ -1,7 +1,5 @@
 """Lights that are said to reach nothing do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sampling of shapes from their surface to a million sizes away: solid angle, float32, and the variance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigs that are wrong: every fault at once, each with its file and prim, and what would be right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -139,8 +137,7 @@ def test_all_faults_of_a_rig_are_reported_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stage", "fault"),
-    [('upAxis = "X"', "upAxis is 'X'"), ('upAxis = "Z"\nmetersPerUnit = -1', "metersPerUnit is -1")],
+    ("stage", "fault"), [('upAxis = "X"', "upAxis is 'X'"), ('upAxis = "Z"\nmetersPerUnit = -1', "metersPerUnit is -1")]
 )
 def test_a_stage_has_units_and_an_axis(tmp_path: Path, stage: str, fault: str) -> None:
     assert fault in faults(tmp_path, DIM, stage)[0]

@@ -1,7 +1,5 @@
 """Images of domes: mirrored balls and angular maps as lat-long maps, formats by file and aspect."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Irradiance of a white Lambert plane in Cycles, against closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

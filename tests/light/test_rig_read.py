@@ -1,7 +1,5 @@
 """Lights of UsdLux prims: units, placement, emission, and which prims are lights."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from pathlib import Path

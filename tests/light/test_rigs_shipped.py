@@ -1,7 +1,5 @@
 """The rigs that ship: they fit any asset, expose a grey sphere well, and their images are what they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
