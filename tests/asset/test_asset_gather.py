@@ -119,8 +119,7 @@ def twice(asset: Asset) -> Asset:
 
 
 def large(asset: Asset) -> Asset:
-    mesh = replace(make_sphere(64, 32).meshes[0], name="/0")
-    return replace(asset, meshes=(mesh, *asset.meshes[1:]))
+    return replace(asset, meshes=(replace(make_sphere(64, 32).meshes[0], name="/0"), *asset.meshes[1:]))
 
 
 CHANGES = {

@@ -117,8 +117,7 @@ def test_the_outline_has_the_hull_of_all_points_and_few_others(name: str, monkey
 
 
 def test_points_of_no_face_do_not_count() -> None:
-    stray = faces_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [50, 50, 50]])
-    assert outline(asset_of(stray, [np.eye(4)])).max() == 1.0
+    assert outline(asset_of(faces_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [50, 50, 50]]), [np.eye(4)])).max() == 1.0
 
 
 @pytest.mark.parametrize(

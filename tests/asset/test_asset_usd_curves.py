@@ -88,8 +88,7 @@ def test_a_tube_that_tapers_to_a_point_is_a_cone():
 
 @pytest.mark.parametrize("wrap", ["nonperiodic", "periodic"])
 def test_corners_of_a_line_are_cut_and_closed(wrap):
-    square = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)]
-    shape = shape_of(curves(square, kind="linear", wrap=wrap, widths=[0.2]))
+    shape = shape_of(curves([(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)], kind="linear", wrap=wrap, widths=[0.2]))
     # A cut in the bisecting plane leaves as much on one side as it takes from the other.
     sides = 4 if wrap == "periodic" else 3
     assert volume(shape) == pytest.approx(0.01 * np.pi * AREA * sides)
@@ -207,8 +206,7 @@ def test_pinned_curves_take_as_many_varying_values_as_usd_counts():
 
 
 def test_primvars_go_to_points_and_faces():
-    points = [(x, 0, z) for x in range(2) for z in range(4)]
-    prim = curves(points, [4, 4], "linear", widths=[0.1])
+    prim = curves([(x, 0, z) for x in range(2) for z in range(4)], [4, 4], "linear", widths=[0.1])
     attributes = [
         Attribute("all", np.array([7.0]), "constant"),
         Attribute("each", np.array([1.0, 2.0]), "uniform"),
@@ -356,8 +354,7 @@ def test_a_range_cuts_a_nurbs_curve():
 def test_nurbs_without_weights_are_splines():
     points = np.array(WIGGLE, float)
     knots = [0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4]
-    changed = {"points": WIGGLE, "curveVertexCounts": [7], "order": [4], "knots": knots, "pointWeights": None}
-    prim = nurbs(**changed)
+    prim = nurbs(**{"points": WIGGLE, "curveVertexCounts": [7], "order": [4], "knots": knots, "pointWeights": None})
     prim.GetAttribute("normals").Set([(0.3, 0.5, 0.8)])
     rings = shape_of(prim).points.reshape(-1, 2, 3).mean(axis=1)
     fine = BSpline(knots, points, 3)(np.linspace(0.0, 4.0, 50_001))

@@ -76,8 +76,7 @@ def test_a_size_may_be_zero_and_must_be_a_number(file):
 
 
 def test_a_primvar_that_varies_over_a_primitive_is_left_out_with_a_note(file):
-    ball = UsdGeom.Sphere.Define(file.stage, "/Ball")
-    primvar(ball, "wear", TYPES.FloatArray, "vertex", [0.1, 0.2, 0.3])
+    primvar(UsdGeom.Sphere.Define(file.stage, "/Ball"), "wear", TYPES.FloatArray, "vertex", [0.1, 0.2, 0.3])
     asset = file.load()
     assert asset.meshes[0].primvars == {}
     assert asset.notes == (f"{file.path}: with primvars:wear of 3 values, left out: one is carried (1): /Ball",)
@@ -200,8 +199,7 @@ def test_a_rig_may_be_a_prototype_of_points(file, leg):
 
 
 def test_a_skeleton_outside_of_the_prototype_is_an_error(file, leg):
-    skin = file.mesh("/Leg/Part/Skin", [(0, 0, 0), (1, 0, 0), (1, 0, 2)], [0, 1, 2], [3])
-    leg.bind(skin, [0, 0, 1])
+    leg.bind(file.mesh("/Leg/Part/Skin", [(0, 0, 0), (1, 0, 0), (1, 0, 2)], [0, 1, 2], [3]), [0, 0, 1])
     file.instancer("/Crowd", ["/Leg/Part"], [(1, 0, 0)])
     UsdGeom.Xform.Define(file.stage, "/Leg/Part")
     with pytest.raises(AssetError, match="/Leg/Part/Skin: /Leg/Bones moves it, but is not in its prototype /Leg/Part"):
@@ -222,8 +220,7 @@ def test_faults_of_rigs_are_reported_with_the_others(file, leg):
 
 
 def test_what_is_bound_in_vain_is_in_the_notes(file):
-    mesh = file.mesh("/Cube")
-    UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    UsdSkel.BindingAPI.Apply(file.mesh("/Cube").GetPrim())
     assert file.load().notes == (f"{file.path}: /Cube: is below no SkelRoot, without which USD deforms nothing",)
 
 

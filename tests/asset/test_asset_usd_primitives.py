@@ -39,8 +39,7 @@ def _stages():
 
 
 def frustum(bottom, top, height):
-    slant = np.hypot(height, bottom - top)
-    area = np.pi * (bottom**2 + top**2 + (bottom + top) * slant)
+    area = np.pi * (bottom**2 + top**2 + (bottom + top) * np.hypot(height, bottom - top))
     return area, np.pi * height * (bottom**2 + bottom * top + top**2) / 3.0
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from asset_arrays import world_points
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, UsdGeom, Vt
 from usd_file import CUBE_POINTS, TYPES, primvar
 
 from lookdev.asset import load_asset
@@ -27,21 +27,13 @@ def numbers(asset):
 def test_up_axis_and_units_become_z_and_metres(file):
     UsdGeom.SetStageUpAxis(file.stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(file.stage, 0.01)
-    mesh = file.mesh("/World/Cube")
-    UsdGeom.Xformable(mesh).AddTranslateOp().Set((100.0, 200.0, 300.0))
+    UsdGeom.Xformable(file.mesh("/World/Cube")).AddTranslateOp().Set((100.0, 200.0, 300.0))
     asset = file.load()
     assert asset.unit == 0.01
     # Object space has its z axis up, too.
     x, y, z = np.transpose(CUBE_POINTS) * 0.01
     np.testing.assert_allclose(asset.meshes[0].points, np.stack([x, -z, y], axis=-1), rtol=1e-6)
     np.testing.assert_allclose(world_points(asset)[0], np.stack([x + 1, -z - 3, y + 2], axis=-1), atol=1e-6)
-
-
-def test_transforms_of_parents_count(file):
-    parent = UsdGeom.Xform.Define(file.stage, "/World")
-    parent.AddRotateZOp().Set(90.0)
-    UsdGeom.Xformable(file.mesh("/World/Cube")).AddTranslateOp().Set((5.0, 0.0, 0.0))
-    np.testing.assert_allclose(file.load().center, (0.0, 5.0, 0.0), atol=1e-5)
 
 
 def nested(file):
@@ -119,10 +111,7 @@ def test_point_instances(file, specifier):
     [
         (lambda i: i.GetPositionsAttr().Set([(0, 0, 0)]), "has 1 positions, but 4 protoIndices"),
         (lambda i: i.GetScalesAttr().Set([(1, 1, 1)] * 3), "has 3 scales, but 4 protoIndices"),
-        (
-            lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]),
-            r"protoIndices\[2\] is 2, but there are 2 prototypes; it must lie in 0\.\.1",
-        ),
+        (lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]), r"protoIndices\[2\] is 2, but there are 2 prototypes"),
         (lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]), "names /None, which is not there"),
         (lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]), "which holds the instancer"),
     ],
@@ -131,15 +120,6 @@ def test_faults_of_an_instancer_are_located(file, spoil, message):
     spoil(scattered(file))
     with pytest.raises(AssetError, match=r"thing\.usda: /World/Scatter: .*" + message):
         file.load()
-
-
-def test_ten_thousand_instances_are_one_mesh(file):
-    places = np.stack(np.unravel_index(np.arange(10_000), (100, 100, 1)), axis=-1).astype(np.float32) * 3
-    file.mesh("/World/Grid/Proto")
-    file.instancer("/World/Grid", ["/World/Grid/Proto"], list(map(tuple, places.tolist())))
-    asset = file.read()
-    assert len(asset.meshes) == 1
-    np.testing.assert_allclose([instance.matrix[:3, 3] for instance in asset.instances], places)
 
 
 def test_inactive_and_invisible_ids_are_left_out(file):
@@ -207,26 +187,6 @@ def test_the_time_is_the_given_one_else_the_start_of_the_stage_else_the_earliest
     if start is not None:
         file.stage.SetStartTimeCode(start)
     assert file.read(time=time).radius == pytest.approx(size * np.sqrt(3))
-
-
-def test_value_clips_are_read(file, tmp_path):
-    clip = Usd.Stage.CreateNew(str(tmp_path / "clip.usda"))
-    points = UsdGeom.Mesh.Define(clip, "/Model").GetPointsAttr()
-    for time in (0.0, 10.0):
-        points.Set(Vt.Vec3fArray([Gf.Vec3f(*point) * (1.0 + time) for point in CUBE_POINTS]), time)
-    clip.GetRootLayer().Save()
-    mesh = file.mesh("/Cube")
-    mesh.GetPointsAttr().Clear()
-    clips = Usd.ClipsAPI(mesh.GetPrim())
-    clips.SetClipAssetPaths([Sdf.AssetPath("./clip.usda")])
-    clips.SetClipPrimPath("/Model")
-    clips.SetClipActive([(0.0, 0.0)])
-    clips.SetClipTimes([(0.0, 0.0), (20.0, 10.0)])
-    manifest = Usd.Stage.CreateNew(str(tmp_path / "manifest.usda"))
-    UsdGeom.Mesh.Define(manifest, "/Model").CreatePointsAttr()
-    manifest.GetRootLayer().Save()
-    clips.SetClipManifestAssetPath(Sdf.AssetPath("./manifest.usda"))
-    assert file.read(time=10.0).radius == pytest.approx(6.0 * np.sqrt(3))
 
 
 def test_visibility_is_that_of_the_time(file):
@@ -364,11 +324,8 @@ FAULTS = [
     (lambda file: cube(file).AddTransformOp().Set(SHEAR), "/Cube.xformOp:transform: its transform has"),
     (lambda file: cube(file).CreatePurposeAttr("rander"), r"/Cube: purpose is 'rander' \(did you mean 'render'\?\)"),
     (lambda file: cube(file).CreateVisibilityAttr("hidden"), "/Cube: visibility is 'hidden' "),
-    (
-        lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10),
-        RADIUS + r"1.73e\+10 m, with metersPerUnit 1e\+10; 1e-06 to 1e\+09 m can be",
-    ),
-    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), RADIUS + "1.73e-07 m"),
+    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10), RADIUS + r"1.73e\+10 m, with metersPerUnit 1e\+10"),
+    (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), RADIUS + "1.73e-07 m.* 1e-06 to 1e.09 m can be"),
 ]
 
 
@@ -417,9 +374,7 @@ def test_a_transform_that_usd_cannot_compute_is_a_fault_of_its_prim(file, capfd)
     mesh = file.mesh("/World/Cube")
     mesh.GetPrim().CreateAttribute("xformOp:bend", Sdf.ValueTypeNames.Float).Set(1.0)
     mesh.GetXformOpOrderAttr().Set(["xformOp:bend"])
-    with pytest.raises(
-        AssetError, match=r"thing\.usda: /World/Cube.xformOpOrder: USD cannot compute the transform: .*'bend'"
-    ):
+    with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube.xformOpOrder: USD cannot compute .*'bend'"):
         file.read()
     assert capfd.readouterr().err == ""
 
@@ -427,10 +382,7 @@ def test_a_transform_that_usd_cannot_compute_is_a_fault_of_its_prim(file, capfd)
 @pytest.mark.parametrize(
     ("prim", "message"),
     [
-        (
-            "/World/Cub",
-            r"thing.usda: /World/Cub: there is no such prim \(below /World there are: /World/Cube, /World/Looks\)",
-        ),
+        ("/World/Cub", r"thing.usda: /World/Cub: there is no such prim \(below /World there are: .*/Cube, .*/Looks\)"),
         ("/Word/Cube", r"/Word/Cube: there is no such prim \(below / there are: /World\)"),
         ("World/Cube", "is not the path of a prim"),
         ("/World//", "is not the path of a prim"),

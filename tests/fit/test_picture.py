@@ -74,8 +74,7 @@ def test_parameters_are_found_within_their_errors() -> None:
 
 
 def test_the_loss_has_no_bias_of_the_renders_noise() -> None:
-    truth = {"a": 0.6}
-    render, target = linear(truth, 0.2)
+    render, target = linear({"a": 0.6}, 0.2)
     losses = []
     for seed in range(40):
         halves = render({"a": (0.6,)}, False, 8, (2 * seed, 2 * seed + 1))[:, 0, ..., :3]

@@ -37,8 +37,7 @@ def test_an_outline_has_all_layers_and_variants(car: Path) -> None:
 def test_layers_are_moved_with_all_that_they_have_in_every_variant(car: Path) -> None:
     before = read_look(car, variants=DUSTY)
     move_layer(car, "Dust", 1)
-    after = read_look(car, variants=DUSTY)
-    assert after.layers == (before.layers[0], before.layers[2], before.layers[1])
+    assert read_look(car, variants=DUSTY).layers == (before.layers[0], before.layers[2], before.layers[1])
     assert names(car) == ["Base", "Dust", "Flakes"]
     assert [layer.name for layer in read_look(car).layers] == ["Base", "Flakes"]
     move_layer(car, "1", 2)
@@ -115,8 +114,7 @@ def test_a_copy_of_a_base_has_the_values_of_the_interface(car: Path) -> None:
 
 
 def test_a_duplicate_is_connected_to_the_same_interface(car: Path) -> None:
-    number = duplicate_layer(car, "Base")
-    assert number == 3
+    assert duplicate_layer(car, "Base") == 3
     car.write_text(re.sub(r"inputs:paintColor = [^)]*\)", "inputs:paintColor = (0.125, 0.25, 0.5)", car.read_text()))
     base, *_, copy = read_look(car).layers
     assert base.inputs["baseColor"] == copy.inputs["baseColor"] == (0.125, 0.25, 0.5)
@@ -126,8 +124,7 @@ def test_numbers_of_an_expression_are_set(car: Path) -> None:
     mask = parse_mask("dirt * amount", ["dirt=textures/dirt.png", "amount=0.5"], car.parent)
     set_mask(car, "Dust", mask, variants=DUSTY)
     set_inputs(car, {(2, "mask.amount"): 0.75}, variants=DUSTY)
-    found = read_look(car, variants=DUSTY).layers[2].mask
-    assert found.inputs["amount"] == 0.75
+    assert read_look(car, variants=DUSTY).layers[2].mask.inputs["amount"] == 0.75
     with pytest.raises(LookError, match="did you mean 'amount'"):
         set_inputs(car, {(2, "mask.amuont"): 0.75}, variants=DUSTY)
 

@@ -127,8 +127,7 @@ def test_values(tmp_path: Path, kind: str, inputs: str, expected: Floats) -> Non
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Return a folder with an image of distinct texels in 16 bits, so that ``auto`` is raw."""
-    pixels = np.linspace(0.0, 1.0, 8 * 8 * 4, dtype=np.float32).reshape(8, 8, 4)
-    image = oiio.ImageBuf(pixels)
+    image = oiio.ImageBuf(np.linspace(0.0, 1.0, 8 * 8 * 4, dtype=np.float32).reshape(8, 8, 4))
     assert image.write(str(tmp_path / "a.exr")), image.geterror()
     write_gray(tmp_path / "rgb.png", 3)
     return tmp_path
@@ -159,8 +158,7 @@ def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
     mix = "color3f fg <- I.out\ncolor3f bg = (1, 0, 0)\n"
     mix += "float mix <- J.out"
     found = bound(folder, materialx(COLOR, IMAGE, other, uv, shader("N", "ND_mix_color3", mix)))
-    formula = found.look.layers[0].inputs["diffuseColor"]
-    assert sorted(formula.inputs) == ["I", "J"]
+    assert sorted(found.look.layers[0].inputs["diffuseColor"].inputs) == ["I", "J"]
     mask = sampled(folder, 2.0 * ST)[:, :1]
     expected = mask * sampled(folder, ST)[:, :3] + (1 - mask) * [1, 0, 0]
     np.testing.assert_allclose(value(found, "diffuseColor"), expected, atol=1e-6)
@@ -213,8 +211,7 @@ IMAGES = [
 
 @pytest.mark.parametrize(("kind", "inputs", "nodes", "st", "factor"), IMAGES)
 def test_placement(folder: Path, kind: str, inputs: str, nodes: str, st: Floats, factor: Any) -> None:
-    node = shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}")
-    found = bound(folder, materialx(COLOR, node, nodes, UV))
+    found = bound(folder, materialx(COLOR, shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}"), nodes, UV))
     np.testing.assert_allclose(value(found, "diffuseColor"), sampled(folder, st)[:, :3] * factor, atol=1e-6)
 
 
@@ -240,8 +237,7 @@ def test_uv_textures_of_materialx(folder: Path) -> None:
 def test_only_the_colour_of_colours_is_managed(folder: Path, identifier: str, space: str, expected: str) -> None:
     metadata = f'(\ncolorSpace = "{space}"\n)' if space else ""
     found = bound(folder, materialx(COLOR, shader("N", identifier, f"asset file = @./rgb.png@ {metadata}")))
-    image = found.look.layers[0].inputs["diffuseColor"]
-    assert image.colorspace == expected
+    assert found.look.layers[0].inputs["diffuseColor"].colorspace == expected
 
 
 NORMAL = "float3 normal <- N.out"
@@ -265,8 +261,7 @@ def test_a_height_to_a_normal_is_a_bump(folder: Path) -> None:
         + shader("A", "ND_multiply_float", "float in1 <- I.out\nfloat in2 = 3")
         + shader("I", "ND_image_float", "asset file = @./a.exr@")
     )
-    found = bound(folder, materialx(NORMAL, nodes))
-    bump = found.look.layers[0].inputs["normal"]
+    bump = bound(folder, materialx(NORMAL, nodes)).look.layers[0].inputs["normal"]
     assert (bump.scale, bump.height.scale[0]) == (4 * 0.5 / 16, 3.0)
 
 
@@ -340,8 +335,7 @@ def test_huge_networks_are_refused_soon(tmp_path: Path, count: int, body: str, w
 
 
 def test_shared_nodes_are_read_once(tmp_path: Path) -> None:
-    body = "float in1 <- {0}\nfloat in2 <- {0}"
-    found = bound(tmp_path, materialx(ROUGH, chain(8, body)))
+    found = bound(tmp_path, materialx(ROUGH, chain(8, "float in1 <- {0}\nfloat in2 <- {0}")))
     np.testing.assert_allclose(value(found, "roughness", "float"), 0.25**128)
 
 

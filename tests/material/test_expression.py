@@ -88,8 +88,7 @@ def test_values(text: str, wanted: Any) -> None:
 
 
 def test_names_are_the_inputs_in_order_of_appearance() -> None:
-    expression = parse("mix(wear, dirt * PI, wear) + _a1 + noise(B, smooth)")
-    assert expression.names == ("wear", "dirt", "_a1", "B")
+    assert parse("mix(wear, dirt * PI, wear) + _a1 + noise(B, smooth)").names == ("wear", "dirt", "_a1", "B")
 
 
 def test_arrays_broadcast() -> None:
@@ -216,8 +215,7 @@ def trace(graph: Graph, text: str) -> Any:
 
 
 def reads(text: str) -> set[str]:
-    nodes = reachable(elements_of(trace(Graph(), text)))
-    return {str(node.args[0]) for node in nodes if node.op == "symbol"}
+    return {str(node.args[0]) for node in reachable(elements_of(trace(Graph(), text))) if node.op == "symbol"}
 
 
 @pytest.mark.parametrize(
@@ -434,8 +432,7 @@ def _saturate(r: float, g: float, b: float, amount: float) -> list[float]:
     ],
 )
 def test_formulas_are_those_of_seexpr(name: str, wanted: Callable[..., float], count: int) -> None:
-    rng = np.random.default_rng(4)
-    arguments = rng.uniform(0.01, 0.99, (count, 500))
+    arguments = np.random.default_rng(4).uniform(0.01, 0.99, (count, 500))
     given = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
     expected = [wanted(*column) for column in arguments.T]
     # Where a difference of arguments divides, its rounding counts as much as its value is small: fit, at worst 1000.
@@ -518,8 +515,7 @@ def test_noise_of_fewer_coordinates_is_a_slice() -> None:
 
 
 def test_noise_is_smooth_across_the_lattice_and_periodic() -> None:
-    whole = np.floor(_places(500))
-    np.testing.assert_array_equal(shaping.noise(*whole), 0.5)
+    np.testing.assert_array_equal(shaping.noise(*np.floor(_places(500))), 0.5)
     x, y, z = _places(500)
     step = 1e-4
     for function in (lambda s: shaping.noise(np.floor(x) + s, y, z), lambda s: shaping.noise(x, y, np.floor(z) + s)):

@@ -108,8 +108,7 @@ def test_a_look_of_one_constant_layer_is_a_preset(tmp_path: Path) -> None:
     metadata = '(\n doc = "Matte."\n customData = {\n string category = "classic"\n }\n)'
     for name, inputs in (("matte", ""), ("linked", "color3f reflectance <- .a")):
         layer = shader("B", "LookdevLambert", inputs + "\ntoken outputs:layer")
-        text = look("float a = 0.3\n" + layer, "</M/B.outputs:layer>", metadata)
-        (tmp_path / f"{name}.usda").write_text(text)
+        (tmp_path / f"{name}.usda").write_text(look("float a = 0.3\n" + layer, "</M/B.outputs:layer>", metadata))
     preset = read_preset(tmp_path / "matte.usda")
     assert (preset.prim, preset.model, preset.category, preset.doc) == ("/M/B", "lambert", "classic", "Matte.")
     # A reference to the layer alone would lose what it is connected to.

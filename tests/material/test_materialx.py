@@ -311,8 +311,7 @@ def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 
 def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None:
     second = MATERIAL.replace('"M"', '"Alt gold/1"')
-    found = imported(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second)
-    write_usda(found, tmp_path / "m.usda")
+    write_usda(imported(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second), tmp_path / "m.usda")
     for prim in ("/M", "/Alt_gold_1"):
         (layer,) = read_look(tmp_path / "m.usda", prim).layers
         assert layer.inputs["metallic"] == 1.0

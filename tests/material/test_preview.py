@@ -139,8 +139,7 @@ def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) 
 )
 def test_the_layer_with_most_weight_is_connected(write: Callable[..., Path], mask: str, expected: object) -> None:
     coat = disney("Coat", "float roughness = 0.25")
-    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough("Gray.r"), coat, GRAY), STACK))
-    assert shown["roughness"] == expected
+    assert preview_of(write(stack(BASE + LAYER1 + mask, rough("Gray.r"), coat, GRAY), STACK))["roughness"] == expected
 
 
 def test_an_interface_input_is_followed_and_a_cut_out_too(write: Callable[..., Path]) -> None:

@@ -74,8 +74,7 @@ def test_srgb_is_decoded_and_alpha_neither_decoded_nor_multiplied_in(tmp_path: P
     [([0.25], [0.25, 0.25, 0.25, 1]), ([0.25, 0.5], [0.25, 0.25, 0.25, 0.5]), ([1, 0.5, 0.25], [1, 0.5, 0.25, 1])],
 )
 def test_missing_channels_are_filled_as_in_usd(tmp_path: Path, stored: list[float], expected: list[float]) -> None:
-    pixels = np.array([[stored]], np.float32)
-    linear = linear_texture(Texture(save(tmp_path / "a.tif", pixels, "float"), "r", "raw"))
+    linear = linear_texture(Texture(save(tmp_path / "a.tif", np.array([[stored]], np.float32), "float"), "r", "raw"))
     np.testing.assert_array_equal(load(linear), [[expected]])
 
 
@@ -190,8 +189,7 @@ def test_transform_scale_and_bias_per_channel(tmp_path: Path) -> None:
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp", "black"])
 def test_slopes_are_central_differences_of_decoded_texels(tmp_path: Path, wrap: str) -> None:
     stored = np.array([[10, 250, 90], [200, 30, 60]], np.uint8)
-    rgba = np.stack([np.zeros_like(stored), stored, stored, stored], axis=-1)
-    file = save(tmp_path / "a.png", rgba, "uint8")
+    file = save(tmp_path / "a.png", np.stack([np.zeros_like(stored), stored, stored, stored], axis=-1), "uint8")
     for channel, h in (("g", srgb_to_linear(stored / 255) * 3.0), ("a", stored / 255 * 0.5)):
         texture = Texture(file, channel, "sRGB", wrap, wrap, scale=(1.0, 3.0, 1.0, 0.5), bias=(0.0, 9.0, 0.0, 9.0))
         a, b, c = h.T
@@ -256,8 +254,7 @@ def test_slopes_are_the_derivative_of_the_height(
     st = np.random.default_rng(7).uniform(-2, 3, (50, 40, 2))
     matrix = np.array(transform).reshape(2, 3)
     u, v = np.moveaxis(st @ matrix[:, :2].T + matrix[:, 2], -1, 0)
-    in_image = np.stack([df(u) * g(v), f(u) * dg(v)], axis=-1)
-    expected = in_image @ matrix[:, :2]
+    expected = np.stack([df(u) * g(v), f(u) * dg(v)], axis=-1) @ matrix[:, :2]
     # With x = 2 pi / texels the difference quotient loses x^2 / 6 of a sine's slope of 2 pi at most, interpolation
     # x^2 / 8 along each axis; where the slope of a profile has a kink (the edge of `black` and `clamp`: a curvature of
     # 2 pi^2 that ends) it is off by up to half a texel of it.
@@ -294,8 +291,7 @@ def roughness(file: Path) -> Texture:
 
 
 def test_an_image_of_the_root_layer(tmp_path: Path) -> None:
-    text = textured("tex/a.png")
-    found = roughness(package(tmp_path, {"look.usda": text}, {"tex/a.png": 0.2}))
+    found = roughness(package(tmp_path, {"look.usda": textured("tex/a.png")}, {"tex/a.png": 0.2}))
     assert found.file.name == "a.png"
     np.testing.assert_allclose(sample_texture(found, [0.5, 0.5]), 51 / 255)
 
@@ -327,8 +323,7 @@ def test_a_file_that_left_the_cache_is_copied_again(tmp_path: Path) -> None:
 def test_a_set_of_tiles(tmp_path: Path) -> None:
     text = textured("tex/a.<UDIM>.png")
     file = package(tmp_path, {"look.usda": text}, {"tex/a.1001.png": 0.2, "tex/a.1012.png": 0.6})
-    values = sample_texture(roughness(file), [[0.5, 0.5], [1.5, 1.5], [1.5, 0.5]])
-    np.testing.assert_allclose(values, [0.2, 0.6, 0.0])
+    np.testing.assert_allclose(sample_texture(roughness(file), [[0.5, 0.5], [1.5, 1.5], [1.5, 0.5]]), [0.2, 0.6, 0.0])
 
 
 @pytest.mark.parametrize(

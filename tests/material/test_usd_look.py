@@ -165,8 +165,7 @@ def test_modes_and_mixed_models(write) -> None:
 
 def test_metals_of_layers_may_differ(write) -> None:
     body = 'token fresnel = "conductor"\ncolor3f eta = (0.25, 0.5, 1.5)\ncolor3f k = (4, 2, 2)'
-    file = write(stack(f"{BASE}\n{LAYER1}", disney(), disney("Coat", body)), STACK)
-    base, top = read_look(file).layers
+    base, top = read_look(write(stack(f"{BASE}\n{LAYER1}", disney(), disney("Coat", body)), STACK)).layers
     assert base.inputs == {}
     assert top.inputs == {"fresnel": "conductor", "eta": (0.25, 0.5, 1.5), "k": (4.0, 2.0, 2.0)}
 
@@ -184,8 +183,7 @@ def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
     low, high = (over("Base", f"float roughness = {value}") for value in (0.25, 0.75))
     custom = f'"custom" {selecting(rough="low")} {{\n{variants("rough", low=low, high=high)}}}\n'
     sets = variants("finish", plain="").removesuffix("}\n") + custom + "}\n"
-    gold = 'def "Base" (references = @./preset.usda@</Gold>) { }'
-    file = write(sets + gold, material=selecting(finish="plain"))
+    file = write(sets + 'def "Base" (references = @./preset.usda@</Gold>) { }', material=selecting(finish="plain"))
     assert inputs_of(file) == {"metallic": 1.0}
     # "rough" exists only once "finish" is chosen, whatever the order in which they are given.
     assert inputs_of(file, rough="high", finish="custom") == {"metallic": 1.0, "roughness": 0.75}
@@ -290,8 +288,7 @@ EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat 
 
 
 def masked(*shaders: str) -> str:
-    mask = "float layer1Mask <- Expr.result\n"
-    return stack(BASE + LAYER1 + mask, disney(), disney("Coat"), *shaders)
+    return stack(BASE + LAYER1 + "float layer1Mask <- Expr.result\n", disney(), disney("Coat"), *shaders)
 
 
 def mask_of(write, *shaders: str) -> Formula:
@@ -356,10 +353,8 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
     look = read_look(file)
     assert look_uvs(look) == ("st",)
-    graph = Graph()
-    inputs = Inputs(graph, lambda source: pytest.fail("no image is opened"))
-    value = Values(inputs).read(look.layers[1].mask, color=False)
-    assert isinstance(value, SymbolicArray)
+    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is opened"))
+    assert isinstance(Values(inputs).read(look.layers[1].mask, color=False), SymbolicArray)
     assert examine(file).findings == ()
 
 

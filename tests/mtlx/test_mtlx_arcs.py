@@ -54,8 +54,7 @@ def write(folder: Path, text: str) -> Path:
 def assert_composed(file: Path, path: str, folder: Path) -> None:
     stage = open_stage(file)
     assert not stage.GetCompositionErrors()
-    material = UsdShade.Material(stage.GetPrimAtPath(path))
-    shader, _, _ = material.ComputeSurfaceSource("mtlx")
+    shader, _, _ = UsdShade.Material(stage.GetPrimAtPath(path)).ComputeSurfaceSource("mtlx")
     assert shader.GetPath() == f"{path}/S"
     (source,) = shader.GetInput("base_color").GetValueProducingAttributes()
     image = stage.GetPrimAtPath(source.GetPrimPath()).GetAttribute("inputs:file").Get()
@@ -101,8 +100,7 @@ def test_a_package(tmp_path: Path) -> None:
     writer.Save()
     stage = open_stage(tmp_path / "a.usdz")
     assert not stage.GetCompositionErrors()
-    image = stage.GetAttributeAtPath("/A/Gold/i.inputs:file").Get()
-    assert image.resolvedPath == f"{tmp_path / 'a.usdz'}[sub/a.png]"
+    assert stage.GetAttributeAtPath("/A/Gold/i.inputs:file").Get().resolvedPath == f"{tmp_path / 'a.usdz'}[sub/a.png]"
 
 
 def test_a_layer_that_is_redirected_cannot_be_saved(tmp_path: Path) -> None:

@@ -133,8 +133,7 @@ def test_a_sphere_under_a_light_has_lamberts_law() -> None:
 
 
 def test_the_difference_of_one_and_itself_is_nothing() -> None:
-    plot = plotted("difference", PLASTIC, PLASTIC, size=16)
-    assert not plot.columns["difference of cube roots"].any()
+    assert not plotted("difference", PLASTIC, PLASTIC, size=16).columns["difference of cube roots"].any()
 
 
 @pytest.mark.parametrize(

@@ -214,8 +214,7 @@ def test_a_ray_never_meets_the_triangle_that_it_leaves(size, place):
     met, far = scene.onward(places, np.einsum("nji,nj->ni", frame, local))
     assert met.all()
     assert (far["triangle"] != places["triangle"]).all()
-    outward = np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0))
-    assert not scene.onward(places, outward)[0].any()
+    assert not scene.onward(places, np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0)))[0].any()
 
 
 @pytest.mark.both_pythons

@@ -55,8 +55,7 @@ def test_rays_go_through_the_points_that_pixels_show(camera: Camera) -> None:
 
 
 def test_a_shift_moves_the_frame_by_widths() -> None:
-    shifted = replace(PLAIN, shift=(0.25, 0.1))
-    origin, direction = camera_rays(shifted, Pose(0.0, 0.0), SIZE, 10.0, 30.0)
+    origin, direction = camera_rays(replace(PLAIN, shift=(0.25, 0.1)), Pose(0.0, 0.0), SIZE, 10.0, 30.0)
     same, expected = camera_rays(PLAIN, Pose(0.0, 0.0), SIZE, 10.0 + 0.25 * 80, 30.0 - 0.1 * 80)
     np.testing.assert_allclose((origin, direction), (same, expected), atol=1e-15)
 
@@ -82,8 +81,7 @@ def test_rays_of_a_lens_leave_a_disc_and_meet_in_the_plane_of_focus() -> None:
 
 def test_a_camera_is_plain_data() -> None:
     camera = replace(GENERAL, lens=Lens(0.4, 2.5))
-    kind = TypeAdapter(Camera)
-    assert kind.validate_json(json.dumps(asdict(camera))) == camera
+    assert TypeAdapter(Camera).validate_json(json.dumps(asdict(camera))) == camera
     moved = camera.moved((1.0, 2.0, 3.0))
     np.testing.assert_allclose(moved.position - camera.position, [1.0, 2.0, 3.0])
     assert moved.pivot == pytest.approx((1.5, 2.7))

@@ -66,8 +66,7 @@ def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_cop
 
 
 def test_what_wears_the_same_shares_one_split() -> None:
-    mesh = squares("/A/Mesh")
-    asset = asset_of([mesh], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
+    asset = asset_of([squares("/A/Mesh")], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
     dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
     assert [instance.mesh for instance in dressed.instances] == [0, 1, 0, 1]
     assert wears == {"/A/Mesh": False, "/B/Mesh": True}

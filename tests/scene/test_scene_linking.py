@@ -97,8 +97,7 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
     lights = (light(("/a", "expandPrims")), light(linked=False))
     linked = link_lights(three(), {"/a/one": GREY}, lights)
     camera = frame_camera(linked.asset.center, linked.asset.radius, (8, 8))
-    scene = Scene(linked.asset, linked.wears, lights, camera, Film((8, 8)), linked.lit)
-    task = scene_task(scene, Sampling())
+    task = scene_task(Scene(linked.asset, linked.wears, lights, camera, Film((8, 8)), linked.lit), Sampling())
     assert task.lit == ((0, 1), (1,))
     assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]
     other = replace(task, lit=((0, 1), (0,)))

@@ -65,8 +65,7 @@ def test_a_set_that_nothing_can_stand_for_stays_missing(sets: tuple[str, ...]) -
 
 
 def test_the_assets_own_look_reads_zero_on_a_mesh_without_any() -> None:
-    asset = one(squares("/A", uvs=()))
-    result, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
+    result, notes = with_uvs(one(squares("/A", uvs=())), {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
     assert notes == ("/A has no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)",)
     np.testing.assert_array_equal(result.meshes[0].uvs["st"], np.zeros((4, 2), np.float32))
     candidates = one(squares("/A", uvs=("map1", "map2")))

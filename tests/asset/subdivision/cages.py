@@ -118,8 +118,7 @@ def _grid(columns: int = 3, rows: int = 3, **rules: Any) -> Mesh:
 def _mixed() -> tuple[NDArray[np.float64], list[list[int]]]:
     """Return a patch of a pentagon, triangles and quads around a triangle."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 0], [1, -2, 0], [3, 1, 0], [-1, 1, 0], [3, -1, 0], [2, 3, 0], [0, 3, 0]]
-    faces = [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [3, 6, 1], [6, 4, 1], [2, 4, 7], [2, 7, 8, 5]]
-    return bent(points), faces
+    return bent(points), [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [3, 6, 1], [6, 4, 1], [2, 4, 7], [2, 7, 8, 5]]
 
 
 def _fins() -> Mesh:

@@ -27,8 +27,7 @@ def test_a_hole_is_refined_and_not_shown(level):
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_points_that_no_face_has_are_left_out(level):
     points, faces = lattice(2, 2)
-    mesh = cage([*bent(points), [1e6, 0.0, 0.0]], faces)
-    refined = refine(mesh, level)
+    refined = refine(cage([*bent(points), [1e6, 0.0, 0.0]], faces), level)
     assert np.abs(refined.points).max() < 10.0
     np.testing.assert_array_equal(np.unique(refined.corner_points), np.arange(len(refined.points)))
 
@@ -127,8 +126,7 @@ def test_a_mesh_without_subdivision_is_returned_as_it_is():
 @pytest.mark.parametrize("levels", [[2] * 30, [i % 3 for i in range(30)]])
 def test_many_cages_are_refined_as_each_is_alone(levels, monkeypatch):
     monkeypatch.setattr("lookdev.asset.subdivision.batch._BATCH", 3000)
-    names = [*CAGES, *CAGES][: len(levels)]
-    meshes = [replace(CAGES[name], name=f"/{i}") for i, name in enumerate(names)]
+    meshes = [replace(CAGES[name], name=f"/{i}") for i, name in enumerate([*CAGES, *CAGES][: len(levels)])]
     for mesh, level, together in zip(meshes, levels, refine_all(meshes, levels), strict=True):
         alone = refine(mesh, level)
         assert together.name == mesh.name

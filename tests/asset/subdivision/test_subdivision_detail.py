@@ -99,8 +99,7 @@ def test_a_mesh_that_is_no_cage_stays_at_level_0():
 @pytest.mark.parametrize("size", [0.02, 0.001])
 def test_the_edges_of_a_detailed_mesh_are_two_pixels_long(size):
     points, faces = lattice(1, 1)
-    mesh = cage(points, faces, "bilinear")
-    (level,) = levels([mesh], size, detailed=[0])
+    (level,) = levels([cage(points, faces, "bilinear")], size, detailed=[0])
     assert 1.0 / 2**level <= DETAIL * size < 2.0 / 2**level
 
 

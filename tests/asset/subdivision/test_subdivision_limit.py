@@ -165,8 +165,7 @@ def test_normals_do_not_depend_on_the_unit_of_length(scale):
 @pytest.mark.parametrize("name", ["cube", "sharp ring", "junctions", "loop, soft"])
 def test_a_closed_cage_stays_closed(name):
     refined = refine(CAGES[name], 3)
-    size = int(refined.face_sizes[0])
-    corners = refined.corner_points.reshape(-1, size)
+    corners = refined.corner_points.reshape(-1, int(refined.face_sizes[0]))
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
     assert len(np.unique(edges, axis=0)) == len(edges)
     np.testing.assert_array_equal(np.unique(edges, axis=0), np.unique(edges[:, ::-1], axis=0))
@@ -175,8 +174,7 @@ def test_a_closed_cage_stays_closed(name):
 
 
 def test_bilinear_faces_have_the_normals_of_their_patches():
-    mesh = cage([[0, 0, 0], [2, 0, 0], [2, 2, 1], [0, 2, 0]], [[0, 1, 2, 3]], "bilinear")
-    refined = refine(mesh, 3)
+    refined = refine(cage([[0, 0, 0], [2, 0, 0], [2, 2, 1], [0, 2, 0]], [[0, 1, 2, 3]], "bilinear"), 3)
     x, y, z = refined.points[refined.corner_points].astype(np.float64).T
     np.testing.assert_allclose(z, 0.25 * x * y, atol=2.0 * EPS)
     normals = unit(np.stack([-0.25 * y, -0.25 * x, np.ones_like(x)], axis=-1))

@@ -333,8 +333,7 @@ def translated_albedo(name: str, inputs: dict[str, Any], degrees: float) -> Floa
     for lobe in bsdf.lobes(wo):
         if not np.any(lobe.share) or not np.any(lobe.weight):
             continue
-        alpha = float(np.max(lobe.values.get("alpha_x", 1.0)))
-        wi, weight = half_vector_grid(wo, alpha, _CELLS)
+        wi, weight = half_vector_grid(wo, float(np.max(lobe.values.get("alpha_x", 1.0))), _CELLS)
         alone = type(bsdf)(lambda _, lobe=lobe: (lobe,))
         total += (evaluate_cosine(alone, wo, wi) * weight[:, None]).sum(axis=0)
     return total

@@ -128,8 +128,7 @@ def test_inputs_are_those_of_the_definition(each: Translation) -> None:
 def test_layers_are_within_the_ranges_of_their_models(each: Translation) -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
-        stack = translated(StackLayer(each.name, random_inputs(each, rng, 50)))
-        for layer in stack:
+        for layer in translated(StackLayer(each.name, random_inputs(each, rng, 50))):
             assert np.all((np.asarray(layer.mask) >= 0.0) & (np.asarray(layer.mask) <= 1.0))
             for name, value in layer.parameters.items():
                 if not isinstance(value, str):
