@@ -47,13 +47,8 @@ def random_values(seed: int) -> Floats:
 @pytest.mark.parametrize(
     "values",
     [
-        np.ones(1),
-        np.ones(16),
-        np.ones(17),
-        np.ones(1000),
-        np.eye(1, 1000, 0)[0],
-        np.eye(1, 1000, 321)[0],
-        np.eye(1, 1000, 999)[0],
+        *(np.ones(size) for size in (1, 16, 17, 1000)),
+        *(np.eye(1, 1000, place)[0] for place in (0, 321, 999)),
         np.arange(1000.0),
         1.0 + 500.0 * np.eye(1, 1000, 321)[0],
         np.arange(1000) % 50 == 7.0,

@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from light_cases import overcast, sunny
 from numpy.typing import NDArray
 
-from lookdev.errors import EnvironmentMapError
 from lookdev.light import Emission, LocalDome
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
@@ -60,16 +58,3 @@ def test_a_local_dome_ends_softly() -> None:
         np.testing.assert_allclose(light.radiance(place, direction), share * full(place, direction), rtol=1e-9)
         assert (light.pdf(place, direction) > 0.0) == (away < 2.0)
         assert np.isfinite(light.distance(place, direction)) == (away < 2.0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"radius": 0.0}, "radius 0"),
-        ({"edge": 1.5}, "edge 1.5: a part"),
-        ({"position": (0.0, np.nan, 0.0)}, "position"),
-    ],
-)
-def test_a_wrong_local_dome_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(EnvironmentMapError, match=message):
-        local(**changes)

@@ -1,17 +1,20 @@
 """Irradiance on a Lambert plane by quadrature of each light's sampling, against closed forms or its surface's area."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from closed_forms import by_sampling, of_cone, of_polygon
 from numpy.typing import NDArray
 
-from lookdev.light import CylinderLight, DiskLight, DistantLight, RectLight, SphereLight
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, SphereLight
 from lookdev.light.placement import Axes, to_world
 
 Floats = NDArray[np.float64]
 
 AXES: Axes = ((0.8, 0.6, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 1.0))
 POSITION = (0.3, -0.2, 2.0)
+STANDS: dict[str, Any] = {"position": POSITION, "axes": AXES}
 # Light 2 m above: below it, at its edge, aside, far, close, in all tilts.
 PLACES = np.array(
     [
@@ -39,42 +42,50 @@ def light_corners(corners: Floats) -> Floats:
     return np.array(POSITION) + to_world(AXES, corners)
 
 
+RADII = {
+    "sphere": (1.9, 0.2, 0.7, 0.3, 0.01, 1.0, 30.0, 1.5, 0.1, 1e-3),
+    "cylinder": (0.2, 0.1, 0.15, 0.05, 0.004, 0.8, 10.0, 1.0, 0.3, 50.0),
+}
+
+
+def light_and_irradiance(kind: str, number: int) -> tuple[Light, Floats, float]:
+    """Return a light, a normal, and the irradiance of a place: in closed form, or from all of the light's surface."""
+    place, normal, facing = PLACES[number], NORMALS[number], FACING[number]
+    match kind:
+        case "rect":
+            return RectLight(width=1.6, height=0.7, **STANDS), normal, of_polygon(light_corners(SQUARE), place, normal)
+        case "disk":
+            return DiskLight(radii=(0.8, 0.35), **STANDS), normal, of_polygon(light_corners(ELLIPSE), place, normal)
+        case "sphere":
+            towards = np.array(POSITION) - place
+            away = float(np.linalg.norm(towards))
+            sphere = SphereLight(radius=RADII[kind][number], position=POSITION)
+            assert away > sphere.radius
+            return sphere, facing, of_cone(sphere.radius / away, float(towards @ facing) / away)
+    light = CylinderLight(length=1.5, radius=RADII[kind][number], **STANDS)
+    x = light.length * ((np.arange(1000) + 0.5) / 1000 - 0.5)
+    x, angle = (values.ravel() for values in np.meshgrid(x, 2.0 * np.pi * (np.arange(500) + 0.5) / 500))
+    outward = np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=-1)
+    towards = light_corners(np.stack([x, 0.0 * x, 0.0 * x], axis=-1) + light.radius * outward) - place
+    sent = np.maximum(-(towards * to_world(AXES, outward)).sum(axis=-1), 0.0) * np.maximum(towards @ facing, 0.0)
+    return light, facing, (sent / (towards**2).sum(axis=-1) ** 2).mean() * light.size_factor
+
+
 # The rule, of 16 x 8 nodes a side, is exact where a light ends with the square of numbers; where the horizon cuts the
-# light, it misses up to 3e-5 of it, 1 mm away.
-CUT = {"rel": 5e-5}
-WHOLE = {"rel": 1e-9}
+# light, it misses up to 3e-5 of it, 1 mm away. Of what ends within the square, it finds the rim to a node.
+RIM, CUT, WHOLE = 1e-3, 5e-5, 1e-9
+ALL_CUT = {"rect": (1, 2, 3, 4, 5, 8), "sphere": (3, 8)}
 
 
 @pytest.mark.parametrize("number", range(10))
-def test_a_rectangle_lights_as_lambert_has_it(number: int) -> None:
-    light = RectLight(width=1.6, height=0.7, position=POSITION, axes=AXES)
-    wanted = of_polygon(light_corners(SQUARE), PLACES[number], NORMALS[number])
-    got = by_sampling(light, PLACES[number], NORMALS[number], 16)
+@pytest.mark.parametrize("kind", ["rect", "disk", "sphere", "cylinder"])
+def test_a_light_sends_what_lambert_has_or_what_its_surface_sends(kind: str, number: int) -> None:
+    light, normal, wanted = light_and_irradiance(kind, number)
     assert wanted > 0.0
-    assert got == pytest.approx(wanted, **(WHOLE if number in (0, 6, 7, 9) else CUT))
-
-
-# Of what ends within the rectangle that is sampled: the rule finds its rim to a node.
-RIM = {"rel": 1e-3}
-
-
-@pytest.mark.parametrize("number", range(10))
-def test_an_ellipse_is_a_polygon_of_many_corners(number: int) -> None:
-    light = DiskLight(radii=(0.8, 0.35), position=POSITION, axes=AXES)
-    wanted = of_polygon(light_corners(ELLIPSE), PLACES[number], NORMALS[number])
-    assert by_sampling(light, PLACES[number], NORMALS[number], 32) == pytest.approx(wanted, **RIM)
-
-
-@pytest.mark.parametrize("number", range(10))
-def test_a_sphere_lights_as_the_part_of_its_cone_above_the_horizon(number: int) -> None:
-    place, normal = PLACES[number], FACING[number]
-    light = SphereLight(radius=(1.9, 0.2, 0.7, 0.3, 0.01, 1.0, 30.0, 1.5, 0.1, 1e-3)[number], position=POSITION)
-    towards = np.array(POSITION) - place
-    away = np.linalg.norm(towards)
-    assert away > light.radius
-    wanted = of_cone(light.radius / away, towards @ normal / away)
-    assert wanted > 0.0
-    assert by_sampling(light, place, normal, 16) == pytest.approx(wanted, **(CUT if number in (3, 8) else WHOLE))
+    # From afar, all of what is drawn beside a cylinder's outline is in few panels.
+    panels = {"disk": 32, "cylinder": 64 if number in (6, 9) else 32}.get(kind, 16)
+    tolerance = (CUT if number in ALL_CUT[kind] else WHOLE) if kind in ALL_CUT else RIM
+    assert by_sampling(light, PLACES[number], normal, panels) == pytest.approx(wanted, rel=tolerance)
 
 
 @pytest.mark.parametrize("angle", [0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.9])
@@ -92,21 +103,3 @@ def test_a_distant_light_that_is_too_narrow_is_drawn_wider(angle: float) -> None
     for tilt in (0.0, 0.5, 1.5):
         normal = np.array((np.sin(tilt), 0.0, np.cos(tilt)))
         assert by_sampling(light, PLACES[0], normal, 4) == pytest.approx(wanted * np.cos(tilt), rel=1e-6)
-
-
-@pytest.mark.parametrize("number", range(10))
-def test_a_cylinder_lights_as_its_surface(number: int) -> None:
-    radius = (0.2, 0.1, 0.15, 0.05, 0.004, 0.8, 10.0, 1.0, 0.3, 50.0)[number]
-    light = CylinderLight(length=1.5, radius=radius, position=POSITION, axes=AXES)
-    place, normal = PLACES[number], FACING[number]
-    x = light.length * ((np.arange(1000) + 0.5) / 1000 - 0.5)
-    angle = 2.0 * np.pi * (np.arange(500) + 0.5) / 500
-    x, angle = (values.ravel() for values in np.meshgrid(x, angle))
-    outward = np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=-1)
-    surface = np.stack([x, 0.0 * x, 0.0 * x], axis=-1) + radius * outward
-    towards = light_corners(surface) - place
-    sent = np.maximum(-(towards * to_world(AXES, outward)).sum(axis=-1), 0.0) * np.maximum(towards @ normal, 0.0)
-    wanted = (sent / (towards**2).sum(axis=-1) ** 2).mean() * light.size_factor
-    assert wanted > 0.0
-    # From afar, all of what is drawn beside the outline is in few panels.
-    assert by_sampling(light, place, normal, 64 if number in (6, 9) else 32) == pytest.approx(wanted, **RIM)

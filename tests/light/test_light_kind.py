@@ -9,6 +9,8 @@ from pathlib import Path
 import cone
 import numpy as np
 import pytest
+from agreement import assert_scene_agreement
+from frames import render_seeds, scene_of
 from light_cases import assert_follows, cells, dome, overcast, sunny
 from looks import quick_among
 from numpy.typing import NDArray
@@ -17,35 +19,19 @@ from sample_density import jacobian
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content
-from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.codegen.osl.light import light_sections
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import (
-    LIGHT_KINDS,
-    AnyLight,
-    Emission,
-    EnvironmentMap,
-    Falloff,
-    Light,
-    Profile,
-    RectLight,
-    Shadow,
-    Shaping,
-    SphereLight,
-    Turned,
-    make_environment,
-    prepare_texture,
-)  # fmt: skip
+from lookdev.light import LIGHT_KINDS, AnyLight, EnvironmentMap, Light, Profile, RectLight, SphereLight, Turned
+from lookdev.light.dome.environment import make_environment
+from lookdev.light.emission import Emission, Falloff, Shadow, Shaping
 from lookdev.light.fit import with_emission
 from lookdev.light.lamps import AnyDome, Lamp
 from lookdev.light.link import Link
+from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
-from lookdev.reference.mesh import MeshScene
-from lookdev.reference.render import frame_pixels
 from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask
 from lookdev.render.worker import Worker
-from lookdev.scene import Camera, Pose, Sampling, Scene
+from lookdev.scene import Sampling, Scene
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +61,7 @@ EXAMPLES: dict[str, Callable[[], Light]] = {
 }
 WHITE = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3, "roughness": 1.0, "specular": 0.0}),))
 PLACE = np.array([0.3, -0.2, 0.5])
-SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=4, bounces=0)
+SAMPLING = {"samples": 32, "brdf_samples": 2, "ibl_samples": 4, "bounces": 0}
 
 
 @pytest.fixture(autouse=True)
@@ -157,7 +143,7 @@ def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
 def test_a_light_without_a_world_is_refused_by_nodes(backend: str) -> None:
     with pytest.raises(EnvironmentMapError, match=r"light 1 \(cone\): .*backend 'exact' renders it"):
-        scene_task(Scene.of_look(load_asset(builtin="sphere"), WHITE, cone.CONE.example(), (8, 8)), SAMPLING, backend)
+        scene_task(Scene.of_look(load_asset(builtin="sphere"), WHITE, cone.CONE.example(), (8, 8)), Sampling(), backend)
 
 
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if issubclass(kind.type, Lamp | AnyDome)])
@@ -172,7 +158,7 @@ def test_a_kind_with_osl_of_its_own_stands_alone() -> None:
     lights = (cone.CONE.example(), KINDS["rect"].example())
     scene = replace(Scene.of_look(load_asset(builtin="sphere"), WHITE, lights[0], (8, 8)), lights=lights)
     with pytest.raises(EnvironmentMapError, match="a light of kind 'cone' cannot be one of several"):
-        scene_task(scene, SAMPLING)
+        scene_task(scene, Sampling())
 
 
 @pytest.fixture(scope="module")
@@ -189,16 +175,5 @@ OF_THEIR_OWN = [(name,) for name, kind in KINDS.items() if kind.osl]
 @pytest.mark.cycles
 @pytest.mark.parametrize("kind", quick_among(OF_THEIR_OWN, [case for case in OF_THEIR_OWN if case != ("dome",)]))
 def test_frames_agree_with_the_reference(kind: str, worker: Worker) -> None:
-    asset, light, size = load_asset(builtin="sphere"), KINDS[kind].example(), (48, 48)
-    camera, pose = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius), Pose(30.0, 75.0)
-    scene = scene_task(Scene.of_look(asset, WHITE, light, size, camera), SAMPLING)
-    worker.start()
-    frames = []
-    for seed in range(4):
-        task = FrameTask(replace(scene, sampling=replace(SAMPLING, seed=seed)), pose, 0.0, f"{kind} {seed}", (), {})
-        frames.append(worker.render(task, lambda progress: None))
-    halves, alpha = np.stack([half for frame in frames for half in (frame.a, frame.b)]), frames[0].alpha
-    pixels = choose_pixels(alpha, 100, seed=1)
-    reference = frame_pixels(MeshScene(asset, [WHITE]), [light], camera, pose, size, pixels)
-    finding = check_frame(kind, halves, alpha, len(frames) * SAMPLING.samples, pixels, reference)
-    assert finding.passed, finding
+    scene = scene_of(load_asset(builtin="sphere"), WHITE, [KINDS[kind].example()], 48)
+    assert_scene_agreement(kind, render_seeds(worker, scene, range(4), **SAMPLING), scene, SAMPLING["samples"])

@@ -130,18 +130,8 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
     row = dict(zip(FIELDS, lamp.tolist(), strict=True))
     assert list(SHAPES)[int(row["kind"])] == "rect"
     # By hand: a cone of 50 degrees that softens from 30 on, a falloff that ends, a shadow that fades.
-    wanted = {
-        "x": -0.1,
-        "y": -1.25,
-        "z": 1.6,
-        "x0": 1.0,
-        "y1": 0.8,
-        "y2": 0.6,
-        "z1": -0.6,
-        "z2": 0.8,
-        "a": 1.2,
-        "b": 0.8,
-    }
+    wanted = {"x": -0.1, "y": -1.25, "z": 1.6, "x0": 1.0, "y1": 0.8, "y2": 0.6, "z1": -0.6, "z2": 0.8}
+    wanted |= {"a": 1.2, "b": 0.8}
     wanted |= {"reach": np.hypot(0.6, 0.4), "red": 3.0, "green": 2.0, "blue": 1.0, "mean": 2.0, "turns": 0, "camera": 1}
     wanted |= {"cone": np.radians(50.0), "start": np.radians(30.0), "rise": 1.0 / np.radians(20.0), "focus": 2.0}
     wanted |= {"tint0": 0.1, "tint1": 0.2, "tint2": 0.3, "profile": -1, "profile_scale": 1, "angle_scale": 0}

@@ -1,23 +1,13 @@
 import numpy as np
-import pytest
 
 from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
 
 
-@pytest.mark.parametrize(
-    ("direction", "uv"),
-    [
-        ((1, 0, 0), (0.5, 0.5)),
-        ((0, 1, 0), (0.25, 0.5)),
-        ((0, -1, 0), (0.75, 0.5)),
-        ((1, 0, 1), (0.5, 0.75)),
-        ((1, 0, -1), (0.5, 0.25)),
-    ],
-)
-def test_known_directions(direction: tuple[float, ...], uv: tuple[float, ...]) -> None:
-    np.testing.assert_allclose(direction_to_uv(direction), uv, atol=1e-15)
-    unit = np.array(direction) / np.linalg.norm(direction)
-    np.testing.assert_allclose(uv_to_direction(uv), unit, atol=1e-15)
+def test_known_directions() -> None:
+    uvs = {(1, 0, 0): (0.5, 0.5), (0, 1, 0): (0.25, 0.5), (0, -1, 0): (0.75, 0.5), (1, 0, 1): (0.5, 0.75)}
+    for direction, uv in (uvs | {(1, 0, -1): (0.5, 0.25)}).items():
+        np.testing.assert_allclose(direction_to_uv(direction), uv, atol=1e-15)
+        np.testing.assert_allclose(uv_to_direction(uv), direction / np.linalg.norm(direction), atol=1e-15)
 
 
 def test_poles_are_finite_and_exact() -> None:
@@ -26,7 +16,7 @@ def test_poles_are_finite_and_exact() -> None:
     np.testing.assert_array_equal(uv_to_direction([[0.3, 1.0], [0.7, 0.0]]), [[0, 0, 1], [0, 0, -1]])
 
 
-def test_round_trip_of_random_directions() -> None:
+def test_round_trip_of_random_directions_and_u_is_periodic() -> None:
     rng = np.random.default_rng(1)
     direction = rng.normal(size=(4, 1000, 3))
     direction[0, :, :2] *= 1e-9  # close to the poles
@@ -35,11 +25,7 @@ def test_round_trip_of_random_directions() -> None:
     assert ((uv >= 0.0) & (uv <= 1.0)).all()
     # atan2 and the way back round a few times in units of pi.
     np.testing.assert_allclose(uv_to_direction(uv), direction, atol=2e-15)
-
-
-def test_u_is_periodic() -> None:
-    uv = np.array([0.1, 0.6])
-    np.testing.assert_allclose(uv_to_direction(uv + np.array([1.0, 0.0])), uv_to_direction(uv), atol=2e-15)
+    np.testing.assert_allclose(uv_to_direction(uv + np.array([1.0, 0.0])), direction, atol=4e-15)
 
 
 def test_rotation_about_z() -> None:

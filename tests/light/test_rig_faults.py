@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from rig_files import DIM, Z_UP, light, rig, write_image, write_rig
+from rig_files import DIM, Z_UP, light, rig, write_rig
 
 from lookdev.errors import LookdevError, RigError
 from lookdev.light.rig import load_rig
 
 SHAPED = '"ShapingAPI"'
-PROFILE = "IESNA91\nTILT=NONE\n1 -1 1 {down} 1 1 2 0 0 0\n1 1 0\n{angles}\n0\n{candela}\n"
+FAR = 'double3 xformOp:translate = (0, 2e9, 0); uniform token[] xformOpOrder = ["xformOp:translate"]'
 UNEVEN = 'double3 xformOp:scale = (1, 2, 1); uniform token[] xformOpOrder = ["xformOp:scale"]'
 
 
@@ -32,7 +31,6 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("SphereLight", "float inputs:intensity = -1"), "/Rig/Lamp.inputs:intensity: is -1 (a finite number of"),
         (light("SphereLight", "float inputs:exposure = nan"), "/Rig/Lamp.inputs:exposure: is nan (a finite number"),
         (light("SphereLight", "float inputs:exposure = 100"), "/Rig/Lamp: its largest radiance is 1.26765e+30"),
-        (light("SphereLight", "float inputs:exposure = 2000"), "/Rig/Lamp: its largest radiance is 1.07151e+301"),
         (light("SphereLight", "color3f inputs:color = (1, -1, 1)"), "/Rig/Lamp.inputs:color: is (1, -1, 1)"),
         (light("SphereLight", "color3f inputs:color = (1, inf, 1)"), "/Rig/Lamp.inputs:color: is (1, inf, 1)"),
         (light("SphereLight", "float inputs:diffuse = -0.5"), "/Rig/Lamp.inputs:diffuse: is -0.5"),
@@ -57,34 +55,20 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("SphereLight", "bool treatAsPoint = true; float inputs:radius = 0"), "inputs:radius: is 0"),
         (light("SphereLight", "float inputs:radius = 1e20"), "a side or radius of it is 1e+20 m (1e-09 to 1e+09 m"),
         (light("SphereLight", "float inputs:radius = 1e-20"), "a side or radius of it is 1e-20"),
-        (
-            light(
-                "DiskLight",
-                UNEVEN.replace("scale = (1, 2, 1)", "translate = (0, 2e9, 0)").replace("scale", "translate"),
-            ),
-            "/Rig/Lamp: it is 2e+09 m away (at most 1e+09 m",
-        ),
+        (light("DiskLight", FAR), "/Rig/Lamp: it is 2e+09 m away (at most 1e+09 m"),
         (light("SphereLight", "color3f visibility = (1, 0, 0)"), "/Rig/Lamp.visibility: has a value of type Vec3f"),
         (light("DiskLight", "uniform int xformOpOrder = 5"), "/Rig/Lamp.xformOpOrder: has a value of type int"),
         (light("DistantLight", "float inputs:angle = -1"), "/Rig/Lamp.inputs:angle: is -1"),
         (light("DistantLight", "float lookdev:falloff:exponent = 1"), "exponent: a DistantLight has no such attribute"),
         (light("SphereLight", "float lookdev:falloff:start = 2; float lookdev:falloff:end = 1"), "falloff end 1: more"),
-        (
-            light("DomeLight_1", "float inputs:shaping:focus = 1", SHAPED),
-            "focus: has no effect: a dome light has no beam",
-        ),
+        (light("DomeLight_1", "float inputs:shaping:focus = 1", SHAPED), "has no effect: a dome light has no beam"),
         (light("DomeLight_1", 'uniform token poleAxis = "X"'), "poleAxis: is 'X' (known: scene, Y, Z)"),
         (light("DomeLight_1", "float lookdev:local:edge = 0.5"), "lookdev:local:edge: has no effect without a radius"),
         (light("DomeLight_1", "float lookdev:local:radius = 1; float lookdev:local:edge = 2"), "edge: is 2 (a part of"),
         (light("DomeLight_1", "asset inputs:texture:file = @no.exr@"), "texture:file: there is no file 'no.exr'"),
         (light("DomeLight_1", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
         (light("RectLight", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
-        (light("RectLight", "asset inputs:texture:file = @nan.exr@"), "/nan.exr: no finite value in the whole map"),
-        (light("SphereLight", "asset inputs:shaping:ies:file = @no.ies@", SHAPED), "there is no file 'no.ies'"),
         (light("SphereLight", "asset inputs:shaping:ies:file = @cut.ies@", SHAPED), "line 7: the file ends before"),
-        (light("SphereLight", "asset inputs:shaping:ies:file = @order.ies@", SHAPED), "angles do not increase"),
-        (light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", SHAPED), "candela value -4: none is"),
-        (light("SphereLight", "asset inputs:shaping:ies:file = @more.ies@", SHAPED), "1 numbers more than it"),
         ("custom bool lookdev:turns = false\n" + DIM, "/Rig.lookdev:turns: has no effect here (it is for lights)"),
         ("custom bool lookdev:ft = true\n" + DIM, "/Rig.lookdev:ft: has no effect here (did you mean 'fit'?)"),
         (light("Scope", "custom bool lookdev:fit = true") + DIM, "has no effect here (it is for the root of a rig"),
@@ -94,30 +78,15 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("Mesh", "", '"MeshLightAPI"'), "/Rig/Lamp: a Mesh that is a light by LightAPI is not supported"),
         (light("Volume", "", '"VolumeLightAPI"'), "/Rig/Lamp: a Volume that is a light by LightAPI is not supported"),
         (light("RectLigth", ""), "/Rig/Lamp: RectLigth is no type of USD's lights (did you mean 'RectLight'?)"),
-        (light("PxrDomeLight", ""), "/Rig/Lamp: PxrDomeLight is no type of USD's lights"),
-        (
-            'def PointInstancer "Many"\n{\n    def SphereLight "Lamp" {}\n}\n',
-            "/Rig/Many/Lamp: is in the PointInstancer /Rig/Many",
-        ),
+        (light("PointInstancer", 'def SphereLight "In" {}'), "/Rig/Lamp/In: is in the PointInstancer /Rig/Lamp"),
         ("", "/Rig: has no light that shines (a light is one of RectLight"),
         (light("SphereLight", 'token visibility = "invisible"'), "no light that shines (/Rig/Lamp: is hidden"),
-        (
-            light("SphereLight", 'pathExpression collection:lightLink:membershipExpression = "/A//"'),
-            "collection:lightLink:membershipExpression: is not supported",
-        ),
+        (light("SphereLight", 'pathExpression collection:lightLink:membershipExpression = "/A//"'), "is not supported"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_prim(tmp_path: Path, text: str, fault: str) -> None:
     (tmp_path / "bad.exr").write_bytes(b"\x76\x2f\x31\x01 no image")
-    write_image(tmp_path / "nan.exr", np.full((2, 4, 3), np.nan, np.float32))
-    for name, values in {
-        "cut": ("3", "0 45 90", "4 4"),
-        "order": ("2", "90 0", "4 4"),
-        "dark": ("2", "0 90", "4 -4"),
-        "more": ("2", "0 90", "4 4 4"),
-    }.items():
-        text_of = PROFILE.format(**dict(zip(("down", "angles", "candela"), values, strict=True)))
-        (tmp_path / f"{name}.ies").write_text(text_of.rstrip("\n") if name == "cut" else text_of)
+    (tmp_path / "cut.ies").write_text("IESNA91\nTILT=NONE\n1 -1 1 3 1 1 2 0 0 0\n1 1 0\n0 45 90\n0\n4 4")
     found = faults(tmp_path, text)
     assert len(found) == 1
     assert fault in found[0]
@@ -126,18 +95,13 @@ def test_what_is_wrong_is_said_with_its_prim(tmp_path: Path, text: str, fault: s
 def test_all_faults_of_a_rig_are_reported_together(tmp_path: Path) -> None:
     wrong = "float inputs:radius = -1; float inputs:exposure = inf; float inputs:foo = 1; asset inputs:bar = @a@"
     text = light("SphereLight", wrong) + light("PortalLight", "", name="Portal") + light("RectLight", UNEVEN, name="C")
-    places = [line.partition(": ")[0] for line in faults(tmp_path, text)]
-    assert sorted(places) == [
-        "/Rig/Lamp.inputs:bar",
-        "/Rig/Lamp.inputs:exposure",
-        "/Rig/Lamp.inputs:foo",
-        "/Rig/Lamp.inputs:radius",
-        "/Rig/Portal",
-    ]
+    places = {line.partition(": ")[0] for line in faults(tmp_path, text)}
+    assert places == {"/Rig/Portal", *(f"/Rig/Lamp.inputs:{name}" for name in ("bar", "exposure", "foo", "radius"))}
 
 
 @pytest.mark.parametrize(
-    ("stage", "fault"), [('upAxis = "X"', "upAxis is 'X'"), ('upAxis = "Z"\nmetersPerUnit = -1', "metersPerUnit is -1")]
+    ("stage", "fault"),
+    [('upAxis = "X"', "upAxis is 'X'"), ('upAxis = "Z"\nmetersPerUnit = -1', "metersPerUnit is -1")],
 )
 def test_a_stage_has_units_and_an_axis(tmp_path: Path, stage: str, fault: str) -> None:
     assert fault in faults(tmp_path, DIM, stage)[0]
@@ -169,6 +133,6 @@ def test_what_is_no_usd_is_said(tmp_path: Path) -> None:
 def test_a_profile_without_light_is_noted(tmp_path: Path) -> None:
     counts = "1 1000 1 2 1 1 2 0.1 0.2 0\n1 1 50\n0 90\n0\n0 0\n"
     (tmp_path / "dark.ies").write_text(f"IESNA:LM-63-2002\nTILT=NONE\n{counts}")
-    dark = light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", '"ShapingAPI"')
+    dark = light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", SHAPED)
     with pytest.raises(RigError, match=r"has no light that shines \(/Rig/Lamp: sends no light, left out\)"):
         rig(tmp_path, dark)
