@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.codegen.osl.block import Block
 from lookdev.codegen.trace.graph import Graph, Node, reachable
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.material.expression import ExpressionError, Kind, parse, shaping
@@ -34,7 +33,8 @@ def value(text: str) -> Any:
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ("1", 1.0),
+        *((text, 1.0) for text in ("1", "1 + 1 < 3", "2 <= 2", "1 < 2 == 3 < 4", "1 || 0 && 0", "5 && .1")),
+        *((text, 0.0) for text in ("!(1 + 1)", "-!2", "2 > 2", "2 >= 3", "0 || 0", "exp(1e18) * 0")),
         (".5", 0.5),
         ("2.", 2.0),
         ("2e-3", 0.002),
@@ -46,16 +46,6 @@ def value(text: str) -> Any:
         ("2 ^ -1", 0.5),
         ("--3", 3.0),
         ("!0 + 1", 2.0),
-        ("!(1 + 1)", 0.0),
-        ("-!2", 0.0),
-        ("1 + 1 < 3", 1.0),
-        ("2 <= 2", 1.0),
-        ("2 > 2", 0.0),
-        ("2 >= 3", 0.0),
-        ("1 < 2 == 3 < 4", 1.0),
-        ("1 || 0 && 0", 1.0),
-        ("5 && .1", 1.0),
-        ("0 || 0", 0.0),
         ("(1 < 2) * 10 + 1", 11.0),
         ("0 ? 1 : 0 ? 2 : 3", 3.0),
         ("1 ? 0 ? 1 : 2 : 3", 2.0),
@@ -78,7 +68,6 @@ def value(text: str) -> Any:
         ("remap(dirt, .5, .1, .3, smooth)", 0.5),
         ("1e18 * 1e18 * 1e18", 1e18),
         ("-1e18 * 1e18", -1e18),
-        ("exp(1e18) * 0", 0.0),
     ],
 )
 def test_values(text: str, wanted: Any) -> None:
@@ -171,7 +160,6 @@ def test_of_a_long_line_the_part_at_fault_is_shown() -> None:
 _HOSTILE = {
     "a megabyte": "x+" * 500_000 + "x",
     "parentheses": "(" * LONGEST,
-    "closed parentheses": "(" * 30_000 + "x" + ")" * 30_000,
     "signs": "-" * LONGEST,
     "powers": "x^" * 30_000 + "x",
     "a sum": "x+" * 30_000 + "x",
@@ -182,11 +170,8 @@ _HOSTILE = {
     "all levels": "1||1&&1==1<1+1*1^(" * 3_000,
     "arguments": "noise(" + "x," * 30_000 + "x)",
     "a name": "q" * LONGEST,
-    "a function's name": "q" * (LONGEST - 2) + "()",
     "a number": "9" * LONGEST,
-    "an exponent": "1e" + "9" * 60_000,
     "spaces": " " * LONGEST,
-    "comments": "#\n" * 32_000,
     "zeros": "\0" * LONGEST,
 }
 
@@ -221,21 +206,14 @@ def reads(text: str) -> set[str]:
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ("dirt * 0", set()),
-        ("dirt * (edge - edge) + .5", set()),
-        ("mix(dirt, edge, 0)", {"dirt"}),
-        ("mix(dirt, edge, 1)", {"edge"}),
-        ("1 < 2 ? dirt : edge", {"dirt"}),
-        ("0 ? dirt : tint[1]", {"g"}),
-        ("!1 && dirt", set()),
-        ("dirt > .5 || 2", set()),
-        ("tint * [0, 1, 0]", {"g"}),
-        ("[dirt, edge, 0][1]", {"edge"}),
+        *((text, set()) for text in ("dirt * 0", "dirt * (edge - edge) + .5", "!1 && dirt", "dirt > .5 || 2")),
+        *((text, {"dirt"}) for text in ("mix(dirt, edge, 0)", "1 < 2 ? dirt : edge", "noise(.3, .5) * dirt")),
+        ("pow(dirt, 0 * edge)", {"dirt"}),
+        *((text, {"edge"}) for text in ("mix(dirt, edge, 1)", "[dirt, edge, 0][1]")),
+        *((text, {"g"}) for text in ("0 ? dirt : tint[1]", "tint * [0, 1, 0]")),
         ("luminance([tint[0], 0, 0])", {"r"}),
         ("remap(dirt, edge, .1, 0, noise(tint[0]))", {"dirt", "edge"}),
         ("saturate(tint, 1)", {"r", "g", "b"}),
-        ("noise(.3, .5) * dirt", {"dirt"}),
-        ("pow(dirt, 0 * edge)", {"dirt"}),
     ],
 )
 def test_what_a_constant_decides_is_not_read(text: str, wanted: set[str]) -> None:
@@ -271,7 +249,7 @@ _CALLS = {**FUNCTIONS, **OPERATORS}
 def _call(name: str, arguments: list[str]) -> str:
     if name in FUNCTIONS:
         return f"{name}({', '.join(arguments)})"
-    return f"-{arguments[0]}" if name == "negative" else f" {name} ".join(arguments) if len(arguments) > 1 else "!a"
+    return {"negative": "-a", "!": "!a"}.get(name) or f" {name} ".join(arguments)
 
 
 def _traced(name: str, **given: Any) -> tuple[list[str], Any, list[Any]]:
@@ -333,15 +311,6 @@ def test_noise_is_the_same_in_float32_far_from_the_origin() -> None:
         np.testing.assert_allclose(compute(element, places, np.float32), wanted, atol=5e-6)
 
 
-def test_emitted_code_is_short() -> None:
-    element = elements_of(trace(Graph(), "clamp(dirt * (1 - edge), 0, 1)"))
-    block = Block("m", indent=0)
-    block.prepare(element)
-    block.name(element[0])
-    assert block.lines[0] == "float m0 = min(max((dirt * (1.0 - edge)), 0.0), 1.0);"
-    assert len(block.lines) == 2
-
-
 _ROW = re.compile(r"^\| `(?P<call>[^`]+)` \|[^\n]*\| `(?P<example>[^`]+)` = (?P<value>[^|]+?) \|$", re.MULTILINE)
 
 
@@ -373,17 +342,13 @@ def test_the_fault_on_the_page_is_the_one_told() -> None:
 _RTOL = 1e-13
 
 
-def _boxstep(x: float, a: float) -> float:
-    return 0.0 if x < a else 1.0
-
-
 def _ramp(x: float, a: float, b: float, curve: Callable[[float], float]) -> float:
     """Return a step with SeExpr's own branches; `curve` maps (0, 1) to (0, 1)."""
     if a < b:
         return 0.0 if x < a else 1.0 if x >= b else curve((x - a) / (b - a))
     if a > b:
         return 1.0 if x <= b else 0.0 if x > a else curve(1.0 - (x - b) / (a - b))
-    return _boxstep(x, a)
+    return 0.0 if x < a else 1.0
 
 
 _linear = partial(_ramp, curve=lambda t: t)
@@ -407,22 +372,13 @@ def _contrast(x: float, c: float) -> float:
     return 0.5 * _bias(1.0 - c, 2.0 * x) if x < 0.5 else 1.0 - 0.5 * _bias(1.0 - c, 2.0 - 2.0 * x)
 
 
-def _fit(x: float, a1: float, b1: float, a2: float, b2: float) -> float:
-    return (x * (b2 - a2) - a1 * b2 + b1 * a2) / (b1 - a1)
-
-
-def _saturate(r: float, g: float, b: float, amount: float) -> list[float]:
-    gray = 0.2126 * r + 0.7152 * g + 0.0722 * b
-    return [max(gray * (1.0 - amount) + channel * amount, 0.0) for channel in (r, g, b)]
-
-
 @pytest.mark.parametrize(
     ("name", "wanted", "count"),
     [
         ("bias", _bias, 2),
-        ("boxstep", _boxstep, 2),
+        ("boxstep", lambda x, a: 0.0 if x < a else 1.0, 2),
         ("contrast", _contrast, 2),
-        ("fit", _fit, 5),
+        ("fit", lambda x, a1, b1, a2, b2: (x * (b2 - a2) - a1 * b2 + b1 * a2) / (b1 - a1), 5),
         ("gamma", lambda x, g: x ** (1.0 / g), 2),
         ("gaussstep", _gauss, 3),
         ("linearstep", _linear, 3),
@@ -441,8 +397,9 @@ def test_formulas_are_those_of_seexpr(name: str, wanted: Callable[..., float], c
 
 def test_saturate_is_that_of_seexpr() -> None:
     given = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
-    got = np.stack(shaping.saturate(tuple(given[:3]), given[3]), axis=-1)
-    np.testing.assert_allclose(got, [_saturate(*column) for column in given.T], rtol=_RTOL, atol=1e-15)
+    gray = given[:3].T @ [0.2126, 0.7152, 0.0722]
+    expected = np.maximum(gray * (1.0 - given[3]) + given[:3] * given[3], 0.0)
+    np.testing.assert_allclose(shaping.saturate(tuple(given[:3]), given[3]), expected, rtol=_RTOL, atol=1e-15)
 
 
 @pytest.mark.parametrize(

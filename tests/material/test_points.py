@@ -1,7 +1,4 @@
-"""A look at points is, at each point, a stack of constants: the values of its sources there, and for a view.
-
-Normals are those that a file means, in the world, whatever way the UVs run.
-"""
+"""A look at points is, at each point, a stack of constants: the values of its sources there, and for a view."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from lookdev.brdf import (
-    MODELS,
     Bsdf,
     StackLayer,
     complete_parameters,
@@ -28,10 +24,9 @@ from lookdev.checks.samples import constant_looks
 from lookdev.errors import ModelError
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture, View
 from lookdev.material.expression import parse
-from lookdev.material.look import Input
 from lookdev.material.points import ImagePoints
 from lookdev.material.textures import sample_slopes, sample_texture
-from lookdev.material.values import Values, look_bsdf
+from lookdev.material.values import look_bsdf
 from lookdev.reference.albedo import integrate_albedo, sample_albedo
 
 Floats = NDArray[np.float64]
@@ -89,12 +84,8 @@ def assert_is(points: Points, layers: Sequence[Layer], expected: Callable[[int],
     f, density, drawn = evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi), sample(bsdf, wo, u)
     presence = np.broadcast_to(bsdf.presence, COUNT)
     for i in range(COUNT):
-        one = stack_bsdf(
-            [
-                StackLayer(layer.model, complete_parameters(layer.model, layer.inputs), layer.mask, layer.mode)
-                for layer in expected(i)
-            ]
-        )
+        inputs = ((layer, complete_parameters(layer.model, layer.inputs)) for layer in expected(i))
+        one = stack_bsdf([StackLayer(layer.model, given, layer.mask, layer.mode) for layer, given in inputs])
         np.testing.assert_allclose(f[i], evaluate(one, wo[i], wi[i]), rtol=1e-12)
         np.testing.assert_allclose(density[i], pdf(one, wo[i], wi[i]), rtol=1e-12)
         np.testing.assert_allclose(drawn[i], sample(one, wo[i], u[i]), rtol=1e-9, atol=1e-12)
@@ -261,43 +252,3 @@ def test_a_look_at_a_point_keeps_its_dependence_on_the_view() -> None:
         found = evaluate(look_bsdf(look, seen_at(0.6)), wo, wi)
         np.testing.assert_allclose(found, evaluate(plain, wo, wi), rtol=1e-12)
     assert len(constant_looks(LOOK, 3, np.random.default_rng(3))) == 1
-
-
-OPENGL = {"scale": (2.0, 2.0, 2.0, 1.0), "bias": (-1.0, -1.0, -1.0, 0.0)}
-DIRECTX = {"scale": (2.0, -2.0, 2.0, 1.0), "bias": (-1.0, 1.0, -1.0, 0.0)}
-
-
-def world(source: Input, mirrored: bool) -> Floats:
-    """Return the normal in the world where u grows along x, and v along y, or against it where UVs are mirrored.
-
-    The shading frame is (x, y, z), its bitangent cross(normal, tangent).
-    """
-    place = Points(np.array([[0.5, 0.5]]), hands=np.array([-1.0 if mirrored else 1.0]))
-    normal = np.asarray(Values(place).of(source, MODELS["disney"].parameters["normal"]))[0]
-    return normal / np.linalg.norm(normal)
-
-
-def tilted(folder: Path, up: float) -> Path:
-    """Write a normal map that leans along v: green is up in OpenGL's convention for `up` > 0."""
-    normal = np.array([0.0, up, np.sqrt(1.0 - up * up)])
-    pixels = np.broadcast_to((normal * 0.5 + 0.5).astype(np.float32), (2, 2, 3))
-    file = folder / f"{up}.tif"
-    image = oiio.ImageBuf(np.ascontiguousarray(pixels))
-    assert image.write(str(file)), image.geterror()
-    return file
-
-
-@pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize(("convention", "up"), [(OPENGL, 0.6), (DIRECTX, -0.6)])
-def test_a_normal_map_leans_along_v(tmp_path: Path, mirrored: bool, convention: dict[str, tuple], up: float) -> None:
-    texture = Texture(tilted(tmp_path, up), "rgb", "raw", **convention)
-    # v grows along y, or against it where the UVs are mirrored: there the same texel leans the other way.
-    np.testing.assert_allclose(world(texture, mirrored), [0.0, -0.6 if mirrored else 0.6, 0.8], atol=1e-6)
-
-
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_a_bump_leans_against_its_slope(tmp_path: Path, mirrored: bool) -> None:
-    heights = np.linspace(1.0, 0.0, 64, dtype=np.float32)[:, np.newaxis, np.newaxis] * np.ones((1, 64, 1), np.float32)
-    assert oiio.ImageBuf(heights).write(str(tmp_path / "h.tif"))  # row 0 is v = 1: the height grows with v
-    bump = Bump(Texture(tmp_path / "h.tif", "r", "raw"), 1.0)
-    np.testing.assert_allclose(world(bump, mirrored), [0.0, 0.7071 if mirrored else -0.7071, 0.7071], atol=0.01)

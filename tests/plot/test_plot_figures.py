@@ -3,9 +3,12 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
+from lookdev.cli import app
 from lookdev.plot import Options, Subject, draw, read_subject
 
 ROOT = Path(__file__).parents[2]
@@ -15,8 +18,7 @@ COMMANDS = [
     for block in re.findall(r"^```sh\n(.*?)^```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL | re.MULTILINE)
     for line in block.splitlines()
 ]
-FLAGS = ("--chroma", "--cosine")
-TEXTS = ("--scale", "--axis", "--channels", "--angles")
+PLOT = get_command(app).commands["plot"]
 SIZES = {"albedo": 4, "sphere": 12}
 
 
@@ -27,22 +29,11 @@ def library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.plot.solid._SAMPLES", 4)
 
 
-def parse(command: str) -> tuple[str, list[str], dict[str, object], str]:
-    """Return the kind, the words of the subjects, the options and the file of a command."""
-    program, verb, kind, *words = shlex.split(command)
+def parse(command: str) -> dict[str, Any]:
+    """Return the arguments and options of a command, as the command line reads them."""
+    program, verb, *words = shlex.split(command)
     assert (program, verb) == ("lookdev", "plot")
-    options: dict[str, object] = {"size": SIZES.get(kind, 24)}
-    subjects, output, rest = [], "", iter(words)
-    for word in rest:
-        if word in FLAGS:
-            options[word[2:]] = True
-        elif word == "-o":
-            output = next(rest)
-        elif word.startswith("--"):
-            options[word[2:]] = next(rest) if word in TEXTS else float(next(rest))
-        else:
-            subjects.append(word)
-    return kind, subjects, options, output
+    return PLOT.make_context("plot", words).params
 
 
 def read(words: list[str]) -> list[Subject]:
@@ -50,17 +41,19 @@ def read(words: list[str]) -> list[Subject]:
 
 
 # Commands of one kind with the same options are alike: the first is drawn, the others in `proof`.
-SORTS = {command: (kind, *options) for command in COMMANDS for kind, _, options, _ in [parse(command)]}
+SORTS = {command: (parse(command)["kind"], *re.findall(" --[a-z]+", command)) for command in COMMANDS}
 FIRST = {sort: command for command, sort in reversed(SORTS.items())}.values()
 DRAWN = [pytest.param(command, marks=() if command in FIRST else pytest.mark.proof) for command in COMMANDS]
 
 
 def test_all_commands_are_read() -> None:
-    assert all(read(subjects) for _, subjects, _, _ in map(parse, COMMANDS))
+    assert all(read(parse(command)["what"]) for command in COMMANDS)
 
 
 @pytest.mark.parametrize("command", DRAWN)
 def test_a_command_draws_its_figure(command: str, tmp_path: Path) -> None:
-    kind, subjects, options, output = parse(command)
-    draw(kind, read(subjects), Options(**options)).write(tmp_path / output, dpi=40)  # type: ignore[arg-type]
+    options = parse(command)
+    kind, what, output, _ = (options.pop(name) for name in ("kind", "what", "output", "library"))
+    options["size"] = SIZES.get(kind, 24)
+    draw(kind, read(what), Options(**options)).write(tmp_path / output, dpi=40)
     assert (tmp_path / output).stat().st_size > 1000

@@ -65,7 +65,6 @@ def places_in(scene, count, rng):
 
 
 # Polygons in the plane z = 0, counter-clockwise: a fan serves, a dart from its tip, a dart from its side, an L, a star.
-STAR = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [1.0, 0.3] * 5, strict=True)]
 POLYGONS = {
     "square": [(0, 0), (1, 0), (1, 1), (0, 1)],
     "dart": [(0, 0), (2, 1), (0, 2), (0.5, 1)],
@@ -73,7 +72,7 @@ POLYGONS = {
     "other dart": [(2, 1), (0, 2), (0.5, 1), (0, 0)],
     "hexagon": [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3],
     "L": [(1, 2), (0, 2), (0, 0), (2, 0), (2, 1), (1, 1)],
-    "star": STAR,
+    "star": [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [1.0, 0.3] * 5, strict=True)],
 }
 
 
@@ -295,7 +294,6 @@ def test_a_look_that_reads_what_is_not_there_is_refused():
 def test_triangles_without_area_are_not_there():
     mesh = polygons([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 0, 0)], [np.arange(3), np.array([0, 1, 2])])
     line = replace(mesh, corner_points=np.array([0, 1, 2, 0, 1, 3], np.int32))
-    hit, _ = scene_of(line, [GREY] * 2).hit(
-        np.array([1.5, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)])
-    )
+    rays = np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)])
+    hit, _ = scene_of(line, [GREY] * 2).hit(np.array([1.5, 0.0, 1.0]), rays)
     assert hit.tolist() == [False, True]

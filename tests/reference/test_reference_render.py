@@ -175,12 +175,3 @@ def test_a_model_is_its_quadrature(name, lamps):
         # Nine points a pixel and the midpoint rule are good to 4e-4.
         assert (np.abs(value - expected) < SIGMAS * error + 1e-3 * expected).all()
         assert (error < NOISE * value).all()
-
-
-@pytest.mark.parametrize("bounces", [0, 5])
-def test_pixars_lossless_leaf_is_white(bounces, white):
-    # Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
-    leaf = complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5})
-    leaf = MODELS["pixar"].bsdf(leaf)
-    assert_agrees(estimate(leaf, Plane(), white, bounces=bounces), 1.0)
-    assert_agrees(estimate(leaf, Sphere(), white, bounces=bounces), 1.0 - 0.5 ** (bounces + 1))
