@@ -31,7 +31,7 @@ def tasks(tmp_path: Path) -> list[FrameTask]:
     return [frame.task for frame in case.make_plan(case.make_job(tmp_path)).frames]
 
 
-@pytest.mark.parametrize("workers", [1, 2, 3])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.proof), 3])
 def test_every_frame_is_rendered_once_however_many_workers(
     tmp_path: Path, tasks: list[FrameTask], workers: int
 ) -> None:
