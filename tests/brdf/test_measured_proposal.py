@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from lookdev.brdf import complete_parameters, evaluate, model_named
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.measured import proposal
 from lookdev.brdf.measured.grids import Anisotropic, Isotropic
 from lookdev.brdf.measured.proposal import Proposal, make_proposal
+from lookdev.brdf.measured.synthetic import anisotropic_samples
 from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import reflect
 
@@ -123,3 +125,21 @@ def test_the_directional_albedo_of_an_even_surface_is_pi_f(monkeypatch: pytest.M
     wo = np.array([[0.1, 0.2, np.sqrt(0.95)]])
     d = Directions.of(wo, np.array([[0.0, 0.6, 0.8]]))
     assert tables.pdf(d)[0] == pytest.approx(0.99 * 0.8 / np.pi, rel=0.02)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_synthetic_samples_are_at_the_centres_of_theta_i_theta_o_phi_d_and_phi_i(half: bool) -> None:
+    size, cell = (7, 5, 12, 8), (4, 2, 7, 5)
+    bsdf = model_named("disney").bsdf(complete_parameters("disney", {"anisotropic": 0.7, "metallic": 0.8}))
+    samples = anisotropic_samples(bsdf, size, half=half)
+    theta_i, theta_o, turned, phi_i = ((number + 0.5) / count for number, count in zip(cell, size, strict=True))
+    turned *= np.pi if half else 2.0 * np.pi
+    wi, wo = (
+        np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+        for theta, phi in (
+            (theta_i * np.pi / 2.0, 2.0 * np.pi * phi_i),
+            (theta_o * np.pi / 2.0, 2.0 * np.pi * phi_i + turned),
+        )
+    )
+    assert samples.shape == (*size, 3)
+    np.testing.assert_allclose(samples[cell], evaluate(bsdf, wo, wi), rtol=1e-12)
