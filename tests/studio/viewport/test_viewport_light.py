@@ -33,6 +33,8 @@ from lookdev.studio.viewport import view_scene
 ROOT = Path(__file__).parents[3]
 log = logging.getLogger(__name__)
 POSE = Pose(30.0, 75.0)
+# Where the look is no part of the claim: its program compiles in half of the time of others, and it has little noise.
+MATT = (Layer("Layer", "lambert", {"reflectance": (0.7, 0.5, 0.3)}),)
 LAMPS = ("cylinder", "disk", "distant", "rect", "sphere")
 CELLS = [
     (asset, look) for asset in ("sphere", "shaderball") for look in ("car_paint", "brushed_metal", "frosted_plastic")
@@ -120,7 +122,7 @@ def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = Fals
 
 
 @pytest.mark.parametrize(
-    "name", ["brushed", "frosted", *(pytest.param(name, marks=pytest.mark.proof) for name in ("coated", "chrome"))]
+    "name", ["frosted", *(pytest.param(name, marks=pytest.mark.proof) for name in ("brushed", "coated", "chrome"))]
 )
 def test_a_dome_lights_every_kind_of_lobe(name: str, page: ViewportPage) -> None:
     compare(page, dressed(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
@@ -132,7 +134,7 @@ def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None
 
 @pytest.mark.parametrize(
     ("name", "samples"),
-    [("leaf", 64), pytest.param("painted", 128, marks=pytest.mark.proof)],
+    [("matt", 64), *(pytest.param(name, 128, marks=pytest.mark.proof) for name in ("leaf", "painted"))],
 )
 def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: ViewportPage) -> None:
     """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
@@ -142,7 +144,7 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: View
     white = load_dome(builtin="white").dome
     same = replace(white, emission=Emission((0.1, 0.1, 0.2)))
     lights = [leaning, still, *lamps[1:], same]
-    compare(page, dressed(LOOKS[name], lights), samples, 40, samples=64).assert_agrees()
+    compare(page, dressed(LOOKS.get(name, MATT), lights), samples, 40, samples=64).assert_agrees()
 
 
 def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: ViewportPage) -> None:
@@ -152,8 +154,7 @@ def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: Viewport
     # Beside another kind, and one of its own kind, whose light no profile changes.
     lamps = [LIGHT_KINDS[kind].example() for kind in ("sphere", "sphere", "rect")]
     shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam))  # type: ignore[type-var]
-    scene = dressed(LOOKS["painted"], [shaped, *lamps[1:], dome()])
-    compare(page, scene, 128, 40, samples=64).assert_agrees()
+    compare(page, dressed(MATT, [shaped, *lamps[1:], dome()]), 64, 40, samples=64).assert_agrees()
 
 
 HALF_GLASS = Layer("Layer", "pixar", {"surfaceColor": (0.7, 0.5, 0.1), "roughness": 0.0, "clear": 0.5})
@@ -162,7 +163,7 @@ HALF_GLASS = Layer("Layer", "pixar", {"surfaceColor": (0.7, 0.5, 0.1), "roughnes
 
 def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
     """Return Suzanne, who occludes herself, under lights."""
-    layers = LOOKS.get(look, (HALF_GLASS,))
+    layers = {**LOOKS, "matt": MATT, "half glass": (HALF_GLASS,)}[look]
     asset, worn = load_asset(builtin="suzanne"), Look("look", tuple(layers))
     return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
 
@@ -182,17 +183,20 @@ def test_shadow_is_switched_while_nothing_compiles(look: str, page: ViewportPage
 
 
 @pytest.mark.parametrize(
-    "rigs",
+    ("rigs", "look"),
     [
-        ["texture", "local_dome"],
-        ["shadow"],
-        *(pytest.param([rig], marks=pytest.mark.proof) for rig in ("texture", "local_dome", "local grey", "response")),
+        (["texture", "local_dome"], "matt"),
+        (["shadow"], "matt"),
+        *(
+            pytest.param([rig], "leaf", marks=pytest.mark.proof)
+            for rig in ("texture", "local_dome", "shadow", "local grey", "response")
+        ),
     ],
-    ids=" ".join,
+    ids=lambda value: value if isinstance(value, str) else " ".join(value),
 )
-def test_a_rig_casts_shadow(rigs: Sequence[str], page: ViewportPage, tmp_path: Path) -> None:
+def test_a_rig_casts_shadow(rigs: Sequence[str], look: str, page: ViewportPage, tmp_path: Path) -> None:
     lights = [light for rig in rigs for light in RIGS[rig](tmp_path)]
-    compare(page, monkey(lights, "leaf"), 64, 40, samples=64).assert_agrees()
+    compare(page, monkey(lights, look), 64, 40, samples=64).assert_agrees()
 
 
 def test_parts_cast_the_shadow_of_linked_lights(page: ViewportPage) -> None:
