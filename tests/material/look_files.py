@@ -126,9 +126,7 @@ def lost(found: BoundLook) -> list[tuple[str, str]]:
     return [(short(fault.where), fault.what) for fault in found.lost]
 
 
-def write_preset(
-    file: Path, inputs: str = "", model: str = "LookdevDisney", category: str = "metal", doc: str = ""
-) -> None:
+def write_preset(file: Path, inputs="", model="LookdevDisney", category="metal", doc="") -> None:
     """Write a preset whose prim is called as the file is, capitalised."""
     prim, given = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
     head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {given}\n'

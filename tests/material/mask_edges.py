@@ -224,14 +224,10 @@ def written(page: str, name: str) -> str:
 
 def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str:
     """Count the pairs of each kind, by their models."""
-    blended = {
-        ("disney", "disney"): "their parameters",
-        ("pixar", "pixar"): "their lobes",
-        ("disney", "pixar"): "what is evaluated",
-    }
+    blended = {"disney disney": "their parameters", "pixar pixar": "their lobes", "disney pixar": "what is evaluated"}
     rows = [("presets", "what is blended", "within 5 %", "up to its width", "beyond")]
-    for models, what in blended.items():
-        found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == list(models)]
+    for models, what in ((names.split(), what) for names, what in blended.items()):
+        found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
         rows.append((" and ".join(models), what, *(str(found.count(kind)) for kind in KINDS)))
     return _markdown(rows)
 

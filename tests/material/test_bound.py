@@ -64,6 +64,8 @@ SET = {"channel": "rgb", "colorspace": "raw", "wrap_s": "mirror", "wrap_t": "cla
 SET |= {"scale": (1.0, 2.0, 3.0, 4.0), "bias": (0.5, 0.25, 0.125, 0.0)}
 TRANSFORM = "token in <- St.result; float2 scale = (2, 3); float rotation = 90; float2 translation = (0.5, 0.25)"
 TRANSFORMED = shader("Tex", "UsdUVTexture", FILE + "float2 st <- T.result") + shader("T", "UsdTransform2d", TRANSFORM)
+TURNED = pytest.approx((0.0, -3.0, 0.5, 2.0, 0.0, 0.25), abs=1e-12)
+CONSTANT, UNCONNECTED = "float2 st = (0.25, 0.75)\n", "texture coordinates are not connected"
 MAP1 = shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
 
 
@@ -107,22 +109,12 @@ CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
         )
         for varname in ('string varname = "w"', 'token varname = "w"', "string varname <- .name")
     ),
-    (
-        ROUGH.format("r"),
-        TRANSFORMED + MAP1,
-        {"roughness": {"st": "map1", "transform": pytest.approx((0.0, -3.0, 0.5, 2.0, 0.0, 0.25), abs=1e-12)}},
-        [],
-    ),
+    (ROUGH.format("r"), TRANSFORMED + MAP1, {"roughness": {"st": "map1", "transform": TURNED}}, []),
     # The specification's default of UsdUVTexture's st is the constant (0, 0), not a UV set.
+    (ROUGH.format("r"), texture(body=FILE), {"roughness": {"transform": (0.0,) * 6}}, [("Tex.st", UNCONNECTED)]),
     (
         ROUGH.format("r"),
-        texture(body=FILE),
-        {"roughness": {"transform": (0.0,) * 6}},
-        [("Tex.st", "texture coordinates are not connected")],
-    ),
-    (
-        ROUGH.format("r"),
-        texture(body=FILE + "float2 st = (0.25, 0.75)\n"),
+        texture(body=FILE + CONSTANT),
         {"roughness": {"transform": (0.0, 0.0, 0.25, 0.0, 0.0, 0.75)}},
         [],
     ),
@@ -139,12 +131,7 @@ CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
 
 @pytest.mark.parametrize(("links", "nodes", "expected", "losses"), CARRIED)
 def test_inputs_are_carried(
-    folder: Path,
-    links: str,
-    nodes: str,
-    expected: dict[str, Any],
-    losses: list[tuple[str, str]],
-    capfd: pytest.CaptureFixture[str],
+    folder: Path, links: str, nodes: str, expected: dict[str, Any], losses: list, capfd
 ) -> None:
     found = bound(folder, preview(links, nodes) + 'token name = "w"\n')
     (layer,) = found.look.layers
@@ -307,9 +294,7 @@ def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, n
         ("normal3f normal = (0, 0, 0)", "is the zero vector, which has no direction", None),
     ],
 )
-def test_what_is_wrong_is_listed_and_the_default_taken(
-    folder: Path, inputs: str, what: str | None, value: float | None
-) -> None:
+def test_a_wrong_value_is_listed_and_not_taken(folder: Path, inputs: str, what: str | None, value: object) -> None:
     found = bound(folder, preview(inputs))
     name = inputs.split()[1].removeprefix("inputs:").partition(".")[0]
     assert inputs_of(found).get(name) == value

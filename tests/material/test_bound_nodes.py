@@ -141,12 +141,8 @@ def sampled(folder: Path, st: Floats) -> Floats:
 
 
 def test_arithmetic_on_an_image_stays_a_texture(folder: Path) -> None:
-    chain = (
-        IMAGE
-        + shader("A", "ND_multiply_color3FA", "color3f in1 <- I.out\nfloat in2 = 0.5")
-        + shader("N", "ND_invert_color3", "color3f in <- A.out")
-    )
-    found = bound(folder, materialx(COLOR, chain))
+    half = shader("A", "ND_multiply_color3FA", "color3f in1 <- I.out\nfloat in2 = 0.5")
+    found = bound(folder, materialx(COLOR, IMAGE, half, shader("N", "ND_invert_color3", "color3f in <- A.out")))
     image = found.look.layers[0].inputs["diffuseColor"]
     assert (image.scale[:3], image.bias[:3]) == ((-0.5,) * 3, (1.0,) * 3)
     np.testing.assert_allclose(value(found, "diffuseColor"), 1 - 0.5 * sampled(folder, ST)[:, :3], atol=1e-6)
@@ -155,8 +151,7 @@ def test_arithmetic_on_an_image_stays_a_texture(folder: Path) -> None:
 def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
     other = shader("J", "ND_image_float", "asset file = @./a.exr@\nfloat2 texcoord <- U.out")
     uv = shader("U", "ND_texcoord_vector2", "int index = 1")
-    mix = "color3f fg <- I.out\ncolor3f bg = (1, 0, 0)\n"
-    mix += "float mix <- J.out"
+    mix = "color3f fg <- I.out\ncolor3f bg = (1, 0, 0)\nfloat mix <- J.out"
     found = bound(folder, materialx(COLOR, IMAGE, other, uv, shader("N", "ND_mix_color3", mix)))
     assert sorted(found.look.layers[0].inputs["diffuseColor"].inputs) == ["I", "J"]
     mask = sampled(folder, 2.0 * ST)[:, :1]
@@ -166,10 +161,9 @@ def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
 
 @pytest.mark.parametrize("index", range(4))
 def test_channels_of_four(folder: Path, index: int) -> None:
-    image = shader("I", "ND_image_color4", "asset file = @./a.exr@")
     split = shader("X", "ND_separate4_color4", "color4f in <- I.out")
     link = f"float roughness <- X.out{'rgba'[index]}"
-    found = bound(folder, materialx(link, image, split))
+    found = bound(folder, materialx(link, IMAGE.replace("color3", "color4"), split))
     np.testing.assert_allclose(value(found, "roughness", "float"), sampled(folder, ST)[:, index], atol=1e-6)
 
 
@@ -243,9 +237,7 @@ def test_only_the_colour_of_colours_is_managed(folder: Path, identifier: str, sp
 NORMAL = "float3 normal <- N.out"
 
 
-@pytest.mark.parametrize(
-    ("inputs", "scale"), [("", 1.0), ("float scale = 0.5", 0.5), ("float2 scale = (0.5, 0.5)", 0.5)]
-)
+@pytest.mark.parametrize(("inputs", "scale"), [("", 1), ("float scale = 0.5", 0.5), ("float2 scale = (0.5, 0.5)", 0.5)])
 def test_normal_maps(folder: Path, inputs: str, scale: float) -> None:
     node = shader("N", "ND_normalmap", "float3 in <- I.out\n" + inputs)
     found = bound(folder, materialx(NORMAL, node, IMAGE.replace("color3", "vector3")))
@@ -256,12 +248,12 @@ def test_normal_maps(folder: Path, inputs: str, scale: float) -> None:
 
 def test_a_height_to_a_normal_is_a_bump(folder: Path) -> None:
     nodes = (
-        shader("N", "ND_normalmap", "float3 in <- H.out\nfloat scale = 0.5")
-        + shader("H", "ND_heighttonormal_vector3", "float in <- A.out\nfloat scale = 4")
-        + shader("A", "ND_multiply_float", "float in1 <- I.out\nfloat in2 = 3")
-        + shader("I", "ND_image_float", "asset file = @./a.exr@")
+        shader("N", "ND_normalmap", "float3 in <- H.out\nfloat scale = 0.5"),
+        shader("H", "ND_heighttonormal_vector3", "float in <- A.out\nfloat scale = 4"),
+        shader("A", "ND_multiply_float", "float in1 <- I.out\nfloat in2 = 3"),
     )
-    bump = bound(folder, materialx(NORMAL, nodes)).look.layers[0].inputs["normal"]
+    height = IMAGE.replace("color3", "float")
+    bump = bound(folder, materialx(NORMAL, *nodes, height)).look.layers[0].inputs["normal"]
     assert (bump.scale, bump.height.scale[0]) == (4 * 0.5 / 16, 3.0)
 
 
@@ -313,9 +305,7 @@ def test_normals_that_cannot_be_read(folder: Path, kind: str, inputs: str, what:
 def chain(count: int, body: str) -> str:
     """Return nodes of which each reads the one before."""
     nodes = [shader("N0", "ND_geompropvalue_float", 'string geomprop = "wear"')]
-    nodes += [
-        shader(f"N{number}", "ND_multiply_float", body.format(f"N{number - 1}.out")) for number in range(1, count)
-    ]
+    nodes += [shader(f"N{i}", "ND_multiply_float", body.format(f"N{i - 1}.out")) for i in range(1, count)]
     return "".join(nodes) + shader("N", "ND_dot_float", f"float in <- N{count - 1}.out")
 
 
@@ -342,8 +332,7 @@ def test_shared_nodes_are_read_once(tmp_path: Path) -> None:
 def test_coordinates_as_a_colour_are_noted(tmp_path: Path) -> None:
     found = bound(tmp_path, materialx(COLOR, shader("N", "ND_texcoord_vector2")))
     assert lost(found) == [("S.diffuseColor", "has three channels, connected to 2")]
-    found = BoundLook(found.look)
-    np.testing.assert_allclose(value(found, "diffuseColor"), C)
+    np.testing.assert_allclose(value(BoundLook(found.look), "diffuseColor"), C)
 
 
 @pytest.mark.parametrize("category", NODES)

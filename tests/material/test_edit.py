@@ -173,11 +173,8 @@ def test_a_layer_is_removed_from_every_variant(car: Path) -> None:
 
 
 def test_a_node_that_an_unselected_variant_uses_stays(car: Path) -> None:
-    text = car.read_text().replace(
-        "bool inputs:layer2Enabled = 1",
-        "bool inputs:layer2Enabled = 1\nfloat inputs:layer1Mask.connect = </CarPaint/DirtMask.outputs:r>",
-    )
-    car.write_text(text)
+    enabled, link = "bool inputs:layer2Enabled = 1", "float inputs:layer1Mask.connect = </CarPaint/DirtMask.outputs:r>"
+    car.write_text(car.read_text().replace(enabled, f"{enabled}\n{link}"))
     set_mask(car, "Dust", parse_mask("0.5"))
     assert {"DirtMask", "DirtScale"} <= children(car)
     assert read_look(car, variants={"wear": "dusty"}).layers[2].mask == 0.5
@@ -231,8 +228,8 @@ def test_an_expression_keeps_the_sources_of_its_names(paint: Path, take: Take, m
         "amount": 2.0,
     }
     set_mask(paint, "Rubber", parse_mask("1 - dirt * amount", ["amount=3"]))
-    changed = {"expression": "1 - dirt * amount", "dirt": ("float", sources["dirt"] + "g"), "amount": 3.0}
-    assert node_of(paint) == changed
+    dirt = ("float", sources["dirt"] + "g")
+    assert node_of(paint) == {"expression": "1 - dirt * amount", "dirt": dirt, "amount": 3.0}
     assert children(paint) == NEW | {"Rubber", "RubberMask", "RubberMask_dirt", "St"}
 
 
@@ -288,9 +285,8 @@ def test_what_is_no_mask(paint: Path, take: Take, mask: str, inputs: list[str], 
 
 def test_a_layer_that_is_not_there(paint: Path, take: Take, shipped: Callable[[str], Path]) -> None:
     add_layer(paint, take("rubber"))
-    assert refused(lambda: remove_layer(paint, "Ruber"), paint) == (
-        f"{paint}: /Paint/Layers: no layer 'Ruber' (did you mean 'Rubber'?)"
-    )
+    message = f"{paint}: /Paint/Layers: no layer 'Ruber' (did you mean 'Rubber'?)"
+    assert refused(lambda: remove_layer(paint, "Ruber"), paint) == message
     assert "no layer '2'" in refused(lambda: remove_layer(paint, "2"), paint)
     for base in ("0", "Base"):
         assert f"'{base}' is the base" in refused(lambda base=base: remove_layer(paint, base), paint)
@@ -342,8 +338,8 @@ def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: T
 
 def test_a_fault_in_another_variant_counts(car: Path, take: Take) -> None:
     # The copy with 'clean' selected would be fine: there, dust is not there at all.
-    text = car.read_text().replace('"dusty" {\n', '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n')
-    car.write_text(text)
+    fault = '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n'
+    car.write_text(car.read_text().replace('"dusty" {\n', fault))
     assert f"{car}: /CarPaint/Dust.inputs:shine: unknown input" in refused(lambda: add_layer(car, take("gold")), car)
 
 
@@ -467,12 +463,11 @@ def layer_named(look: Look, name: str) -> Layer:
     ],
 )
 def test_an_input_of_one_layer(parameter: str, value: object, name: str, expected: object) -> None:
-    changed = changed_look(PAINT, parameter, value)
     own = parameter.partition(".")[0]
-    assert layer_named(changed, own).inputs == {**layer_named(PAINT, own).inputs, name: expected}
-    assert [layer for layer in changed.layers if layer.name != own] == [
-        layer for layer in PAINT.layers if layer.name != own
-    ]
+    assert changed_look(PAINT, parameter, value).layers == tuple(
+        replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == own else layer
+        for layer in PAINT.layers
+    )
 
 
 def test_masks_and_inputs_of_their_expressions() -> None:

@@ -9,9 +9,8 @@ from pxr import Sdf
 from lookdev.material.library.layout import with_layout
 
 ROOT = Path(__file__).parents[2]
-SHIPPED = sorted(
-    file for folder in ("materials", "jobs", "rigs", "lookdev/shaders") for file in (ROOT / folder).rglob("*.usda")
-)
+FOLDERS = ("materials", "jobs", "rigs", "lookdev/shaders")
+SHIPPED = sorted(file for folder in FOLDERS for file in (ROOT / folder).rglob("*.usda"))
 EXAMPLES = re.findall(r"```usda\n(#usda.*?)```", (ROOT / "docs" / "looks.md").read_text(), re.DOTALL)
 
 PAINT = '''#usda 1.0

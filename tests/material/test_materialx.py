@@ -41,9 +41,7 @@ def setting(name: str, rest: str, kind: str = "") -> str:
     return f'<input name="{name}" type="{kind or INPUTS[name]}" {rest}/>'
 
 
-def document(
-    folder: Path, *inputs: str, nodes: str = "", material: str = MATERIAL, attributes: str = 'version="1.39"'
-) -> Path:
+def document(folder: Path, *inputs: str, nodes="", material=MATERIAL, attributes='version="1.39"') -> Path:
     """Write a document whose shader has the given inputs, beside two images."""
     write_gray(folder / "gray.png")
     write_gray(folder / "rgb.png", 3)
@@ -268,11 +266,9 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "nodes", [IMAGE.format("").replace("rgb.png", ""), IMAGE.format("").replace("rgb", "&lt;UVTILE>")]
-)
-def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, nodes: str) -> None:
-    found = imported(tmp_path, TO_IMAGE, nodes=nodes)
+@pytest.mark.parametrize("file", ["", "&lt;UVTILE>.png"])
+def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, file: str) -> None:
+    found = imported(tmp_path, TO_IMAGE, nodes=IMAGE.format("").replace("rgb.png", file))
     assert as_look(found).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
     assert [where for where, _, _ in unmapped(found)] == ["image/file", "S/baseColor", "image"]
 
@@ -338,10 +334,8 @@ def faults(file: Path) -> list[tuple[str, str, str]]:
 
 def loop(*names: str) -> str:
     """Nodes of which each is connected to the next, and the last to the first."""
-    links = zip(names, (*names[1:], names[0]), strict=True)
-    return "".join(
-        f'<invert name="{a}" type="float"><input name="in" type="float" nodename="{b}"/></invert>' for a, b in links
-    )
+    node = '<invert name="{}" type="float"><input name="in" type="float" nodename="{}"/></invert>'
+    return "".join(map(node.format, names, (*names[1:], names[0])))
 
 
 TO_A = setting("sheen", 'nodename="a"')
@@ -372,9 +366,7 @@ PLACED += '<place2d name="p" type="vector2"><input name="{}" type="{}" value="{}
         (TO_IMAGE, PLACED.format("operationorder", "integer", "2"), "p/operationorder", "unknown value '2'"),
     ],
 )
-def test_a_broken_document_is_an_error_at_its_place(
-    tmp_path: Path, inputs: str, nodes: str, where: str, what: str
-) -> None:
+def test_a_broken_document_is_an_error(tmp_path: Path, inputs: str, nodes: str, where: str, what: str) -> None:
     assert (where, what) in [fault[:2] for fault in faults(document(tmp_path, inputs, nodes=nodes))]
 
 
@@ -426,10 +418,8 @@ def test_what_is_no_materialx_is_refused(tmp_path: Path, text: bytes, where: str
 
 
 def test_missing_files_and_folders(tmp_path: Path) -> None:
-    for file, what in (
-        (tmp_path / "none.mtlx", "cannot be read: No such file or directory"),
-        (tmp_path, "is a folder"),
-    ):
+    missing = "cannot be read: No such file or directory"
+    for file, what in ((tmp_path / "none.mtlx", missing), (tmp_path, "is a folder")):
         assert [fault[:2] for fault in faults(file)] == [("", what)]
 
 

@@ -77,7 +77,7 @@ PREVIEWS = {
         ),
         {"roughness": 2.0 / 3.0, "metallic": 0.5, "diffuseColor": (1.0 / 3.0,) * 3},
     ),
-    "presence counts as a mask": (
+    "presence is a mask": (
         [*base("pixar", surfaceColor=RED), CUT_OUT],
         {"diffuseColor": (0.875, 0.125, 0.0), "opacity": 1.0},
     ),
@@ -93,9 +93,8 @@ def test_values(name: str, layers: list[Layer], expected: dict[str, Any]) -> Non
     # What depends on the view is a mean over some places of a sphere; an exact metal's colour is approximate.
     rounding = 1e-3 if "sphere" in name or "silver" in name else 1e-6
     values = preview_values(layers)
-    assert {key: values[key] for key in expected} == {
-        key: pytest.approx(value, abs=rounding) for key, value in expected.items()
-    }
+    for key, value in expected.items():
+        assert values[key] == pytest.approx(value, abs=rounding), key
 
 
 @pytest.mark.parametrize("specular", [0.0, 1.0, 12.5])

@@ -215,8 +215,8 @@ def test_unsupported_material_names_its_terminal(write) -> None:
     [
         ("float height = 7", Displacement(7.0, 1.0, 0.0, "object")),
         (
-            'float height = 0.5\nfloat scale = -2\nfloat midlevel = 0.25\ntoken units = "world"',
-            Displacement(0.5, -2.0, 0.25, "world"),
+            'float height = 1\nfloat scale = -2\nfloat midlevel = 3\ntoken units = "world"',
+            Displacement(1.0, -2.0, 3.0, "world"),
         ),
     ],
 )

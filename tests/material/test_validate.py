@@ -161,9 +161,8 @@ def p(kind: str, inputs: str = "") -> str:
     return shader("P", kind, inputs + "token outputs:surface\n")
 
 
-GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb") + shader(
-    "Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs:rgb"
-)
+GONE = shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb")
+GONE += shader("Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs:rgb")
 
 
 @pytest.mark.both_pythons
@@ -286,9 +285,8 @@ def test_no_look_ends_in_a_traceback(malformed: list[dict]) -> None:
     killed = [case for case in malformed if case["status"]]
     assert {case["expected"] for case in killed} <= {"any"}
     for case in killed:
-        ended = subprocess.run(
-            (sys.executable, "-m", "lookdev", "validate", case["file"]), capture_output=True, text=True
-        )
+        program = (sys.executable, "-m", "lookdev", "validate", case["file"])
+        ended = subprocess.run(program, capture_output=True, text=True)
         assert ended.returncode == 2
         assert f"lookdev: {case['file']}: reading it " in ended.stderr
     stderr = {case["name"]: case["stderr"] for case in malformed}
