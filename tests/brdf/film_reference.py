@@ -1,7 +1,5 @@
 """Fresnel's equations by complex amplitudes, and the reflectance of a thin film by quadrature over wavelengths."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline

@@ -4,8 +4,6 @@ Nothing of `lookdev.brdf.measured` is used. ``python merl_reader.py`` rewrites t
 whose samples are all it takes from there.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from itertools import product

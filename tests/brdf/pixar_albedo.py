@@ -7,8 +7,6 @@ horizon for all phi, those beyond ``(1 + sin_o) / 2`` for none, and between them
 piece, denser within cos_o of the horizon.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -5,8 +5,6 @@ exhibits a lot of Fresnel behavior (roughness near 0) we should have a little le
 significantly less at grazing angles."
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

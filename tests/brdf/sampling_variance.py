@@ -1,7 +1,5 @@
 """Variance of each classic's own sampling against cosine sampling: prints the table of docs/models.md."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -5,8 +5,6 @@ half vector. A direction above the horizon has ``|wo + wi| <= 2`` and ``(wo + wi
 ``tan theta_h = 2 / wo_z``. A lobe is integrated in its own frame, where it is a reflection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

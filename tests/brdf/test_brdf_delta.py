@@ -1,7 +1,5 @@
 """Mirror and glass: the laws that their single directions and factors follow."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -99,11 +97,8 @@ def test_extremes_are_finite_and_bounded(model: str, precision: Any) -> None:
 
 
 def test_in_a_blend_terms_have_their_weights() -> None:
-    layers = [
-        StackLayer("disney", complete_parameters("disney", {})),
-        StackLayer("glass", complete_parameters("glass", {}), 0.25),
-    ]
-    stack = stack_bsdf([*layers, StackLayer("mirror", complete_parameters("mirror", {}), 0.5)])
+    masks = {"disney": 1.0, "glass": 0.25, "mirror": 0.5}
+    stack = stack_bsdf([StackLayer(model, complete_parameters(model, {}), mask) for model, mask in masks.items()])
     wo = view(0.6)
     terms = stack.deltas(wo, OUTSIDE)
     assert [each.name for each in terms] == ["reflection", "refraction", "reflection"]

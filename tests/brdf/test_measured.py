@@ -3,8 +3,6 @@
 Files are small, with tables of few cells and views; in the tier ``proof`` they are as large as MERL's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import product
@@ -235,12 +233,10 @@ def _ngan(size: int = 3 * 2 * 2 * 2 * 2, **head: int) -> bytes:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is not a file of measured reflectance, of 0 bytes"),
         (b"#usda 1.0\n" * 100, "is not a file of measured reflectance, of 1000 bytes; a MERL binary has 9 x 8 x 12"),
         (_merl((9, 8, 360)), "its header gives 9 x 8 x 360 samples; a MERL binary has 9 x 8 x 12 samples"),
         (_merl(count=90), "has 732 bytes; a MERL binary has .* 20748 bytes"),
         (_merl(value=np.nan), r"2592 samples are not finite or are above 1e\+12, the first in channel 0 at \(0, 0"),
-        (_merl(value=-np.inf), "2592 samples are not finite"),
         (_merl(value=1.1e12), "2592 samples are not finite"),
         (_ngan(size=7), "has 92 bytes; 2 x 2 x 2 x 2 samples of three channels, as its header gives, are 256"),
         (_ngan(_0=0), "anisotropic data gives 0 x 2 x 2 x 2 samples"),
@@ -266,7 +262,6 @@ def test_a_wrong_file_is_an_error_that_names_it(small: None, tmp_path: Path, con
         ({"file": "a\0b"}, "the path of a file"),
         ({"file": "/nowhere/gold.binary"}, "/nowhere/gold.binary: no such file; a MERL binary or the anisotropic data"),
         ({"file": "/"}, "/: is not a regular file"),
-        ({"file": "/dev/null"}, "/dev/null: is not a regular file"),
         ({"file": "x" * 300}, "cannot be read: File name too long"),
         ({"file": BUILT_IN, "interpolation": "cubic"}, "one of linear, nearest"),
     ],

@@ -1,13 +1,11 @@
 """Metals by name: their table against the spectra, and the parameters that take them."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 
-from lookdev.brdf import complete_parameters, metal_fits, model_named
+from lookdev.brdf import complete_parameters, conductor, metal_fits, model_named
 from lookdev.brdf.conductor import METALS, metal_curve
 from lookdev.brdf.metal import INTERFACE, METAL_COLORS, METAL_TABLE, metal_fresnel, metal_index
 from lookdev.brdf.metal_fits import COSINES, bands, deviation, nearest
@@ -31,8 +29,9 @@ def test_a_metal_reflects_as_its_spectra_do(name: str) -> None:
     np.testing.assert_allclose([max(-curve.min(), 0.0), max(curve.max() - 1.0, 0.0)], TABLE[name]["outside"], atol=1e-6)
 
 
-def test_the_table_has_all_metals_and_no_other() -> None:
+def test_the_table_and_the_data_have_all_metals_and_no_other() -> None:
     assert list(TABLE) == list(METALS)
+    assert set(conductor._measured()) == set(METALS)
 
 
 @pytest.mark.parametrize("index", [(0.2, 3.0), (3.0, 3.3), (1.5, 0.0), (0.05, 20.0)])

@@ -1,7 +1,5 @@
 """What models have besides f and pdf: groups of lobes, the diffuse part, colours without noise, previews."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -86,11 +84,7 @@ PREVIEWS: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
         TWO | {"eta": (2.0,) * 3, "externalIor": 1.0, "roughness": 0.09},
         {"diffuseColor": KD, "metallic": 0.0, "roughness": 0.3, "f0": 0.4 / 9.0},
     ),
-    (
-        "torrance-sparrow",
-        TWO | INDEX,
-        {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "f0": (KS * BRIGHT).mean()},
-    ),
+    ("torrance-sparrow", TWO | INDEX, {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "f0": (KS * BRIGHT).mean()}),
     (
         "mirror",
         {"tint": KS, "eta": GOLD["eta"], "k": GOLD["k"]},
@@ -113,9 +107,8 @@ def test_previews_are_as_by_hand(model: str, given: dict[str, Any], wanted: dict
 
 
 def test_a_measurement_is_previewed_by_its_albedo() -> None:
-    found = MODELS["measured"].preview.derived(
-        complete_parameters("measured", {"file": "builtin:plastic", "scale": 0.5})
-    )
+    given = complete_parameters("measured", {"file": "builtin:plastic", "scale": 0.5})
+    found = MODELS["measured"].preview.derived(given)
     # Of the model that was measured, base colour and highlight, which adds the same to all channels.
     extra = 2.0 * found["diffuseColor"] - (0.5, 0.2, 0.1)
     np.testing.assert_allclose(extra, extra.mean(), atol=0.02)
@@ -127,9 +120,8 @@ def test_f_is_converted_to_another_space() -> None:
     matrix = np.array([[0.6, 0.3, 0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])
     given = {"baseColor": (0.9, 0.4, 0.1), "sheen": 1.0}
     disney = MODELS["disney"].bsdf(complete_parameters("disney", given))
-    np.testing.assert_allclose(
-        evaluate(disney.converted(matrix), WO, WI), matrix @ evaluate(disney, WO, WI), rtol=1e-12
-    )
+    wanted = matrix @ evaluate(disney, WO, WI)
+    np.testing.assert_allclose(evaluate(disney.converted(matrix), WO, WI), wanted, rtol=1e-12)
     plain, there = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.converted(matrix)))
     directions = next(Mixture([plain], WO).terms(WI)).directions
     np.testing.assert_allclose(there.parts["sheen"](directions), matrix @ plain.parts["sheen"](directions), rtol=1e-12)

@@ -1,7 +1,5 @@
 """Smits' "Layering": the lobe that comes out of each pair, averages by energy, and presence."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, laye
 
 Floats = NDArray[np.float64]
 
+_COUNT = 500
 _WO = np.array([0.6, 0.0, 0.8])
 _LOBES = (*FRONT, *THROUGH)
 # The document's table: the lobe of the layer above that meets a lobe of the layer beneath, the lobe that comes out, and
@@ -99,9 +98,6 @@ def _assert_same(one: Partition, other: Partition) -> None:
         for shape in ("cone", "bend"):
             mine, yours = (np.broadcast_to(getattr(p.terms[name], shape), lit.shape) for p in (one, other))
             np.testing.assert_allclose(mine[lit], yours[lit], rtol=1e-9, atol=1e-9, err_msg=f"{name} {shape}")
-
-
-_COUNT = 500
 
 
 _INDICES = {"gold": ((0.1, 0.4, 1.6), (10.0, 2.3, 1.7)), "glass": ((1.5, 1.6, 1.7), (0.0, 0.0, 0.0))}

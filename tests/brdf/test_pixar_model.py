@@ -1,7 +1,5 @@
 """A single layer against the numbers of Smits' document; which of its lobes are not reciprocal, and why."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -28,21 +26,14 @@ def _only(bsdf: Bsdf, *names: str) -> Bsdf:
     return Bsdf(lambda wo: tuple(lobe for lobe in bsdf.lobes(wo) if lobe.name in names), two_sided=bsdf.two_sided)
 
 
-@pytest.mark.parametrize(("roughness", "published"), [(0.0, 0.9025), (1.0, 1.0)])
-def test_the_diffuse_blend_is_the_published_one(roughness: float, published: float) -> None:
-    bsdf = _only(_pixar(surfaceColor=(1.0, 1.0, 1.0), metallic=0.0, roughness=roughness), "diffuse")
-    np.testing.assert_allclose(np.pi * evaluate(bsdf, ZENITH, ZENITH), published, rtol=1e-15)
-
-
 def test_the_plot_has_the_shape_of_the_document() -> None:
     integral = diffuse_integral(*np.meshgrid(np.linspace(0.0, 90.0, 181), np.linspace(0.0, 1.0, 101)))
     assert (np.diff(integral, axis=1) <= 1e-15).all()  # less and less towards grazing angles
     assert (np.diff(integral, axis=0) >= -1e-15).all()  # and the smoother the surface
     # "Most of the plot above about .9 or (.95 * .95)".
     assert np.mean(integral > 0.9) > 0.55
-    np.testing.assert_allclose(
-        integral[[0, 0, 50, -1], [0, 120, 90, 60]], [0.859524, 0.832664, 0.927596, 1.0], atol=5e-7
-    )
+    some = integral[[0, 0, 50, -1], [0, 120, 90, 60]]
+    np.testing.assert_allclose(some, [0.859524, 0.832664, 0.927596, 1.0], atol=5e-7)
 
 
 def test_the_lobe_of_the_model_has_the_plots_integral_where_they_agree() -> None:

@@ -1,7 +1,5 @@
 """Special functions, small rationals, vectors, tables and quadratures, against NumPy's, SciPy's and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import erfcx
