@@ -47,9 +47,8 @@ def scattered(count, points_of, spread) -> Callable[[], Asset]:
 def flat(turn: float, *shape: int) -> Callable[[], Asset]:
     """Return a function that makes instances in a row, which rises, of a flat mesh or of a line."""
     linear = [[math.cos(turn), -math.sin(turn), 0.0], [math.sin(turn), math.cos(turn), 0.0], [0.0, 0.0, 1.0]]
-    return lambda: asset_of(
-        faces_of(RNG(1).normal(size=(3000, 3)) * shape), (affine((i, 3 * i, i**2), linear) for i in range(20))
-    )
+    matrices = [affine((i, 3 * i, i**2), linear) for i in range(20)]
+    return lambda: asset_of(faces_of(RNG(1).normal(size=(3000, 3)) * shape), matrices)
 
 
 def tiles() -> Asset:

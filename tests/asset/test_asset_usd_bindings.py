@@ -66,6 +66,8 @@ MIDDLE, NEAR, OTHER = bind("/W/A", "Middle"), bind("/W/A/Cube", "Near"), bind("/
 PREVIEWED, FULL_TOP = bind("/W/A/Cube", "Preview", purpose=PREVIEW), bind("/W", "Full", purpose=FULL)
 RED = collect("/W", "red", "Red", "/W/B")
 ZEBRA, APPLE = collect("/W", "zebra", "Zebra", "/W"), collect("/W", "apple", "Apple", "/W/A")
+STRONG = collect("/W", "strong", "Strong", "/W/B", strength=STRONGER)
+FULL_RED = collect("/W", "red", "Red", "/W/A", purpose=FULL)
 LID, LID_BOUND = subsets(lid=[5]), bind("/W/A/Cube/lid", "Lid")
 # What is bound, and the materials of the parts, Near of /W/A/Cube and so on.
 RULES = {
@@ -81,16 +83,8 @@ RULES = {
     "the first by name of collections on one prim": ([ZEBRA, APPLE], "Apple", "Zebra"),
     "the first in order of collections on one prim": ([ZEBRA, APPLE, order("zebra", "apple")], "Zebra", "Zebra"),
     "a nearer direct binding before a collection above": ([NEAR, OTHER, RED, APPLE], "Near", "Other"),
-    "a stronger collection above before a nearer direct binding": (
-        [NEAR, OTHER, collect("/W", "strong", "Strong", "/W/B", strength=STRONGER)],
-        "Near",
-        "Strong",
-    ),
-    "a collection of the full purpose before direct bindings of all": (
-        [NEAR, collect("/W", "red", "Red", "/W/A", purpose=FULL)],
-        "Red",
-        None,
-    ),
+    "a stronger collection above before a nearer direct binding": ([NEAR, OTHER, STRONG], "Near", "Strong"),
+    "a collection of the full purpose before direct bindings of all": ([NEAR, FULL_RED], "Red", None),
 }
 
 
@@ -123,13 +117,9 @@ def test_instances_are_bound_from_outside_and_share_their_arrays(file):
     file.instances("/Proto", *(f"/W/{name}" for name in "ABCD"))
     for apply in (bind("/W", "Red"), collect("/W", "a", "Blue", "/W/B/Cube/lid"), collect("/W", "b", "Green", "/W/C")):
         apply(file)
-    asset = check(
-        file,
-        {
-            "A/Cube": "Red", "A/Cube/lid": "Red", "B/Cube": "Red", "B/Cube/lid": "Blue",
-            "C/Cube": "Green", "C/Cube/lid": "Green",
-        },
-    )  # fmt: skip
+    wholes, lids = {"A": "Red", "B": "Red", "C": "Green"}, {"A": "Red", "B": "Blue", "C": "Green"}
+    bound = [{f"{name}/Cube": whole, f"{name}/Cube/lid": lids[name]} for name, whole in wholes.items()]
+    asset = check(file, bound[0] | bound[1] | bound[2])
     instances = [(instance.mesh, instance.path) for instance in asset.instances]
     assert instances == [(number, f"/W/{name}/Cube") for number, name in zip((0, 1, 2, 0), "ABCD", strict=True)]
     first, *others = asset.meshes

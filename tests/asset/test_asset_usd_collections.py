@@ -21,29 +21,17 @@ def Xform "Car" (
     uniform pathExpression collection:glob:membershipExpression = "/Car/Tires/*R //Hood"
     rel collection:self:includes = [</Car.collection:self>, </Car/Body>]
     rel collection:off:hand:includes = </Car/Tires/FL/Hub>
-    def Mesh "Body"
-    {
-        def GeomSubset "Hood" {
-        }
+    def Mesh "Body" {
+        def GeomSubset "Hood" { }
     }
     def Xform "Tires"
     {
-        def Xform "FL" (
-            instanceable = true
-            references = </Tire>
-        ) {
-        }
-        def Xform "FR" (
-            instanceable = true
-            references = </Tire>
-        ) {
-        }
+        def Xform "FL" (instanceable = true; references = </Tire>) { }
+        def Xform "FR" (instanceable = true; references = </Tire>) { }
     }
 }
-class Xform "Tire"
-{
-    def Mesh "Hub" {
-    }
+class Xform "Tire" {
+    def Mesh "Hub" { }
 }
 """
 PARTS = ["/Car/Body", "/Car/Body/Hood", "/Car/Tires/FL/Hub", "/Car/Tires/FR/Hub"]

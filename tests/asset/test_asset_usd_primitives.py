@@ -213,7 +213,7 @@ def test_sizes_are_in_metres_and_at_the_time():
 def test_equal_keys_mean_equal_shapes():
     assert primitive_key(primitive("Cone", height=3.0), TIME) == primitive_key(primitive("Cone", height=3.0), TIME)
     others = [primitive("Cone"), primitive("Cylinder", height=3.0), primitive("Cone", height=3.0, axis="X")]
-    assert len({primitive_key(prim, TIME) for prim in (*others, primitive("Cone", height=3.0))}) == 4
+    assert len({primitive_key(prim, TIME) for prim in [primitive("Cone", height=3.0), *others]}) == 4
 
 
 NO_AREA = [("Cube", "size"), ("Sphere", "radius"), ("Cylinder", "height"), ("Cylinder", "radius")]

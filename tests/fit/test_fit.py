@@ -32,9 +32,7 @@ def merl_file(tmp_path_factory: pytest.TempPathFactory) -> Subject:
     return read_subject(str(file))
 
 
-@pytest.mark.parametrize(
-    "loss", [pytest.param(name, marks=() if name == "log" else pytest.mark.proof) for name in LOSSES]
-)
+@pytest.mark.parametrize("loss", ["log", *(pytest.param(n, marks=pytest.mark.proof) for n in LOSSES if n != "log")])
 def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: Subject) -> None:
     assert merl_file.label == "known.binary"
     result = fit(merl_file, DISNEY, FIXED, loss=loss)
@@ -54,16 +52,13 @@ def test_an_anisotropic_surface_is_found_too() -> None:
     assert result.values["roughness"] == pytest.approx(0.4, rel=0.01)
 
 
-# An anisotropic and a layered one; the others in `proof`.
-SAMPLE = ("ward", "pixar")
+SAMPLE = ("ward", "pixar")  # an anisotropic and a layered one; the others in `proof`
 OTHERS = [
-    pytest.param(name, marks=() if name in SAMPLE else pytest.mark.proof)
-    for name in CONTINUOUS
-    if name not in ("disney", "measured")
+    pytest.param(name, marks=pytest.mark.proof) for name in CONTINUOUS if name not in (*SAMPLE, "disney", "measured")
 ]
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", [*SAMPLE, *OTHERS])
 def test_another_model_is_fitted_better_than_by_the_defaults(name: str) -> None:
     data = subject_of(MODELS[name], MODELS[name].probe, name)
     result = fit(data, DISNEY, starts=2)

@@ -39,11 +39,10 @@ def test_a_tight_highlight_reflects_its_fresnel_term(degrees: float, cone_scale:
     np.testing.assert_allclose(integrate_albedo(bsdf, view(degrees)).value[0], expected, rtol=1e-4)
 
 
+NORMALS = {"diffuseNormal": (0.3, -0.2, 0.9), "highlightNormal": (-0.4, 0.3, 0.8)}
 SURFACES = {
     "brushed": bsdf_of("disney", metallic=1.0, roughness=0.3, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=1.0),
-    "leaning": bsdf_of(
-        "pixar", roughness=0.3, clear=0.5, back=0.3, diffuseNormal=(0.3, -0.2, 0.9), highlightNormal=(-0.4, 0.3, 0.8)
-    ),
+    "leaning": bsdf_of("pixar", roughness=0.3, clear=0.5, back=0.3, **NORMALS),
 }
 
 

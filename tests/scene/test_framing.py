@@ -115,9 +115,7 @@ def test_a_turned_asset_fills_its_part_of_the_frame(name: str, elevation: float,
     assert np.abs(most + least).max() < 2.0 * LOST * size.max()  # equal margins
 
 
-@pytest.mark.parametrize(
-    "arcs", [[(0.0, 0.0)], [(30.0, 90.0)], [(200.0, -270.0)], [(-40.0, 60.0), (100.0, 0.0), (180.0, 30.0)]]
-)
+@pytest.mark.parametrize("arcs", [[(0, 0)], [(30, 90)], [(200, -270)], [(-40, 60), (100, 0), (180, 30)]])
 @pytest.mark.parametrize("name", ["upright card", "long bar", "angle off centre", "two distant parts", "far away"])
 def test_only_the_angles_that_are_shown_count(name: str, arcs: list[tuple[float, float]]) -> None:
     points, resolution = points_of(name), (800, 600)

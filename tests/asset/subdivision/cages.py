@@ -17,9 +17,7 @@ from lookdev.asset.subdivision.rules import interpolate
 from lookdev.asset.subdivision.topology import split
 
 
-def cage(
-    points: Any, faces: Sequence[Sequence[int]], scheme: str = "catmullClark", uv: Any = None, **rules: Any
-) -> Mesh:
+def cage(points: Any, faces: Sequence[Sequence[int]], scheme="catmullClark", uv: Any = None, **rules: Any) -> Mesh:
     """Return a cage; `uv` (m, 2) is its UV set ``st`` at corners, face-varying; creases are {(a, b): sharpness}."""
     creases, corners = rules.pop("creases", {}), rules.pop("corners", {})
     sizes = np.array([len(face) for face in faces], np.int32)
@@ -140,15 +138,14 @@ def _seamed(rule: str, **rules: Any) -> Mesh:
 _CROSSING = {(6, 11): 1.4, (11, 16): 2.3, **dict.fromkeys([(2, 7), (7, 12), (12, 17), (17, 22)], 10.0)}
 _RING = dict.fromkeys([(0, 1), (1, 3), (3, 2), (2, 0)], 10.0)
 
+_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
 _JUNCTIONS = {**_RING, (0, 4): 1.6, (1, 5): 10.0, (5, 7): 10.0}
 
 CAGES: dict[str, Mesh] = {
     "cube": cage(bent(CUBE), CUBE_FACES),
     "sharp ring": cage(bent(CUBE), CUBE_FACES, creases=_RING),
     "soft ring": cage(bent(CUBE), CUBE_FACES, creases=dict(zip(_RING, (2.5, 2.5, 0.7, 1.0), strict=True))),
-    "junctions": cage(
-        bent(CUBE), CUBE_FACES, creases={**_RING, (0, 4): 1.6, (1, 5): 10.0, (5, 7): 10.0}, corners={6: 1.3, 7: 10.0}
-    ),
+    "junctions": cage(bent(CUBE), CUBE_FACES, creases=_JUNCTIONS, corners={6: 1.3, 7: 10.0}),
     "open": _grid(),
     "open, edgeOnly": _grid(interpolate_boundary="edgeOnly"),
     "open, none": _grid(interpolate_boundary="none"),
@@ -161,12 +158,7 @@ CAGES: dict[str, Mesh] = {
     "loop, soft": cage(bent(CUBE), CUBE_TRIANGLES, "loop", creases={(0, 1): 1.5, (1, 3): 2.2}, corners={6: 1.3}),
     "loop, open": cage(*(lambda p, f: (bent(p), triangles_of(f)))(*lattice(3, 3)), scheme="loop"),
     "bilinear": cage(bent(CUBE), CUBE_FACES, "bilinear", creases=_RING),
-    "seams, none": _seamed("none"),
-    "seams, cornersOnly": _seamed("cornersOnly"),
-    "seams, cornersPlus1": _seamed("cornersPlus1"),
-    "seams, cornersPlus2": _seamed("cornersPlus2"),
-    "seams, boundaries": _seamed("boundaries"),
-    "seams, all": _seamed("all"),
+    **{f"seams, {rule}": _seamed(rule) for rule in _RULES},
     "seams, creased": _seamed("cornersPlus1", creases=_CROSSING),
     "seams, edgeOnly": _seamed("cornersOnly", interpolate_boundary="edgeOnly"),
 }

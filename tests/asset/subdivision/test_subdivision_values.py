@@ -23,9 +23,8 @@ def test_faces_keep_their_slots_and_their_uniform_and_constant_values(name, leve
     mesh = CAGES[name]
     faces = np.arange(len(mesh.face_sizes))
     per_face = np.repeat(faces, mesh.face_sizes)
-    marked = replace(
-        mesh, primvars={"own": per_face.astype(np.float32), "same": np.full((len(per_face), 3), 7.0, "f4")}
-    )
+    values = {"own": per_face.astype(np.float32), "same": np.full((len(per_face), 3), 7.0, "f4")}
+    marked = replace(mesh, primvars=values)
     refined = refine(ruled(marked, interpolation={"own": "uniform", "same": "constant"}), level)
     slots = np.repeat(refined.face_slots, refined.face_sizes)
     np.testing.assert_array_equal(refined.primvars["own"], mesh.face_slots[slots])
