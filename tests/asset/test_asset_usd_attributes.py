@@ -32,9 +32,7 @@ def author(stage):
 @pytest.mark.parametrize(
     ("kind", "value", "number", "shape"),
     [
-        (TYPES.Float3Array, [(1, 2, 3)], np.float64, (3,)),
-        (TYPES.Double3Array, [(1, 2, 3)], np.float64, (3,)),
-        (TYPES.Half3Array, [(1, 2, 3)], np.float64, (3,)),
+        *((kind, [(1, 2, 3)], np.float64, (3,)) for kind in (TYPES.Float3Array, TYPES.Double3Array, TYPES.Half3Array)),
         (TYPES.Point3fArray, [], np.float64, (3,)),
         (TYPES.FloatArray, [1.0, -1e18], np.float64, ()),
         (TYPES.QuathArray, [Gf.Quath(1.0)], np.float64, (4,)),
