@@ -3,8 +3,6 @@
 ``python tests/test_docs.py`` writes those tables anew.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

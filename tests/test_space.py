@@ -37,9 +37,8 @@ def test_colours_are_those_of_opencolorio_and_come_back(rng):
     config = ocio.Config.CreateFromBuiltinConfig(BASE)
     processor = config.getProcessor(OCIO_NAMES["rec709"], OCIO_NAMES["acescg"]).getDefaultCPUProcessor()
     colors = rng.random((50, 3))
-    np.testing.assert_allclose(
-        to_space(colors, "acescg"), [processor.applyRGB(color) for color in colors.tolist()], rtol=2e-6
-    )
+    wanted = [processor.applyRGB(color) for color in colors.tolist()]
+    np.testing.assert_allclose(to_space(colors, "acescg"), wanted, rtol=2e-6)
     np.testing.assert_allclose(to_rec709(to_space(colors, "acescg"), "acescg"), colors, atol=1e-14)
     assert (to_space(colors, "rec709") == colors).all()
 
@@ -57,12 +56,11 @@ def make_map(rng):
 
 PLACE = {"width": 1.0, "height": 0.5, "position": (0.0, 0.0, 2.0)}
 SHAPING = Shaping(60.0, focus=4.0, focus_tint=(0.9, 0.2, 0.1))
+BLUISH = Emission((0.2, 2.0, 1.0))
 LIGHTS = {
     "dome": lambda rng: prepare_light(make_map(rng)),
     "lamp": lambda rng: RectLight(**PLACE, emission=Emission((4.0, 2.0, 1.0), shaping=SHAPING)),
-    "picture": lambda rng: RectLight(
-        **PLACE, texture=prepare_texture(make_map(rng)), emission=Emission((0.2, 2.0, 1.0))
-    ),
+    "picture": lambda rng: RectLight(**PLACE, texture=prepare_texture(make_map(rng)), emission=BLUISH),
     "distant": lambda rng: DistantLight(angle=5.0, emission=Emission((1.0, 0.2, 0.1))),
 }
 

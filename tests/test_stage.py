@@ -329,9 +329,8 @@ def test_a_huge_text_layer_is_a_fault_before_it_is_read(tmp_path, start):
     file = tmp_path / "huge.usda"
     file.write_bytes(start)
     os.truncate(file, DEFAULT_BYTES + 1)  # sparse
-    with pytest.raises(
-        StageError, match=f"has {DEFAULT_BYTES + 1} bytes; at most LOOKDEV_LAYER_BYTES = {DEFAULT_BYTES}"
-    ):
+    message = f"has {DEFAULT_BYTES + 1} bytes; at most LOOKDEV_LAYER_BYTES = {DEFAULT_BYTES}"
+    with pytest.raises(StageError, match=message):
         compose(Composition(file))
 
 

@@ -14,22 +14,13 @@ def test_a_text_is_read_with_or_without_a_mark(tmp_path):
         assert read_text(tmp_path / "a.txt") == "grün\r\n"
 
 
-def _pipe(file):
-    os.mkfifo(file)
-
-
-def _sparse(file):
-    with file.open("wb") as stream:
-        stream.truncate(1 << 40)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (_pipe, "is a pipe, a socket or a device"),
+        (os.mkfifo, "is a pipe, a socket or a device"),
         (lambda file: file.symlink_to("/dev/zero"), "is a pipe, a socket or a device"),
         (lambda file: file.mkdir(), "is a folder"),
-        (_sparse, "has 1099511627776 bytes (at most"),
+        (lambda file: (file.touch(), os.truncate(file, 1 << 40)), "has 1099511627776 bytes (at most"),
         (lambda file: file.symlink_to(file), "cannot be read"),
         (lambda file: None, "cannot be read: No such file"),
         (lambda file: file.write_bytes("a\nb".encode("utf-16")), "line 1, column 1: not UTF-8 text"),

@@ -1,7 +1,5 @@
 """The wheel contains all that the program needs, and works without the checkout."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -12,12 +10,7 @@ import pytest
 from hatchling.builders.wheel import WheelBuilder
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = {
-    "lookdev": "lookdev",
-    "materials": "lookdev/data/materials",
-    "jobs": "lookdev/data/jobs",
-    "rigs": "lookdev/data/rigs",
-}
+FOLDERS = {"lookdev": "lookdev"} | {name: f"lookdev/data/{name}" for name in ("materials", "jobs", "rigs")}
 
 
 def test_every_tracked_file_is_in_the_wheel():

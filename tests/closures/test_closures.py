@@ -210,9 +210,10 @@ def look_of(file: Path) -> Look:
     return read_look(file) if file in LOOKS else preset_look(read_preset(file), file.stem)
 
 
-@pytest.mark.parametrize(
-    ("file", "angle"), list(zip(PRESETS, cycle((65.0, 85.0)))), ids=lambda x: getattr(x, "stem", x)
-)
+PRESET_VIEWS = list(zip(PRESETS, cycle((65.0, 85.0))))
+
+
+@pytest.mark.parametrize(("file", "angle"), PRESET_VIEWS, ids=lambda x: getattr(x, "stem", x))
 def test_the_albedo_of_every_preset(file: Path, angle: float) -> None:
     (bsdf,) = bsdfs_of(look_of(file), 1)
     assert deviation(bsdf, view(angle)) <= TOLERANCE

@@ -1,8 +1,6 @@
 """Refined assets are read from the cache by the next run, whole or not at all."""
 
-from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,11 +32,10 @@ def calls(monkeypatch) -> list[str]:
     """The names of what was computed."""
     names: list[str] = []
 
-    def count(name: str, function: Callable[..., Any]) -> None:
-        monkeypatch.setattr(refinery, name, lambda *rest: (names.append(name), function(*rest))[1])
-
     for name in ("refine_all", "refinement_levels"):
-        count(name, getattr(refinery, name))
+        function = getattr(refinery, name)
+        record = lambda *rest, name=name, function=function: (names.append(name), function(*rest))[1]  # noqa: E731
+        monkeypatch.setattr(refinery, name, record)
     return names
 
 

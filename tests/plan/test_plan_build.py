@@ -142,9 +142,8 @@ def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
         Pose(150.0, 0.0): ["element.0003"],
         Pose(240.0, 0.0): ["element.0004"],
     }
-    assert planned_poses("gold", "studio") == {
-        Pose(0.0, 0.0): [f"element.000{number}" for number in (1, 2, 3, 4)] + lighting
-    }
+    elements = [f"element.000{number}" for number in (1, 2, 3, 4)]
+    assert planned_poses("gold", "studio") == {Pose(0.0, 0.0): elements + lighting}
     assert len(planned_poses("paint", "city")) == 6
 
 
