@@ -8,6 +8,7 @@ from asset_arrays import area, at_corners, corner_st, corners, facets, volume
 from pxr import Usd, UsdGeom, Vt
 from scipy.interpolate import BPoly, BSpline, CubicHermiteSpline
 from scipy.spatial import cKDTree
+from usd_file import prim_of
 
 from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.curves import curve_shape, point_shape
@@ -25,30 +26,11 @@ CIRCLE = np.stack([np.cos(TURNS), np.sin(TURNS), 0.0 * TURNS], axis=-1)
 WIGGLE = [(0, 0, 0), (1, 2, 0), (2, -1, 1), (3, 1, -1), (4, 0, 0.5), (5, 2, 0), (6, 0, 0)]
 
 
-STAGES = []  # a prim does not keep its stage
-
-
-@pytest.fixture(autouse=True)
-def _stages():
-    yield
-    STAGES.clear()
-
-
-def prim_of(schema, **values):
-    """Return a prim of a schema in a stage of its own."""
-    STAGES.append(Usd.Stage.CreateInMemory())
-    prim = schema.Define(STAGES[-1], "/Hair").GetPrim()
-    for name, value in values.items():
-        if value is not None:
-            prim.GetAttribute(name).Set(value)
-    return prim
-
-
 def curves(points, counts=None, kind="cubic", basis="bspline", wrap="nonperiodic", widths=(0.1,), of="vertex"):
     vertices, counts = Vt.Vec3fArray.FromNumpy(np.asarray(points, np.float32)), counts or [len(points)]
     widths = None if widths is None else list(widths)
     values = {"points": vertices, "curveVertexCounts": counts, "type": kind, "basis": basis, "wrap": wrap}
-    prim = prim_of(UsdGeom.BasisCurves, **values, widths=widths)
+    prim = prim_of("BasisCurves", **values, widths=widths)
     if widths is not None:
         UsdGeom.Curves(prim).SetWidthsInterpolation(of)
     return prim
@@ -313,7 +295,7 @@ def test_what_has_no_surface_has_no_faces():
 def test_faults_of_curves_are_named(name, value, message):
     prim = curves(WIGGLE)
     prim.GetAttribute(name).Set(value)
-    with pytest.raises(AssetError, match="^/Hair: .*" + re.escape(message)):
+    with pytest.raises(AssetError, match="^/Thing: .*" + re.escape(message)):
         shape_of(prim)
 
 
@@ -323,7 +305,7 @@ def test_faults_of_curves_are_named(name, value, message):
 )
 def test_a_wrong_number_of_primvars_is_named(interpolation, count, needed):
     wear = Attribute("wear", np.arange(float(count)), interpolation)
-    with pytest.raises(AssetError, match=f"^/Hair: primvars:wear has {count} val.*'{interpolation}'.* needs {needed}"):
+    with pytest.raises(AssetError, match=f"^/Thing: primvars:wear has {count} val.*'{interpolation}'.* needs {needed}"):
         shape_of(curves(WIGGLE), wear)
 
 
@@ -335,7 +317,7 @@ def nurbs(**changed):
     """Return NurbsCurves: by default a circle of radius 1 and width 0.2."""
     weights = [1, np.sqrt(0.5)] * 4 + [1]
     values = {"points": CORNERS, "curveVertexCounts": [9], "order": [3], "knots": KNOTS, "pointWeights": weights}
-    return prim_of(UsdGeom.NurbsCurves, **(values | {"widths": [0.2]} | changed))
+    return prim_of("NurbsCurves", **(values | {"widths": [0.2]} | changed))
 
 
 def test_a_rational_circle_is_a_torus_without_ends():
@@ -379,12 +361,12 @@ def test_nurbs_without_weights_are_splines():
     ],
 )
 def test_faults_of_nurbs_are_named(changed, message):
-    with pytest.raises(AssetError, match=f"^/Hair: {message}"):
+    with pytest.raises(AssetError, match=f"^/Thing: {message}"):
         shape_of(nurbs(**changed))
 
 
 def dots(points=((0, 0, 0), (1, 2, 3)), widths=None, of="vertex"):
-    prim = prim_of(UsdGeom.Points, points=list(points), widths=widths)
+    prim = prim_of("Points", points=list(points), widths=widths)
     if widths is not None:
         UsdGeom.Points(prim).SetWidthsInterpolation(of)
     return prim
@@ -416,5 +398,5 @@ def test_points_are_a_sphere_and_its_placements(widths, of, radii):
     ],
 )
 def test_faults_of_points_are_named(changed, message):
-    with pytest.raises(AssetError, match=f"^/Hair: {message}"):
+    with pytest.raises(AssetError, match=f"^/Thing: {message}"):
         point_shape(dots(**changed), TIME, 1.0)

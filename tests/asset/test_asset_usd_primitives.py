@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from asset_arrays import area, corner_st, corners, facets, volume
-from pxr import Usd, UsdGeom
+from pxr import Usd
+from usd_file import prim_of
 
 from lookdev.asset.normals import area_vectors
 from lookdev.asset.usd.primitives import PRIMITIVES, allotted_errors, primitive_key, primitive_shape, sphere_shape
 from lookdev.errors import AssetError
 
 TIME = Usd.TimeCode.EarliestTime()
-STAGES = []  # a prim does not keep its stage
 AXES = {"X": 0, "Y": 1, "Z": 2}
 ERROR = 1e-4
 # A mesh inside a curved surface, at most ERROR of a radius away, lacks at most so much of its area and volume: the
@@ -18,24 +18,8 @@ ERROR = 1e-4
 SLACK = 3.0 * ERROR
 
 
-def primitive(kind, up="Z", **attributes):
-    """Return a prim of a kind in a stage of its own."""
-    STAGES.append(Usd.Stage.CreateInMemory())
-    UsdGeom.SetStageUpAxis(STAGES[-1], up)
-    prim = STAGES[-1].DefinePrim("/Thing", kind)
-    for name, value in attributes.items():
-        prim.GetAttribute(name).Set(value)
-    return prim
-
-
 def shape_of(kind, error=ERROR, **attributes):
-    return primitive_shape(primitive(kind, **attributes), TIME, 1.0, error)
-
-
-@pytest.fixture(autouse=True)
-def _stages():
-    yield
-    STAGES.clear()
+    return primitive_shape(prim_of(kind, **attributes), TIME, 1.0, error)
 
 
 def frustum(bottom, top, height):
@@ -203,7 +187,7 @@ def test_many_surfaces_share_the_faces():
 
 
 def test_sizes_are_in_metres_and_at_the_time():
-    prim = primitive("Sphere")
+    prim = prim_of("Sphere")
     prim.GetAttribute("radius").Set(1.0, 0.0)
     prim.GetAttribute("radius").Set(3.0, 10.0)
     assert primitive_shape(prim, Usd.TimeCode(5.0), 0.01, 1e-2).points.max() == pytest.approx(0.02)
@@ -211,9 +195,9 @@ def test_sizes_are_in_metres_and_at_the_time():
 
 
 def test_equal_keys_mean_equal_shapes():
-    assert primitive_key(primitive("Cone", height=3.0), TIME) == primitive_key(primitive("Cone", height=3.0), TIME)
-    others = [primitive("Cone"), primitive("Cylinder", height=3.0), primitive("Cone", height=3.0, axis="X")]
-    assert len({primitive_key(prim, TIME) for prim in [primitive("Cone", height=3.0), *others]}) == 4
+    assert primitive_key(prim_of("Cone", height=3.0), TIME) == primitive_key(prim_of("Cone", height=3.0), TIME)
+    others = [prim_of("Cone"), prim_of("Cylinder", height=3.0), prim_of("Cone", height=3.0, axis="X")]
+    assert len({primitive_key(prim, TIME) for prim in [prim_of("Cone", height=3.0), *others]}) == 4
 
 
 NO_AREA = [("Cube", "size"), ("Sphere", "radius"), ("Cylinder", "height"), ("Cylinder", "radius")]

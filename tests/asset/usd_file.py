@@ -73,6 +73,20 @@ class File:
         return asset
 
 
+STAGES = []  # a prim does not keep its stage
+
+
+def prim_of(kind, up="Z", **values):
+    """Return a prim of a type, in a stage of its own."""
+    STAGES.append(Usd.Stage.CreateInMemory())
+    UsdGeom.SetStageUpAxis(STAGES[-1], up)
+    prim = STAGES[-1].DefinePrim("/Thing", kind)
+    for name, value in values.items():
+        if value is not None:
+            prim.GetAttribute(name).Set(value)
+    return prim
+
+
 UP = Gf.Matrix4d(1.0).SetTranslate((0, 0, 1))
 JOINTS = ["hip", "hip/knee"]
 STRAIGHT, BENT = Gf.Quatf(1, 0, 0, 0), Gf.Quatf(0.5**0.5, 0.5**0.5, 0, 0)  # by a right angle about x
@@ -102,12 +116,12 @@ class Leg:
             animation.GetRotationsAttr().Set(rotations)
         return animation
 
-    def bind(self, schema, indices, weights, size=1, constant=False):
-        """Bind a prim to joints, `size` for each point, or for the whole."""
+    def bind(self, schema, indices, weights=None, size=1, constant=False):
+        """Bind a prim to joints, `size` for each point, or for the whole; weights are 1 by default."""
         api = self.api(schema)
         api.CreateSkeletonRel().SetTargets([self.skeleton.GetPath()])
         api.CreateJointIndicesPrimvar(constant, size).Set(list(indices))
-        api.CreateJointWeightsPrimvar(constant, size).Set(list(map(float, weights)))
+        api.CreateJointWeightsPrimvar(constant, size).Set(list(map(float, weights or [1] * len(indices))))
 
 
 def primvar(mesh, name, kind, interpolation, values, indices=None):

@@ -9,8 +9,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import OpenImageIO as oiio
 import pytest
+from numpy.typing import NDArray
 
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look
@@ -124,6 +126,12 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
 
 def lost(found: BoundLook) -> list[tuple[str, str]]:
     return [(short(fault.where), fault.what) for fault in found.lost]
+
+
+def rotated(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+    """mx_rotate_vector2 of the MaterialX library: clockwise."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)
 
 
 def write_preset(file: Path, inputs="", model="LookdevDisney", category="metal", doc="") -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from look_files import bound, lost, materialx, shader, write_gray
+from look_files import bound, lost, materialx, rotated, shader, write_gray
 from numpy.typing import NDArray
 
 from lookdev.brdf import Parameter
@@ -165,12 +165,6 @@ def test_channels_of_four(folder: Path, index: int) -> None:
     link = f"float roughness <- X.out{'rgba'[index]}"
     found = bound(folder, materialx(link, IMAGE.replace("color3", "color4"), split))
     np.testing.assert_allclose(value(found, "roughness", "float"), sampled(folder, ST)[:, index], atol=1e-6)
-
-
-def rotated(v: Floats, degrees: float) -> Floats:
-    """mx_rotate_vector2: clockwise."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)
 
 
 PLACE = "float2 pivot = (0.5, 0.25); float2 scale = (2, 0.5); float rotate = 30; float2 offset = (0.1, 0.2); "

@@ -9,7 +9,7 @@ from pathlib import Path
 import MaterialX as mx
 import numpy as np
 import pytest
-from look_files import faults_of, write_gray
+from look_files import faults_of, rotated, write_gray
 from pxr import Sdf, Usd
 
 from lookdev.brdf import MODELS
@@ -174,15 +174,10 @@ def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
 
 
 def placed(st: np.ndarray, p: dict[str, np.ndarray], degrees: float, order: int) -> np.ndarray:
-    """NG_place2d_vector2 of the MaterialX library, with mx_rotate_vector2, written out node by node."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-
-    def rotate2d(v: np.ndarray) -> np.ndarray:
-        return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)
-
+    """NG_place2d_vector2 of the MaterialX library, written out node by node."""
     if order == 0:
-        return rotate2d((st - p["pivot"]) / p["scale"]) - p["offset"] + p["pivot"]
-    return rotate2d(st - p["pivot"] - p["offset"]) / p["scale"] + p["pivot"]
+        return rotated((st - p["pivot"]) / p["scale"], degrees) - p["offset"] + p["pivot"]
+    return rotated(st - p["pivot"] - p["offset"], degrees) / p["scale"] + p["pivot"]
 
 
 @pytest.mark.parametrize("order", [0, 1])

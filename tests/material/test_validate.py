@@ -1,7 +1,6 @@
 """Everything wrong with a look is found, whatever the file is, and what is right is left alone."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -252,42 +251,3 @@ def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     assert code == 1
     assert output == json.dumps(examine(file, "/M", {"wear": "dusty"}).data(), indent=2) + "\n"
     assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]
-
-
-@pytest.fixture(scope="module", params=[12, pytest.param(1, marks=pytest.mark.proof)], ids=["a twelfth", "all"])
-def malformed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
-    """Return what became of malformed files: of a twelfth of each family, or of all."""
-    folder, script = tmp_path_factory.mktemp("malformed") / "looks", Path(__file__).with_name("malformed.py")
-    program = (sys.executable, "-W", "ignore", str(script), str(folder), str(request.param))
-    done = subprocess.run(program, capture_output=True, text=True, check=True, timeout=600)
-    cases = [json.loads(line) for line in done.stdout.splitlines()]
-    assert len(cases) >= 112 // request.param
-    return cases
-
-
-@pytest.mark.both_pythons
-def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dict]) -> None:
-    faulty = [case for case in malformed if case["expected"] == "faulty"]
-    assert len(faulty) >= 0.4 * len(malformed)
-    reported = [case for case in faulty if case["status"] == 0 and case["file"] in case["read"] and case["errors"]]
-    assert [case["name"] for case in faulty if case not in reported] == []
-    assert [case["name"] for case in faulty if max(map(len, case["text"].splitlines())) > 2000] == []
-
-
-def test_odd_looks_that_are_right_are_read(malformed: list[dict]) -> None:
-    valid = [case for case in malformed if case["expected"] == "valid"]
-    assert len(valid) >= 4
-    assert [case["name"] for case in valid if case["status"] or case["read"] or case["errors"]] == []
-
-
-def test_no_look_ends_in_a_traceback(malformed: list[dict]) -> None:
-    """The command line names a damaged binary file that kills its reader."""
-    killed = [case for case in malformed if case["status"]]
-    assert {case["expected"] for case in killed} <= {"any"}
-    for case in killed:
-        program = (sys.executable, "-m", "lookdev", "validate", case["file"])
-        ended = subprocess.run(program, capture_output=True, text=True)
-        assert ended.returncode == 2
-        assert f"lookdev: {case['file']}: reading it " in ended.stderr
-    stderr = {case["name"]: case["stderr"] for case in malformed}
-    assert [name for name, text in stderr.items() if "Traceback" in text or "Warning: in" in text] == []
