@@ -32,6 +32,10 @@ class Rig(Leg):
         self.mesh.GetFaceVertexIndicesAttr().Set([0, 3, 2, 1])
         self.bind(self.mesh, (0, 1) * 4, (1, 0, 1, 0, 0, 1, 0.5, 0.5), size=2)
 
+    @property
+    def skin(self):
+        return self.api(self.mesh)
+
     def shape(self, name, offsets, indices=None, normals=None):
         """Add a blend shape to the mesh, whose weights are animated by `weigh`."""
         shape = UsdSkel.BlendShape.Define(self.stage, f"{self.mesh.GetPath()}/{name}")
@@ -40,9 +44,8 @@ class Rig(Leg):
             shape.GetPointIndicesAttr().Set(indices)
         if normals is not None:
             shape.GetNormalOffsetsAttr().Set(normals)
-        api = self.api(self.mesh)
-        api.CreateBlendShapesAttr().Set([*(api.GetBlendShapesAttr().Get() or []), name])
-        api.CreateBlendShapeTargetsRel().AddTarget(shape.GetPath())
+        self.skin.CreateBlendShapesAttr().Set([*(self.skin.GetBlendShapesAttr().Get() or []), name])
+        self.skin.CreateBlendShapeTargetsRel().AddTarget(shape.GetPath())
         return shape
 
     def weigh(self, names, weights, time=None):
@@ -102,26 +105,24 @@ def placed(rig):
     UsdGeom.Xformable(rig.mesh).AddRotateYOp().Set(30.0)
     UsdGeom.Xformable(rig.skeleton).AddRotateXOp().Set(20.0)
     UsdGeom.Xformable(rig.root).AddScaleOp().Set((2, 3, 4))
-    rig.api(rig.mesh).CreateGeomBindTransformAttr().Set(Gf.Matrix4d(1.0).SetTranslate((0.5, 0, 0.25)))
+    rig.skin.CreateGeomBindTransformAttr().Set(Gf.Matrix4d(1.0).SetTranslate((0.5, 0, 0.25)))
 
 
 def reordered(rig):
-    rig.api(rig.mesh).CreateJointsAttr().Set(["hip/knee"])
-    rig.api(rig.mesh).CreateJointIndicesPrimvar(False, 1).Set([0] * 4)
-    rig.api(rig.mesh).CreateJointWeightsPrimvar(False, 1).Set([1.0] * 4)
+    rig.skin.CreateJointsAttr().Set(["hip/knee"])
+    rig.skin.CreateJointIndicesPrimvar(False, 1).Set([0] * 4)
+    rig.skin.CreateJointWeightsPrimvar(False, 1).Set([1.0] * 4)
 
 
 def rigid(rig):
-    rig.api(rig.mesh).CreateJointIndicesPrimvar(True, 2).Set([1, 0])
-    rig.api(rig.mesh).CreateJointWeightsPrimvar(True, 2).Set([1.0, 0.0])
-    for primvar in (rig.api(rig.mesh).GetJointIndicesPrimvar(), rig.api(rig.mesh).GetJointWeightsPrimvar()):
+    rig.skin.CreateJointIndicesPrimvar(True, 2).Set([1, 0])
+    rig.skin.CreateJointWeightsPrimvar(True, 2).Set([1.0, 0.0])
+    for primvar in (rig.skin.GetJointIndicesPrimvar(), rig.skin.GetJointWeightsPrimvar()):
         primvar.SetInterpolation(UsdGeom.Tokens.constant)
 
 
 def inherited(rig):
-    api = rig.api(rig.mesh)
-    api.GetSkeletonRel().ClearTargets(True)
-    api.GetPrim().RemoveProperty("skel:skeleton")
+    rig.mesh.GetPrim().RemoveProperty("skel:skeleton")
     rig.api(rig.root).CreateSkeletonRel().SetTargets(["/Leg/Bones"])
     rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
     rig.api(rig.root).CreateAnimationSourceRel().SetTargets(["/Leg/Bend"])
@@ -140,7 +141,7 @@ def still(rig):
 
 
 def dual(rig):
-    rig.api(rig.mesh).CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
+    rig.skin.CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
 
 
 def blended(rig):
@@ -190,11 +191,10 @@ def test_a_random_rig_as_usd_bakes_it(method):
     rig.mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(rng.normal(size=(200, 3)).astype(np.float32)))
     rig.mesh.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(rng.normal(size=(200, 3)).astype(np.float32)))
     rig.mesh.SetNormalsInterpolation("vertex")
-    api = rig.api(rig.mesh)
-    api.CreateJointIndicesPrimvar(False, 4).Set(rng.integers(0, 12, 800).tolist())
-    api.CreateJointWeightsPrimvar(False, 4).Set(weights.ravel().tolist())
-    api.CreateSkinningMethodAttr().Set(method)
-    api.CreateGeomBindTransformAttr().Set(random_matrix())
+    rig.skin.CreateJointIndicesPrimvar(False, 4).Set(rng.integers(0, 12, 800).tolist())
+    rig.skin.CreateJointWeightsPrimvar(False, 4).Set(weights.ravel().tolist())
+    rig.skin.CreateSkinningMethodAttr().Set(method)
+    rig.skin.CreateGeomBindTransformAttr().Set(random_matrix())
     mine = rig.world()
     normals = Attribute("normals", np.array(rig.mesh.GetNormalsAttr().Get()), "vertex")
     turned = rig.deformed().normals(normals, np.arange(200)).values
@@ -324,25 +324,15 @@ def test_what_is_bound_to_nothing_is_not_deformed(rig):
     assert skinning.notes == ()
 
 
-def joints(indices=None, weights=None):
-    """Return a function that sets the joint indices, or weights, of a rig's mesh."""
-
-    def apply(rig):
-        if indices is not None:
-            rig.api(rig.mesh).GetJointIndicesAttr().Set(indices)
-        if weights is not None:
-            rig.api(rig.mesh).GetJointWeightsAttr().Set(weights)
-
-    return apply
-
-
-def more_points(rig):
-    rig.mesh.GetPointsAttr().Set(POINTS * 2)
+def three_of_each(rig):
+    rig.skin.GetJointIndicesAttr().Set([0, 1, 0])
+    rig.skin.GetJointWeightsAttr().Set([1.0, 0.0, 1.0])
 
 
 def constant(rig):
     rigid(rig)
-    joints([1, 0, 1, 0], [1.0, 0.0, 1.0, 0.0])(rig)
+    rig.skin.GetJointIndicesAttr().Set([1, 0, 1, 0])
+    rig.skin.GetJointWeightsAttr().Set([1.0, 0.0, 1.0, 0.0])
 
 
 def uniform(rig):
@@ -353,15 +343,6 @@ def uniform(rig):
 def sparse_without_rest(rig):
     rig.skeleton.GetPrim().RemoveProperty("restTransforms")
     sparse_animation(rig)
-
-
-def on_api(spoil):
-    """Return a function that changes the binding of a rig's mesh."""
-    return lambda rig: spoil(rig.api(rig.mesh))
-
-
-def on_skeleton(spoil):
-    return lambda rig: spoil(rig.skeleton)
 
 
 def shaped(spoil):
@@ -383,41 +364,38 @@ def two_inbetweens(rig, shape):
 
 NAN, FLAT, NO_MATRIX = float("nan"), Gf.Matrix4d(0.0), Gf.Matrix4d(float("nan"))
 PAIR = "primvars:skel:jointIndices and primvars:skel:jointWeights"
+GONE = "/Leg/Gone"
 TURN = [Gf.Quatf(1, 0, 0, 0), Gf.Quatf(NAN, 0, 0, 0)]
 # What is broken, by the message that follows the prim of this name.
 BROKEN = {
     "/Leg/Skin": {
-        "primvars:skel:jointIndices[1] is 2, but there are 2 joints": joints([0, 2, *[0] * 6]),
-        "primvars:skel:jointIndices[1] is -1": joints([0, -1, *[0] * 6]),
-        "primvars:skel:jointWeights[0] is nan": joints(weights=[NAN, *[0.0] * 7]),
-        "has 2 primvars:skel:jointIndices and 8 primvars:skel:jointWeights; 2 of both for each point": joints([0, 1]),
-        "has 3 primvars:skel:jointIndices and 3 primvars:skel:jointWeights; 2 of both": joints([0, 1, 0], [1, 0, 1]),
-        "has joints for 4 points, but 8 points": more_points,
+        "primvars:skel:jointIndices[1] is 2, but there are 2": lambda r: r.skin.GetJointIndicesAttr().Set([0, 2] * 4),
+        "primvars:skel:jointIndices[1] is -1": lambda r: r.skin.GetJointIndicesAttr().Set([0, -1, *[0] * 6]),
+        "primvars:skel:jointWeights[0] is nan": lambda r: r.skin.GetJointWeightsAttr().Set([NAN, *[0.0] * 7]),
+        "has 2 primvars:skel:jointIndices and 8 primvars:": lambda r: r.skin.GetJointIndicesAttr().Set([0, 1]),
+        "has 3 primvars:skel:jointIndices and 3 primvars:skel:jointWeights; 2 of both for each point": three_of_each,
+        "has joints for 4 points, but 8 points": lambda r: r.mesh.GetPointsAttr().Set(POINTS * 2),
         "has only one of jointIndices and jointWeights": without("mesh", "primvars:skel:jointWeights"),
-        f"{PAIR} must have the same elementSize": on_api(lambda a: a.GetJointIndicesPrimvar().SetElementSize(4)),
+        f"{PAIR} must have the same elementSize": lambda r: r.skin.GetJointIndicesPrimvar().SetElementSize(4),
         f"{PAIR} must have the same elementSize of at least 1, and both the": uniform,
         "has 4 primvars:skel:jointIndices and 4 primvars:skel:jointWeights; 2 of both for all points": constant,
-        "skel:joints names toe": on_api(lambda a: a.CreateJointsAttr().Set(["hip", "toe"])),
-        "primvars:skel:skinningMethod is 'magic'": on_api(lambda a: a.CreateSkinningMethodAttr().Set("magic")),
-        "primvars:skel:geomBindTransform[0] is nan": on_api(lambda a: a.CreateGeomBindTransformAttr().Set(NO_MATRIX)),
-        "skel:skeleton /Leg/Gone is no Skeleton": on_api(lambda a: a.GetSkeletonRel().SetTargets(["/Leg/Gone"])),
-        "skel:blendShapeTargets /Leg/Skin/Gone is no BlendShape": shaped(
-            lambda r, s: r.api(r.mesh).GetBlendShapeTargetsRel().SetTargets(["/Leg/Skin/Gone"])
-        ),
-        "has 2 skel:blendShapes, but 1 skel:blendShapeTargets": shaped(
-            lambda r, s: r.api(r.mesh).GetBlendShapesAttr().Set(["Up", "Down"])
-        ),
+        "skel:joints names toe": lambda r: r.skin.CreateJointsAttr().Set(["hip", "toe"]),
+        "primvars:skel:skinningMethod is 'magic'": lambda r: r.skin.CreateSkinningMethodAttr().Set("magic"),
+        "primvars:skel:geomBindTransform[0] is nan": lambda r: r.skin.CreateGeomBindTransformAttr().Set(NO_MATRIX),
+        "skel:skeleton /Leg/Gone is no Skeleton": lambda r: r.skin.GetSkeletonRel().SetTargets([GONE]),
+        "skel:blendShapeTargets /Leg/Gone": shaped(lambda r, s: r.skin.GetBlendShapeTargetsRel().SetTargets([GONE])),
+        "has 2 skel:blendShapes, but 1 skel:": shaped(lambda r, s: r.skin.GetBlendShapesAttr().Set(["Up", "Down"])),
     },
     "/Leg/Bones": {
-        "joints must be paths": on_skeleton(lambda s: s.GetJointsAttr().Set(Vt.TokenArray())),
-        "joints must be paths such as": on_skeleton(lambda s: s.GetJointsAttr().Set(["hip", "hip"])),
-        "joints must be paths such as 'hip/knee'": on_skeleton(lambda s: s.GetJointsAttr().Set(["hip", "hip//knee"])),
-        "joints are not in order: Joint 0": on_skeleton(lambda s: s.GetJointsAttr().Set(JOINTS[::-1])),
+        "joints must be paths": lambda r: r.skeleton.GetJointsAttr().Set(Vt.TokenArray()),
+        "joints must be paths such as": lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip"]),
+        "joints must be paths such as 'hip/knee'": lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip//knee"]),
+        "joints are not in order: Joint 0": lambda r: r.skeleton.GetJointsAttr().Set(JOINTS[::-1]),
         "bindTransforms must be matrices with an inverse": without("skeleton", "bindTransforms"),
-        "bindTransforms must be matrices with": on_skeleton(lambda s: s.GetBindTransformsAttr().Set([UP, FLAT])),
-        "has 1 bindTransforms, but 2 joints": on_skeleton(lambda s: s.GetBindTransformsAttr().Set([UP])),
-        "restTransforms[1] is nan": on_skeleton(lambda s: s.GetRestTransformsAttr().Set([UP, NO_MATRIX])),
-        "has 1 restTransforms, but 2 joints": on_skeleton(lambda s: s.GetRestTransformsAttr().Set([UP])),
+        "bindTransforms must be matrices with": lambda r: r.skeleton.GetBindTransformsAttr().Set([UP, FLAT]),
+        "has 1 bindTransforms, but 2 joints": lambda r: r.skeleton.GetBindTransformsAttr().Set([UP]),
+        "restTransforms[1] is nan": lambda r: r.skeleton.GetRestTransformsAttr().Set([UP, NO_MATRIX]),
+        "has 1 restTransforms, but 2 joints": lambda r: r.skeleton.GetRestTransformsAttr().Set([UP]),
         "joint hip is not animated, and there are no restTransforms": sparse_without_rest,
     },
     "/Leg/Bend": {
