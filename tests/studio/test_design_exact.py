@@ -9,7 +9,7 @@ import random
 import shutil
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,13 @@ def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def server(look: Path) -> Iterator[Served]:
-    with served("suzanne", "--material", str(look), verb="design") as started:
+def job(look: Path, white_job: Callable[[Path, str, str], Path]) -> Path:
+    return white_job(look.parent, "suzanne", look.name)
+
+
+@pytest.fixture(scope="module")
+def server(job: Path) -> Iterator[Served]:
+    with served(str(job), verb="design") as started:
         yield started
 
 
@@ -244,8 +249,8 @@ def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: S
 
 
 @pytest.mark.both_pythons
-def test_ctrl_c_ends_the_renderer_too(look: Path, tmp_path: Path) -> None:
-    with served("sphere", "--material", str(look), verb="design", temporary=tmp_path) as started:
+def test_ctrl_c_ends_the_renderer_too(job: Path, tmp_path: Path) -> None:
+    with served(str(job), verb="design", temporary=tmp_path) as started:
         with connect(f"ws://127.0.0.1:{started.port}/exact", max_size=None) as socket:
             talk = Talk(started, socket)
             talk.render()

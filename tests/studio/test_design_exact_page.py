@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +30,11 @@ _COLUMN = (
 
 
 @pytest.fixture(scope="module")
-def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DesignPage]:
-    look = shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks"))
-    with served("suzanne", "--material", str(look), verb="design") as started:
+def page(
+    tab: Any, tmp_path_factory: pytest.TempPathFactory, white_job: Callable[[Path, str, str], Path]
+) -> Iterator[DesignPage]:
+    look = Path(shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks")))
+    with served(str(white_job(look.parent, "suzanne", look.name)), verb="design") as started:
         page = DesignPage(tab, started.url, mode="exact")
         page.js("viewport.settings.most = 16")  # else it takes the renderer's time
         page.wait("exact.round || exact.problem")

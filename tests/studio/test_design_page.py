@@ -17,17 +17,11 @@ from served import Served, served
 
 from lookdev.material.usd import read_look
 
-# In light that is the same all around, and needs no tables, programs compile in less than half of the time.
-JOB = """output = "out"
-asset = { builtin = "plane" }
-look = [{ name = "paint", material = "car_paint.usda" }]
-ibl = [{ name = "white", builtin = "white" }]
-turntable = [{ kind = "element", frames = 1 }]
-"""
-
 
 @pytest.fixture(scope="module")
-def write_look(car_paint: Callable[[Path], Path]) -> Callable[[Path], Path]:
+def write_look(
+    car_paint: Callable[[Path], Path], white_job: Callable[[Path, str, str], Path]
+) -> Callable[[Path], Path]:
     """Return a function that writes car paint, with matt flakes and dust, and a job of it beside it."""
 
     def write(folder: Path) -> Path:
@@ -37,7 +31,7 @@ def write_look(car_paint: Callable[[Path], Path]) -> Callable[[Path], Path]:
         text, count = re.subn(disney, matt, look.read_text(), flags=re.DOTALL)
         assert count == 2
         look.write_text(text)
-        (folder / "job.toml").write_text(JOB)
+        white_job(folder, "plane", look.name)
         return look
 
     return write
@@ -335,7 +329,7 @@ def test_a_request_of_another_site_or_of_no_sense_is_refused(server: Served) -> 
         assert server.ask(path, "POST", b"nonsense")[0] == 422
     for path in ("/status", "/presets", "/presets/dust", "/images?look=0", "/snapshots/1"):
         assert server.ask(path, Host="elsewhere.example")[0] == 403
-    choice = json.dumps({"look": "paint", "rig": "wihte"}).encode()
+    choice = json.dumps({"look": "plastic", "rig": "wihte"}).encode()
     assert "'white'" in json.loads(server.ask("/choose", "POST", choice)[1])["error"]
     for path in ("/buffers/none", "/viewport/../../document.py", "/viewport/%2e%2e/view.py", "/../document.py"):
         assert server.ask(path)[0] == 404

@@ -17,20 +17,13 @@ from lookdev.output.exr import read_shown
 pytestmark = pytest.mark.mitsuba
 
 ROOT = Path(__file__).parents[2]
-JOB = """output = "frames"
-asset = { builtin = "sphere" }
-look = [{ name = "plastic", material = "plastic.usda" }]
-ibl = [{ name = "city", builtin = "city" }]
-turntable = [{ kind = "lighting", frames = 2 }]
-render = { resolution = [32, 24], samples = 16, backend = "mitsuba" }
-"""
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, white_job: Callable[[Path, str, str], Path]) -> Path:
     folder = tmp_path_factory.mktemp("turned")
     shutil.copy(ROOT / "materials" / "frosted_plastic.usda", folder / "plastic.usda")
-    (folder / "job.toml").write_text(JOB)
+    white_job(folder, "sphere", "plastic.usda")
     return folder
 
 
@@ -67,12 +60,12 @@ def test_it_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server: Served,
     ask(server, "/turntable", do="render")
     state = ended(server)
     assert (state["state"], state["done"], state["pictures"]) == ("done", 2, [0, 1])
-    assert Path(state["output"]) == folder / "frames" / "designer" / "plastic" / "city"
-    before = read_shown(Path(state["output"]) / "lighting.0002.exr")
+    assert Path(state["output"]) == folder / "frames" / "designer" / "plastic" / "white"
+    before = read_shown(Path(state["output"]) / "element.0002.exr")
     ask(server, "/lights", light=0, on=True, stops=1.0, color=[1, 1, 1], kelvin=None)
     ask(server, "/turntable", do="render")
     state = ended(server)
-    after = read_shown(Path(state["output"]) / "lighting.0002.exr")
+    after = read_shown(Path(state["output"]) / "element.0002.exr")
     assert after[0].sum() == pytest.approx(2.0 * before[0].sum(), rel=0.02)
     picture = server.ask(f"/turntable/{state['run']}/1.png")
     assert picture[0] == 200
