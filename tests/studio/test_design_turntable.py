@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 def folder(tmp_path_factory: pytest.TempPathFactory, white_job: Callable[[Path, str, str], Path]) -> Path:
     folder = tmp_path_factory.mktemp("turned")
     shutil.copy(ROOT / "materials" / "frosted_plastic.usda", folder / "plastic.usda")
-    white_job(folder, "sphere", "plastic.usda")
+    white_job(folder, "suzanne", "plastic.usda")
     return folder
 
 
