@@ -111,7 +111,7 @@ def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backen
             assert np.sqrt(((two - one) ** 2).mean()) < noise * one.mean(), double.__name__
 
 
-@pytest.mark.parametrize("backend", ["exact", "nodes"])
+@pytest.mark.parametrize("backend", ["exact", pytest.param("nodes", marks=pytest.mark.proof)])
 def test_light_between_coincident_surfaces_is_kept(render, light_of, backend: str) -> None:
     """Indirect light passes what coincides at both of its ends."""
     single = load_asset(builtin="shaderball")

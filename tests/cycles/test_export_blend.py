@@ -239,6 +239,7 @@ def test_between_frames_nothing_turns_back(case: Case) -> None:
         assert steps[4] == 0.0
 
 
+@pytest.mark.proof  # a packed rig is in test_export_rigs.py, and what the command line exports in tests/cli
 def test_a_packed_file_stands_alone(job: Path, case: Case, worker: Worker, tmp_path: Path) -> None:
     turned = JOB.index("[[turntable]]"), JOB.index("[render]")
     short = JOB[: turned[0]] + '[[turntable]]\nkind = "element"\nframes = 2\nstart = 300\n' + JOB[turned[1] :]

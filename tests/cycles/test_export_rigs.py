@@ -75,6 +75,7 @@ def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], 
 def test_each_rig_is_a_collection_and_a_world(reopened: tuple[dict[str, Any], Any]) -> None:
     facts, _ = reopened
     assert set(facts["worlds"]) == set(rigs())
+    assert facts["images"] == {"//maps/sky.exr": True}
     for scene in facts["scenes"].values():
         assert scene["world"] == "studio"
         assert scene["rigs"] == {

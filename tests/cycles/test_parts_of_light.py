@@ -39,8 +39,7 @@ def rig() -> tuple[Light, ...]:
 def frame_of(
     worker: Worker, look: Look, lights: tuple[Light, ...], passes: tuple[str, ...], **given: object
 ) -> Rendered:
-    scene = Scene.of_look(balls(), GREY, lights[0], SIZE, CAMERA)
-    scene = replace(scene, wears={"/set/ball": look, "/set/others": GREY}, lights=lights)
+    scene = replace(Scene.of_look(balls(), look, lights[0], SIZE, CAMERA), lights=lights)
     sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
     name = f"{look.name} {[each.digest for each in lights]} {passes} {given}"
     return rendered(worker, one_frame(scene_task(scene, sampling), POSE, name))

@@ -41,9 +41,11 @@ class Stage:
         resolution: tuple[int, int] = (80, 80),
         samples: int = SAMPLES,
         seed: int = 0,
+        ibl_samples: int = 2,
     ) -> FrameTask:
-        sampling = Sampling(samples, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
-        scene = Scene.of_look(asset, look, prepare_light(light), resolution, camera)
+        sampling = Sampling(samples, brdf_samples=2, ibl_samples=ibl_samples, bounces=1, seed=seed)
+        dome = prepare_light(light, sampled=ibl_samples > 0)
+        scene = Scene.of_look(asset, look, dome, resolution, camera)
         return one_frame(scene_task(scene, sampling), pose, "d1ge57")
 
 

@@ -17,8 +17,8 @@ from lookdev.output.exr import read_frame, read_header
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
 JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
-# Variants, and looks of parts under a background. Jobs of props, a ground, passes and rigs have tests in their rooms.
-QUICK = ("figure_19", "parts")
+# Variants. Jobs of props, a ground, passes, rigs and looks of parts have tests in their rooms.
+QUICK = ("figure_19",)
 MOST_LOOKS = 4
 
 

@@ -82,11 +82,11 @@ def by_dask(job: Path, out: Path, workers: int, *options: str) -> None:
 
 
 def by_openjd(job: Path, out: Path, workers: int) -> None:
-    """Export a job, and run the template as it is, on one core."""
+    """Export a job, in as many chunks as half of the workers, and run the template as it is, on one core."""
     template, program = job.with_name("farm.yaml"), job.with_name("lookdev-here")
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m lookdev "$@"\n')
     program.chmod(0o755)
-    export_openjd(job, template, Division(2), Needs(command=str(program)))
+    export_openjd(job, template, Division(workers // 2), Needs(command=str(program)))
     tool = Path(sys.executable).with_name("openjd")
     steps = ("--step", "Outputs", "--run-dependencies")
     run = subprocess.run(
@@ -117,7 +117,7 @@ WAYS: dict[str, Callable[[Path, Path, int], None]] = {
     "openjd": by_openjd,
     "chunks": by_chunks,
 }
-# Processes of their own for each chunk, on one core; the first frames are of a worker that was warm, on all cores.
+# Processes of its own, on one core; the first frames are of a worker that was warm, on all cores.
 QUICK = ("openjd",)
 
 
