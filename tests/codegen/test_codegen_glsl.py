@@ -39,14 +39,15 @@ DRAW = "vec3 wi; look_draw(wi); result = vec4(wi, 0.0);"
 
 
 def quick(batches: Sequence[Batch]) -> list[Batch]:
-    """Return up to five batches of each model, over all its tokens, and three frequent stacks of up to three layers.
+    """Return up to four batches of each model, over all its tokens, and a frequent stack of two and of three layers.
 
     A batch is a program; those of other tokens consist of the same operations.
     """
-    found = [batch for batch in batches if 1 < len(batch.layers) < 4 and len(batch.wo) > 20][:3]
+    stacks = [batch for batch in batches if 1 < len(batch.layers) < 4 and len(batch.wo) > 20]
+    found = list({len(batch.layers): batch for batch in reversed(stacks)}.values())
     for model in {batch.layers[0].model for batch in batches}:
         single = [batch for batch in batches if len(batch.layers) == 1 and batch.layers[0].model == model]
-        found += single[:: max(1, len(single) // 4)]
+        found += single[:: max(1, len(single) // 3)]
     return found
 
 

@@ -197,8 +197,13 @@ def sockets(source: NodeSource, name: str) -> list[str]:
     return [socket.name for socket in tree_of(source, name).inputs]
 
 
+def first_of(quick: int, count: int) -> list[Any]:
+    """Return seeds, of which those from `quick` on are marked as proof."""
+    return [pytest.param(seed, marks=pytest.mark.proof if seed >= quick else ()) for seed in range(count)]
+
+
 @pytest.mark.parametrize("model", SHOWN)
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", first_of(4, 12))
 def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
     inputs = random_inputs(model, np.random.default_rng(seed))
     source = check((Layer("base", model, inputs),), seed=seed)
@@ -217,7 +222,7 @@ MODEL_STACKS = [
 
 
 @pytest.mark.parametrize("models", MODEL_STACKS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", first_of(2, 4))
 def test_layers_are_combined_by_the_rule_of_their_model(models: tuple[str, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
     tokens = {"disney": {"variant": "2014"}, "pixar": {"energy": "published"}}

@@ -284,7 +284,7 @@ def test_faults_of_a_look_are_reported(layers: list[Layer], error: type[Exceptio
         surface(*layers)
 
 
-@pytest.mark.parametrize("bounces", [0, 2])
+@pytest.mark.parametrize("bounces", [pytest.param(0, marks=pytest.mark.proof), 2])
 def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: int) -> None:
     for layers in (
         [base(roughness=0.0, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=0.0, baseColor=(0.0, 0.0, 0.0))],
