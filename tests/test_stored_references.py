@@ -101,9 +101,7 @@ def test_a_digest_is_of_what_defines_a_case(tmp_path: Path) -> None:
         digest_of("scene", {"alter": scene_of})
 
 
-def test_some_references_are_what_the_code_computes(
-    stored_reference: StoredReference, tmp_path: Path, light_of
-) -> None:
+def test_some_references_are_what_code_computes(stored_reference: StoredReference, tmp_path: Path, light_of) -> None:
     options = {"pose": POSE, "count": 6, "samples": 64, "bounces": 1}
     stored_reference("cheap scene", scene_pixels, scene=scene_of(tmp_path / "s"), recompute=True, **options)
     case = {"shape": "sphere", "layers": LOOKS["lacquered"], "light": light_of("white"), "side": 16, "least": 0.5}

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from film_reference import complex_fresnel
-from numpy.typing import NDArray
-from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image, random_parameters
+from random_parameters import EVERY, VARIANTS, Floats, directions, near_the_mirror_image, random_parameters
 
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
@@ -17,7 +16,6 @@ from lookdev.brdf.mixture import Mixture
 from lookdev.errors import ModelError
 from lookdev.reference.albedo import integrate_albedo
 
-Floats = NDArray[np.float64]
 FUNCTIONS = (evaluate, evaluate_cosine, pdf)
 
 

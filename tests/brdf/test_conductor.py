@@ -21,16 +21,14 @@ TABLES = {
 
 def fitted_observer(wavelengths: np.ndarray) -> np.ndarray:
     """Return x, y and z as of Wyman, Sloan and Shirley, JCGT 2(2) (2013), table 1, the fit by several lobes."""
-    lobes = (
-        ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
-        ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
-        ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
-    )
+    x = (1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)
+    y = (0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)
+    z = (1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)
 
     def lobe(peak: float, centre: float, below: float, above: float) -> np.ndarray:
         return peak * np.exp(-0.5 * ((wavelengths - centre) / np.where(wavelengths < centre, below, above)) ** 2)
 
-    return np.stack([sum(lobe(*numbers) for numbers in each) for each in lobes])
+    return np.stack([sum(lobe(*numbers) for numbers in each) for each in (x, y, z)])
 
 
 def test_the_observer_is_the_cie_s() -> None:
@@ -47,9 +45,8 @@ def test_the_light_is_d65() -> None:
 
 def test_the_primaries_are_those_of_rec709() -> None:
     # ITU-R BT.709: x and y of red, green, blue and white. The inverse of the matrix is rounded to white's four digits.
-    *primaries, white = (
-        np.array([x / y, 1.0, (1.0 - x - y) / y]) for x, y in ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329))
-    )
+    corners = ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329))
+    *primaries, white = (np.array([x / y, 1.0, (1.0 - x - y) / y]) for x, y in corners)
     to_xyz = np.stack(primaries, axis=1)
     to_xyz *= np.linalg.solve(to_xyz, white)
     np.testing.assert_allclose(conductor._XYZ_TO_REC709 @ to_xyz, np.eye(3), atol=6e-4)

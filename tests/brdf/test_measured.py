@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from looks import quick_among
 from merl_reader import anisotropic, merl
-from numpy.typing import NDArray
-from random_parameters import directions, near_the_mirror_image
+from random_parameters import Floats, directions, near_the_mirror_image
 from sample_density import jacobian, p_value
 
 from lookdev.brdf import Bsdf, complete_parameters, evaluate, evaluate_cosine, model_named, pdf, sample
@@ -26,8 +25,6 @@ from lookdev.brdf.measured.synthetic import anisotropic_samples, isotropic_sampl
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.setups import view_at
 from lookdev.errors import ModelError
-
-Floats = NDArray[np.float64]
 
 SMALL, SIZE = (9, 8, 12), (7, 5, 12, 8)
 BUILT_IN = "builtin:plastic"
@@ -152,9 +149,7 @@ def test_the_centre_of_a_cell_has_its_sample(small: None, name: str, tmp_path: P
         np.testing.assert_allclose(isotropic_samples(found, SMALL), samples, rtol=1e-6, atol=1e-9)
 
 
-def test_a_synthetic_measurement_is_of_the_format_of_its_name(
-    small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_synthetic_file_has_its_name_s_format(small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     samples = {"isotropic": _noise(SMALL) + 1.0, "anisotropic": np.full((*SIZE, 3), 0.5)}
     for kind, values in samples.items():
         monkeypatch.setattr(synthetic, f"{kind}_samples", lambda bsdf, values=values: values)
@@ -165,9 +160,7 @@ def test_a_synthetic_measurement_is_of_the_format_of_its_name(
 
 @pytest.mark.proof
 @pytest.mark.parametrize(("name", "median"), [("plastic", 3e-4), ("cloth", 3e-4), ("metal", 3e-3)])
-def test_a_file_of_a_model_gives_the_model_within_its_interpolation(
-    large_file: Callable[[str], Path], name: str, median: float
-) -> None:
+def test_a_file_of_a_model_gives_the_model(large_file: Callable[[str], Path], name: str, median: float) -> None:
     """An eighth of a cell's square times the curvature: metal's is 5 / alpha^2 where a cell is a tenth of alpha."""
     wo, wi = _pairs(20_000)
     # The last cells of theta_d and of grazing directions are half empty: f jumps at the horizon.

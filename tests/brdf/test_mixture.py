@@ -57,12 +57,11 @@ TWO = {"diffuse": KD, "specular": KS}
 INDEX: dict[str, Any] = {"eta": (0.2, 0.4, 1.5), "k": (3.0, 2.0, 1.8)}
 GOLD = {"fresnel": "conductor", "metallic": 0.25, **INDEX}
 BRIGHT = np.array([((e - 1.0) ** 2 + k * k) / ((e + 1.0) ** 2 + k * k) for e, k in zip(*INDEX.values(), strict=True)])
+COATED = {"clearcoat": 0.6, "clearcoatGloss": 0.5, "specular": 0.7}
+ROUGH = TWO | {"eta": (2.0,) * 3, "externalIor": 1.0, "roughness": 0.09}
+GLASS = {"tint": KS, "eta": 2.0, "externalIor": 1.25}
 PREVIEWS: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
-    (
-        "disney",
-        {"clearcoat": 0.6, "clearcoatGloss": 0.5, "specular": 0.7},
-        {"clearcoat": 0.15, "clearcoatRoughness": np.sqrt(0.0505), "f0": 0.056},
-    ),
+    ("disney", COATED, {"clearcoat": 0.15, "clearcoatRoughness": np.sqrt(0.0505), "f0": 0.056}),
     ("disney", GOLD | {"baseColor": KD}, {"diffuseColor": 0.75 * np.array(KD) + 0.25 * BRIGHT, "f0": 0.04}),
     ("pixar", {"normalScale": 2.0, "clear": 0.5, "metallic": 0.2}, {"f0": 0.1, "opacity": 0.6}),
     ("pixar", GOLD | {"surfaceColor": KD}, {"diffuseColor": 0.75 * np.array(KD) + 0.25 * BRIGHT}),
@@ -79,22 +78,10 @@ PREVIEWS: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
         TWO | {"exponentU": 24.0, "exponentV": 35.0},
         {"diffuseColor": np.multiply(KD, np.subtract(1.0, KS)), "roughness": (2.0 / 31.0) ** 0.25, "f0": 0.4},
     ),
-    (
-        "torrance-sparrow",
-        TWO | {"eta": (2.0,) * 3, "externalIor": 1.0, "roughness": 0.09},
-        {"diffuseColor": KD, "metallic": 0.0, "roughness": 0.3, "f0": 0.4 / 9.0},
-    ),
+    ("torrance-sparrow", ROUGH, {"diffuseColor": KD, "metallic": 0.0, "roughness": 0.3, "f0": 0.4 / 9.0}),
     ("torrance-sparrow", TWO | INDEX, {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "f0": (KS * BRIGHT).mean()}),
-    (
-        "mirror",
-        {"tint": KS, "eta": GOLD["eta"], "k": GOLD["k"]},
-        {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "roughness": 0.0},
-    ),
-    (
-        "glass",
-        {"tint": KS, "eta": 2.0, "externalIor": 1.25},
-        {"diffuseColor": KS, "roughness": 0.0, "opacity": 0.0, "f0": (0.75 / 3.25) ** 2},
-    ),
+    ("mirror", {"tint": KS, **INDEX}, {"diffuseColor": KS * BRIGHT, "metallic": 1.0, "roughness": 0.0}),
+    ("glass", GLASS, {"diffuseColor": KS, "roughness": 0.0, "opacity": 0.0, "f0": (0.75 / 3.25) ** 2}),
 ]
 
 

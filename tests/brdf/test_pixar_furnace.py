@@ -15,7 +15,7 @@ import pytest
 from looks import quick_among
 from numpy.typing import NDArray
 from pixar_albedo import highlight_albedo
-from random_parameters import directions, random_parameters
+from random_parameters import Floats, directions, random_parameters
 from sphere_quadrature import HalfVectorGrid, half_vector_view, sent
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
@@ -26,8 +26,6 @@ from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import THROUGH, Partition, family, layer_partition, partition_lobes
 from lookdev.brdf.vectors import dot, scale
 from lookdev.closures.setups import view_at
-
-Floats = NDArray[np.float64]
 
 _STACKS, _FEW = 2000, 150
 _VIEWS = (0.0, 30.0, 60.0, 75.0, 85.0, 89.9)

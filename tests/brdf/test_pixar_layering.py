@@ -4,14 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from random_parameters import directions, random_parameters
+from random_parameters import Floats, directions, random_parameters
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, stack_bsdf
 from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
-
-Floats = NDArray[np.float64]
 
 _COUNT = 500
 _WO = np.array([0.6, 0.0, 0.8])
@@ -127,10 +124,8 @@ def test_layers_of_different_metals_are_mixed() -> None:
 def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
     rng = np.random.default_rng(36)
     wo = directions(rng, _COUNT)
-    lacquer, metal = (
-        layer_partition(each, wo)
-        for each in (_parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2))
-    )
+    given = _parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2)
+    lacquer, metal = (layer_partition(each, wo) for each in given)
     result = _layered(lacquer, metal, 1.0, "transmit")
     narrow, broad, diffuse = (lacquer.terms[name] for name in THROUGH)
     (mirror,), (glossy,) = (metal.terms[name].metals for name in FRONT[:2])

@@ -4,18 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from plot_pixar_diffuse import diffuse_integral
-from random_parameters import directions, near_the_mirror_image
+from random_parameters import Floats, directions, near_the_mirror_image
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, layer_partition
+from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.closures.setups import view_at
-
-Floats = NDArray[np.float64]
 
 
 def _pixar(**given: Any) -> Bsdf:
@@ -107,19 +104,6 @@ def test_what_is_not_reciprocal(reason: str) -> None:
     bsdf = stack_bsdf([StackLayer("pixar", complete_parameters("pixar", layer), 0.5) for layer in layers])
     wo, wi = view_at(view), view_at(light, 180.0)
     np.testing.assert_allclose([evaluate(bsdf, wo, wi)[1], evaluate(bsdf, wi, wo)[1]], [forth, back], rtol=1e-5)
-
-
-@pytest.mark.parametrize(("front", "through"), [("specular", "specularTransmission"), ("reflection", "refraction")])
-def test_a_cone_scale_that_is_not_given_is_the_front_lobes(front: str, through: str) -> None:
-    def cone(lobe: str, **scales: float) -> float:
-        given = {f"{name}ConeScale": scale for name, scale in scales.items()}
-        return float(layer_partition(complete_parameters("pixar", {"roughness": 0.4} | given), ZENITH).terms[lobe].cone)
-
-    usual = {"specular": 17.0, "reflection": 4.0}[front]
-    assert cone(through, **{front: 1.3}) == cone(front, **{front: 1.3}) == pytest.approx(1.3 * usual, rel=1e-15)
-    # One that is given does not multiply it.
-    assert cone(through, **{front: 1.3, through: 0.7}) == pytest.approx(0.7 * usual, rel=1e-15)
-    assert cone(front, **{through: 0.7}) == usual
 
 
 def test_a_leaning_lobe_has_its_own_horizon() -> None:

@@ -24,13 +24,6 @@ HIGHLIGHTS = np.sin(np.radians(np.linspace(0.25, 54.0, 101))) / np.sqrt(np.log(1
 DOMAINS = {"highlight": HIGHLIGHTS, "highlight_cosine": HIGHLIGHTS, "transmitted": HIGHLIGHTS, "clearcoat": 0.1 * ANY}
 
 
-def test_a_polynomial_is_the_sum_of_its_terms() -> None:
-    rows = [[1.0, 2.0, 3.0], [4.0, 5.0], [6.0]]
-    x, y = np.array([0.3, -1.0]), np.array([0.7, 2.0])
-    wanted = 1 + 2 * y + 3 * y**2 + 4 * x + 5 * x * y + 6 * x**2
-    np.testing.assert_allclose(polynomial(rows, x, y), wanted, rtol=1e-15)
-
-
 def test_a_rational_is_recovered() -> None:
     x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 9)))
     wanted = Rational([[1.0, -0.5], [0.25]], [[1.0, 0.8], [0.6]])

@@ -156,9 +156,7 @@ def cases(below: str, table: Mapping[str, tuple[str, str]], by: str = "") -> lis
         *(pytest.param(MINIMAL.replace(old, new, 1), *rest, id=new[:40]) for old, new, *rest in REPLACED),
     ],
 )
-def test_one_fault_is_reported_alone_with_its_place_and_what_would_be_right(
-    tmp_path: Path, text: str, location: str, said: str
-) -> None:
+def test_one_fault_is_reported_alone_with_its_place(tmp_path: Path, text: str, location: str, said: str) -> None:
     assert text != MINIMAL
     ((where, (fault, hint)),) = faults(text, tmp_path).items()
     assert where == location
@@ -176,9 +174,7 @@ def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp
 @pytest.mark.parametrize(
     ("key", "said", "hint"), [("prims", "a valid string", "paths, globs"), ("material", "unknown key", "")]
 )
-def test_a_misspelt_key_is_reported_beside_the_one_that_it_leaves_out(
-    tmp_path: Path, key: str, said: str, hint: str
-) -> None:
+def test_a_misspelt_key_is_reported_beside_the_missing_one(tmp_path: Path, key: str, said: str, hint: str) -> None:
     text = MINIMAL.replace('"paint.usda"', '"paint.usda"\n' + ASSIGN.replace(key, key[:-1]), 1)
     by_location = faults(text, tmp_path).items()
     reported = {location.removeprefix("look[0].assign[0]."): fault for location, fault in by_location}

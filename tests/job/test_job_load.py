@@ -18,27 +18,16 @@ ACES = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
 USD = 'usd = "ball.usdc"'
 
 
-def test_minimal_job_has_the_documented_defaults(tmp_path: Path) -> None:
+def test_a_minimal_job_is_read(tmp_path: Path) -> None:
+    """Defaults are those of the tables of docs/jobs.md, which test_docs.py compares."""
     touch_files(tmp_path)
     (tmp_path / "job.toml").write_text(MINIMAL)
     job = load_job(tmp_path / "job.toml")
-    assert job.file == tmp_path / "job.toml"
-    assert job.output == tmp_path / "out"
-    assert (job.asset.prim, job.asset.time, job.asset.variants, job.asset.missing) == (None, None, {}, "error")
-    assert (job.asset.purposes, job.asset.subdivision) == (("default", "render"), "auto")
-    assert job.look[0].material == tmp_path / "paint.usda"
-    assert (job.look[0].parts, job.look[0].layer, job.look[0].assign) == (None, None, ())
-    assert (job.ibl[0].exposure, job.ibl[0].rotation) == (0.0, 0.0)
-    table = job.turntable[0]
-    assert (table.name, table.start, table.degrees) == ("element", 0.0, 360.0)
+    assert (job.file, job.output) == (tmp_path / "job.toml", tmp_path / "out")
+    assert (job.look[0].material, job.look[0].parts, job.look[0].layer) == (tmp_path / "paint.usda", None, None)
+    assert (job.asset.prim, job.asset.time, job.render.error, job.outputs.overview_columns) == (None,) * 4
+    assert (job.render.samples, job.render.brdf_samples, job.render.ibl_samples) == (64, None, None)
     assert job.camera.horizontal_fov == pytest.approx(39.5977527)  # 2 atan(18 / 50)
-    render = job.render
-    assert (render.resolution, render.backend, render.device) == ((512, 512), "exact", "cpu")
-    assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
-    assert (render.brdf_samples, render.ibl_samples, render.background) == (None, None, "black")
-    outputs = job.outputs
-    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (True, True, True, None)
-    assert (outputs.overview, outputs.overview_columns) == (False, None)
 
 
 def test_every_key_is_read(tmp_path: Path) -> None:
@@ -121,10 +110,8 @@ def test_a_look_without_material_wears_what_the_asset_binds(tmp_path: Path) -> N
     text = MINIMAL.replace('builtin = "sphere"', USD).replace('material = "paint.usda"\n', "")
     assert parse(text, tmp_path).look[0].material is None
     reported = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), tmp_path)
-    assert reported == {
-        f"look[0].{key}": ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
-        for key in ("prim", "parts")
-    }
+    said = ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
+    assert reported == {f"look[0].{key}": said for key in ("prim", "parts")}
 
 
 def test_assigned_materials_dress_a_built_in_asset_and_a_turntable_has_the_name_of_its_kind(tmp_path: Path) -> None:
@@ -171,9 +158,7 @@ def test_each_output_may_have_its_own(tmp_path: Path) -> None:
     assert shown == {"png": ("Un-tone-mapped", srgb), "sheet": ("Raw", srgb), "overview": ("Raw", video)}
 
 
-def test_a_studio_s_config_that_is_missing_is_a_fault_of_the_job(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_studio_s_config_that_is_missing_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", "/nowhere/config.ocio")
     for outputs in ("", "png = false"):
         ((key, (said, _)),) = faults(f"{MINIMAL}[outputs]\n{outputs}", tmp_path).items()

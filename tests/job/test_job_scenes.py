@@ -293,6 +293,7 @@ def test_another_uv_set_stands_for_the_one_asked_for(make: Make) -> None:
     )
 
 
+SECOND = assign("gold.usda", "/Car") + assign("gold.usda", "/Car/Body", "/Car/Rihgt")
 NO_VARIANT = "car.usda: : variant set 'finish' has no variant 'glos' (did you mean 'gloss'?)"
 NO_SET = "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"
 KNOWN = "known: /Car/Bare, /Car/Body, /Car/Hood, /Car/Left, /Car/Right"
@@ -312,11 +313,7 @@ PATTERNS = {
             (f'{GOLD}\nparts = ["/Car/Body", "{pattern}"]', "", f"job.toml: look[0].parts: '{pattern}' {said}")
             for pattern, said in PATTERNS.items()
         ),
-        (
-            assign("gold.usda", "/Car") + assign("gold.usda", "/Car/Body", "/Car/Rihgt"),
-            "",
-            "job.toml: look[0].assign[1].prims: '/Car/Rihgt' fits no part (did you mean '/Car/Right'?)",
-        ),
+        (SECOND, "", "job.toml: look[0].assign[1].prims: '/Car/Rihgt' fits no part (did you mean '/Car/Right'?)"),
         ('variants = { finihs = "gloss" }', "", NO_SET),
         ('variants = { finihs = "*" }', "", NO_SET),
         ('variants = { finish = "glos" }', "", NO_VARIANT),
@@ -373,9 +370,7 @@ def preview(name: str) -> str:
     return f'def Material "{name}"\n{{\n{output}\n{surface}{image(name)}}}\n'
 
 
-def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_told_once(
-    make: Make, folder: Path
-) -> None:
+def test_translated_materials_are_read_at_zero_without_uvs_and_losses_are_told_once(make: Make, folder: Path) -> None:
     meshes = [("A", "Red"), ("B", "Blue"), ("C", "Red")]
     parts = [bound(f'def Mesh "{name}"', f"/{material}", SQUARE) for name, material in meshes]
     (folder / "car.usda").write_text("".join(["#usda 1.0\n", *parts, preview("Red"), preview("Blue")]))

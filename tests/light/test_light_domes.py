@@ -4,13 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 from light_cases import overcast, sunny
-from numpy.typing import NDArray
 
 from lookdev.light import Emission, LocalDome
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
-
-Floats = NDArray[np.float64]
 
 PLACE = np.array([0.3, -0.2, 0.5])
 MIRRORED: Axes = ((0.0, 0.8, 0.6), (1.0, 0.0, 0.0), (0.0, -0.6, 0.8))

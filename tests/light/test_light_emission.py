@@ -5,26 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from closed_forms import by_sampling
-from numpy.typing import NDArray
+from closed_forms import Floats, by_sampling
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import (
-    CylinderLight,
-    DiskLight,
-    DistantLight,
-    Dome,
-    Light,
-    LocalDome,
-    RectLight,
-    SphereLight,
-    placement,
-)
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, LocalDome, RectLight, SphereLight
 from lookdev.light.dome import example_dome
 from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
 from lookdev.light.link import Link
-
-Floats = NDArray[np.float64]
+from lookdev.light.placement import placement
 
 BELOW, UP = np.array([0.0, 0.0, -3.0]), np.array([0.0, 0.0, 1.0])
 
@@ -179,7 +167,7 @@ def test_every_value_is_part_of_the_digest() -> None:
         replace(light, emission=Emission(turns=False)),
         replace(light, emission=Emission(spared=(1,))),
     ]
-    dome: Dome = example_dome()
+    dome = example_dome()
     others += [dome, replace(dome, emission=Emission((2.0, 1.0, 1.0))), replace(dome, axes=RectLight.example().axes)]
     assert dome.digest == dome.map_digest
     assert light.digest == replace(light, emission=Emission(group="key", light_link=Link(()))).digest

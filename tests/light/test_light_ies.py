@@ -4,14 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_forms import by_sampling
-from numpy.typing import NDArray
+from closed_forms import Floats, by_sampling
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Emission, Profile, Shaping, SphereLight, load_profile
 from lookdev.light.ies import parse_profile, profile_power
-
-Floats = NDArray[np.float64]
 
 HEADER = "IESNA:LM-63-2002\n[TEST] none\n[MANUFAC] nobody\n"
 

@@ -4,13 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from closed_forms import by_sampling, of_cone, of_polygon
-from numpy.typing import NDArray
+from closed_forms import Floats, by_sampling, of_cone, of_polygon
 
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, SphereLight
 from lookdev.light.placement import Axes, to_world
-
-Floats = NDArray[np.float64]
 
 AXES: Axes = ((0.8, 0.6, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 1.0))
 POSITION = (0.3, -0.2, 2.0)

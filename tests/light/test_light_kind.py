@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from agreement import assert_scene_agreement
 from frames import render_seeds, scene_of
-from light_cases import assert_follows, cells, dome, overcast, sunny
+from light_cases import Floats, assert_follows, cells, dome, overcast, sunny
 from looks import quick_among
-from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from sample_density import jacobian
 
@@ -32,8 +31,6 @@ from lookdev.material import Layer, Look
 from lookdev.render.scene import scene_task
 from lookdev.render.worker import Worker
 from lookdev.scene import Sampling, Scene
-
-Floats = NDArray[np.float64]
 
 
 def overcast_map() -> EnvironmentMap:

@@ -21,9 +21,8 @@ def reads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
     make_tables_small(monkeypatch)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     read: list[Path | None] = []
-    monkeypatch.setattr(
-        maps, "load_environment", lambda file, builtin: (read.append(file), load_environment(file, builtin))[1]
-    )
+    record = lambda file, builtin: (read.append(file), load_environment(file, builtin))[1]  # noqa: E731
+    monkeypatch.setattr(maps, "load_environment", record)
     return read
 
 

@@ -11,27 +11,18 @@ from light_cases import dome, sunny
 from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import (
-    LIGHT_KINDS,
-    DiskLight,
-    DistantLight,
-    Light,
-    Profile,
-    RectLight,
-    native_images,
-    prepare_texture,
-)
+from lookdev.light import LIGHT_KINDS, DiskLight, DistantLight, Light, Profile, RectLight, native_images
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.emission import Emission, Falloff, Shadow, Shaping
 from lookdev.light.link import Link
 from lookdev.light.native import still_domes
+from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.render.scene import scene_task
 from lookdev.scene import Sampling
 
 LOOK = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3}),))
 KEY = Emission(group="key", path="/Rig/Key")
-STILL = Emission(turns=False)
 
 
 def task(backend: str, *lights: Light) -> Any:
@@ -89,7 +80,7 @@ def test_backends_that_know_domes_alone_refuse_lamps(backend: str, why: str) -> 
 
 def test_domes_that_turn_and_domes_that_do_not_have_no_common_world() -> None:
     white = dome(np.ones((8, 16, 3)))
-    still = replace(sunny(), emission=STILL)
+    still = replace(sunny(), emission=Emission(turns=False))
     assert [still_domes(each) for each in ([sunny(), white], [still, white], [sunny(), still])] == [False, True, None]
     with pytest.raises(EnvironmentMapError, match="some domes stand still while others turn"):
         task("nodes", sunny(), still)

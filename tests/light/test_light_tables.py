@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from light_cases import SUN, assert_follows, cells, dome, make_tables_small, overcast, sunny
+from light_cases import SUN, Floats, assert_follows, cells, dome, make_tables_small, overcast, sunny
 from looks import quick_among
 from numpy.typing import NDArray
 
@@ -19,7 +19,6 @@ from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, packed
 from lookdev.light.dome.warp import BilinearWarp, lookup
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 EACH = 11

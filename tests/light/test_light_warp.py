@@ -37,8 +37,6 @@ MAPS = {
     "1 x 2": noise(1, 2),
 }
 
-every_map = pytest.mark.parametrize("values", MAPS.values(), ids=MAPS)
-
 
 def looked_up(values: Floats, x: Floats, y: Floats) -> Floats:
     x, y = np.broadcast_arrays(x, y)
@@ -86,12 +84,6 @@ def test_lookup_by_hand() -> None:
     np.testing.assert_allclose(lookup(table, list(cases))[:, 0], list(cases.values()), atol=1e-15)
 
 
-@every_map
-def test_integral_is_that_of_the_look_up(values: Floats) -> None:
-    whole = cumulative(of_rows(values), 2 * len(values), np.ones(1))
-    np.testing.assert_allclose(BilinearWarp(values).integral, whole[0], rtol=1e-12)
-
-
 @pytest.mark.parametrize("name", MAPS)
 def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None:
     values = MAPS[name]
@@ -115,7 +107,7 @@ def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None
     np.testing.assert_allclose((along - u[:, 0] + 0.5) % 1.0, 0.5, atol=1e-12)
 
 
-@every_map
+@pytest.mark.parametrize("values", MAPS.values(), ids=MAPS)
 def test_no_place_is_dark_or_off_the_map(values: Floats) -> None:
     warp, ends = BilinearWarp(values), np.array([0.0, 0.5, 1.0 - 2.0**-53])
     x, y = warp.places(np.random.default_rng(3).random((100_000, 2))).T

@@ -4,15 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_cases import cells
+from light_cases import Floats, cells
 from numpy.typing import NDArray
 from rig_files import light, rig, write_image
 
 from lookdev.errors import RigError
 from lookdev.light import make_environment
 from lookdev.light.rig.images import BALLS, ball_point, ball_power, unrolled
-
-Floats = NDArray[np.float64]
 
 SIDE = 128
 TO_DOME = (1, 2, 0)

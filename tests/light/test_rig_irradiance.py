@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_forms import of_cone
+from closed_forms import Floats, of_cone
 from looks import quick_among
-from numpy.typing import NDArray
 from test_light_irradiance import AXES, NORMALS, PLACES, light_and_irradiance
 
 from lookdev.asset import load_asset
@@ -22,7 +21,6 @@ from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 Render = Callable[[FrameTask], Rendered]
 
 FAR = 1000.0  # of the plane's size: the light is the same all over it

@@ -122,9 +122,7 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, pla
     assert sorted(path for task in frames for path in task.files) == sorted(files)
 
 
-def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
-    make_job: MakeJob, scenes: Scenes, plan_of: PlanOf
-) -> None:
+def test_turning_a_light_that_is_constant_is_one_frame(make_job: MakeJob, scenes: Scenes, plan_of: PlanOf) -> None:
     job = make_job("[camera]\nazimuth = 30\n")
     for key in (("gold", "studio"), ("paint", "studio")):
         scenes[key] = replace(scenes[key], lights=(replace(scenes[key].lights[0], constant=True),))
@@ -172,9 +170,7 @@ def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(disk: Disk, pl
     assert planned(plan, others[0]).reason == "pose changed"
 
 
-def test_a_finished_job_has_nothing_to_do_but_a_changed_look_is_stale(
-    scenes: Scenes, disk: Disk, plan_of: PlanOf
-) -> None:
+def test_a_finished_job_has_nothing_to_do_a_changed_look_is_stale(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
     disk.finish(plan_of())
     again = plan_of()
     assert again.counts == {"done": 28, "stale": 0, "new": 0}

@@ -68,10 +68,8 @@ def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) 
     principled = [PrincipledSource("p", {"Roughness": roughness}) for roughness in (0.5, 0.6)]
     sources = [scene.shaders[0], node_source, replace(node_source, digest="1"), *principled]
     names = ["exact", "nodes", "nodes", "principled", "principled"]
-    parts = [
-        part_digests(replace(scene, backend=name, shaders=(source,)), POSE, 0.0)
-        for name, source in zip(names, sources, strict=True)
-    ]
+    scenes = [replace(scene, backend=name, shaders=(source,)) for name, source in zip(names, sources, strict=True)]
+    parts = [part_digests(each, POSE, 0.0) for each in scenes]
     assert len({digests["look"] for digests in parts}) == 5
     assert [len({digests[part] for digests in parts}) for part in ("asset", "ibl", "camera", "pose")] == [1] * 4
 
