@@ -125,9 +125,13 @@ def test_a_recipe_lists_its_files_and_they_are_few() -> None:
         assert len(files) <= limit, title
 
 
-# A backend of a few lines renders in render/test_backends.py; that every recipe applies is seen by each of these.
+# A backend of a few lines renders in render/test_backends.py, a kind of light that is not shipped in
+# light/test_light_kind.py; that every recipe applies is seen by each of these.
 @pytest.mark.parametrize(
-    "title", quick_among([(title,) for title in LIMITS], [(t,) for t in LIMITS if t not in ("A backend", "An output")])
+    "title",
+    quick_among(
+        [(title,) for title in LIMITS], [(t,) for t in LIMITS if t not in ("A backend", "A light", "An output")]
+    ),
 )
 def test_a_recipe_works(title: str, checkout: Checkout) -> None:
     checkout.try_recipe(title)

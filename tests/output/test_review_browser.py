@@ -116,12 +116,12 @@ def opened(tab: Any, page: Path) -> Iterator[Open]:
     assert [entry for entry in tab.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")] == []
 
 
-@pytest.mark.parametrize("view", [*VIEWS[:2], *(pytest.param(view, marks=pytest.mark.proof) for view in VIEWS[2:])])
+@pytest.mark.parametrize("view", [VIEWS[0], *(pytest.param(view, marks=pytest.mark.proof) for view in VIEWS[1:])])
 def test_the_canvas_shows_what_pictures_show_at_any_exposure(opened: Open, tmp_path: Path, view: str) -> None:
     out = case.write_job(tmp_path, ["gold"], ["city"], {"element": 2})
     shown = opened(file=review(out, view=view)[0])
     pixels = read_pixels(shown.frame())
-    for stops, behind in ((0, 0.0), (3, 0.0), (-4, 0.0), (0, 0.18), (1, 1.0)):
+    for stops, behind in ((0, 0.0), (3, 0.18), (-4, 1.0)):
         shown.js(
             "for (const [id, value] of [['exposure', given[0]], ['behind', given[1]]]) {"
             "  const each = document.getElementById(id);"
@@ -213,26 +213,28 @@ def test_the_difference_is_grey_where_pictures_are_equal(opened: Open) -> None:
 
 def test_every_key(opened: Open) -> None:
     shown = opened()
-
-    def at(*keys: str) -> tuple[Any, ...]:
-        shown.press(*keys)
-        shown.drawn()
-        is_ = shown.state
-        return is_["a"]["look"], is_["a"]["rig"], is_["turntable"], is_["frame"], is_["mode"], is_["stops"]
-
-    first = ("gold", "city", "element", 0, "picture", 0)
-    assert at() == first
-    for keys, index, value in (
-        (Keys.ARROW_RIGHT, 3, 1), (Keys.ARROW_LEFT, 3, 0), (Keys.ARROW_LEFT, 3, 3), (Keys.ARROW_RIGHT, 3, 0),
-        (Keys.ARROW_DOWN, 0, "tin"), (Keys.ARROW_UP, 0, "gold"), ("2", 0, "tin"), ("1", 0, "gold"),
+    keys = (
+        ("", 0, "gold"), ("ArrowRight", 3, 1), ("ArrowLeft", 3, 0), ("ArrowLeft", 3, 3), ("ArrowRight", 3, 0),
+        ("ArrowDown", 0, "tin"), ("ArrowUp", 0, "gold"), ("2", 0, "tin"), ("1", 0, "gold"),
         ("]", 1, "studio"), ("[", 1, "city"), ("t", 2, "lighting"), ("t", 2, "element"),
-        ("w", 4, "wipe"), ("d", 4, "difference"), ("z", 4, "noise"), (Keys.ESCAPE, 4, "picture"),
+        ("w", 4, "wipe"), ("d", 4, "difference"), ("z", 4, "noise"), ("Escape", 4, "picture"),
         ("+", 5, 0.25), ("-", 5, 0), ("=", 5, 0.25), ("0", 5, 0),
-    ):  # fmt: skip
-        expected = list(first)
-        expected[index] = value
-        assert at(keys)[index] == value
-    assert at() == first
+    )  # fmt: skip
+    # In one script: a key of the driver takes a tenth of a second. Those below are pressed.
+    states = shown.js(
+        "const states = [];"
+        "for (const key of given[0]) {"
+        "  document.body.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true, cancelable: true}));"
+        f"  await until(() => {DRAWN});"
+        "  const { a, turntable, frame, mode, stops } = review.state;"
+        "  states.push([a.look, a.rig, turntable, frame, mode, stops]);"
+        "} return states;",
+        [key for key, *_ in keys],
+    )
+    first = ["gold", "city", "element", 0, "picture", 0]
+    assert (states[0], states[-1]) == (first, first)
+    for state, (key, index, value) in zip(states, keys, strict=True):
+        assert state[index] == value, key
     shown.press("w", "x")
     assert (shown.state["a"]["version"], shown.state["b"]["version"]) == (1, 0)
     shown.press("x", Keys.ESCAPE, " ")

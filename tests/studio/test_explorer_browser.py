@@ -111,7 +111,7 @@ def test_the_browser_computes_what_python_does(explorer: Open) -> None:
 
 def test_each_view_draws_and_nothing_overflows(explorer: Open) -> None:
     """All views on a phone, and the last one on what is wider."""
-    page = explorer("#s=disney&s=lambert&kind=retro&size=24&light=point", (390, 900))
+    page = explorer("#s=phong&s=lambert&kind=retro&size=24&light=point", (390, 900))
     ink = (
         "const c = document.getElementById('plot'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
         "let n = 0; for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n"
@@ -130,7 +130,7 @@ def test_each_view_draws_and_nothing_overflows(explorer: Open) -> None:
 
 
 def test_a_difference_waits_for_both_surfaces(explorer: Open) -> None:
-    page = explorer("#s=disney&s=lambert&kind=difference&size=24")
+    page = explorer("#s=phong&s=lambert&kind=difference&size=24&light=point")
     page.until(lambda: page.js("return explorer.plots.cache.size") == 2)
     notice = "await explorer.plots.paint(); return document.getElementById('notice').textContent"
     assert not page.js(f"explorer.plots.cache.delete(explorer.state.surfaces[1].id); {notice}")
@@ -138,7 +138,7 @@ def test_a_difference_waits_for_both_surfaces(explorer: Open) -> None:
 
 
 def test_everything_has_a_name_and_the_keyboard_reaches_it(explorer: Open) -> None:
-    page = explorer("#s=disney&kind=polar&light=point")
+    page = explorer("#s=phong&kind=polar&light=point")
     nameless = page.js(
         "return [...document.querySelectorAll('button, input, select, canvas')].filter(e => e.offsetParent && !("
         "e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length || e.getAttribute('aria-labelledby')"
