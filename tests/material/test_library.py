@@ -119,9 +119,8 @@ def test_a_look_of_one_constant_layer_is_a_preset(tmp_path: Path) -> None:
 def test_an_unknown_name_is_reported_with_the_folders_and_the_nearest(tmp_path: Path) -> None:
     write_preset(tmp_path / "gold.usda")
     write_preset(tmp_path / "rust.usda", category="stone")
-    with pytest.raises(LookError) as caught:
+    with pytest.raises(LookError, match=rf"^library: no preset 'gild' in {tmp_path} \(did you mean 'gold'\?\)$"):
         find_preset("gild", tmp_path)
-    assert str(caught.value) == f"library: no preset 'gild' in {tmp_path} (did you mean 'gold'?)"
     with pytest.raises(LookError, match=r"no preset of category 'metall' \(did you mean 'metal'\?\)"):
         read_library([tmp_path], "metall")
 
@@ -130,10 +129,3 @@ def test_an_empty_library(tmp_path: Path) -> None:
     for find in (lambda: read_library([tmp_path]), lambda: find_preset("gold", tmp_path)):
         with pytest.raises(LookError, match=r"put \*\.usda files there"):
             find()
-
-
-def test_the_shipped_library_reads_without_a_fault() -> None:
-    library = read_library([Path(__file__).parents[2] / folder for folder in SHIPPED])
-    assert library.faults == ()
-    assert len(library.presets) >= 32
-    assert all(preset.category and preset.doc for preset in library.presets)

@@ -70,9 +70,7 @@ def imported(folder: Path, *inputs: str, **parts: str) -> Imported:
 
 
 def texture_of(imported: Imported, name: str) -> Texture:
-    texture = as_look(imported).inputs[name]
-    assert isinstance(texture, Texture)
-    return texture
+    return as_look(imported).inputs[name]
 
 
 TO_IMAGE = setting("baseColor", 'nodename="image"')

@@ -126,9 +126,8 @@ def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:
         (velocity, "no channels R, G, B among u, v, w"),
         (nan, "2 values are NaN or infinite"),
     ):
-        with pytest.raises(TextureError, match=message) as caught:
+        with pytest.raises(TextureError, match=f"{file}.*{message}"):
             linear_texture(Texture(file, "r", "raw"))
-        assert str(file) in str(caught.value)
     assert image_header(five).channels[:3] == ("R", "G", "B")
     assert list(cache.iterdir()) == [], "nothing may be kept of a failed conversion"
 
@@ -274,10 +273,7 @@ def textured(file: str) -> str:
 
 
 def roughness(file: Path) -> Texture:
-    (layer,) = read_look(file).layers
-    found = layer.inputs["roughness"]
-    assert isinstance(found, Texture)
-    return found
+    return read_look(file).layers[0].inputs["roughness"]
 
 
 def test_an_image_of_the_root_layer(tmp_path: Path) -> None:

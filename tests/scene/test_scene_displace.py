@@ -146,6 +146,5 @@ FACING = Formula(parse("view"), {"view": View()}, {"view": "float"})
 )
 def test_faults_are_named(sphere: Asset, displacement: Displacement, message: str) -> None:
     asset = with_primvar(sphere, np.ones(len(sphere.meshes[0].points)))
-    with pytest.raises(AssetError, match=message) as caught:
+    with pytest.raises(AssetError, match=f"/sphere.*{message}|{message}.*/sphere"):
         displaced(asset, displacement)
-    assert "/sphere" in str(caught.value)
