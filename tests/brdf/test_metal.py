@@ -40,13 +40,6 @@ def test_the_nearest_index_of_a_curve_is_its_own(index: tuple[float, float]) -> 
     assert deviation(nearest(target), target) < 1e-7
 
 
-def test_no_index_beside_the_nearest_is_nearer() -> None:
-    target = np.clip(np.asarray(metal_curve("brass", COSINES))[:, 0], 0.0, 1.0)
-    found = nearest(target)
-    beside = found * (1.0 + 1e-3 * np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)))
-    assert (deviation(beside, target) >= deviation(found, target)).all()
-
-
 def test_the_table_is_made_of_the_spectra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metal_fits, "METALS", ["brass"])
     ((name, made),) = metal_fits.make_table().items()

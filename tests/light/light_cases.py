@@ -1,6 +1,9 @@
 """Dome lights, cells of the sphere, and the chi-square test of directions against a density."""
 
+from pathlib import Path
+
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.typing import NDArray
 from sample_density import p_value
@@ -18,6 +21,12 @@ def make_tables_small(patch: pytest.MonkeyPatch) -> None:
     """Let the tables of a dome be of four bins with 64 slots each, of 32 x 32 points."""
     for module, name, value in ((slots, "SLOTS", 64), (points, "SIDE", 32), (bins, "COUNT", 4)):
         patch.setattr(module, name, value)
+
+
+def write_exr(file: Path, header: dict[str, object] | None = None, **channels: np.ndarray) -> Path:
+    with OpenEXR.File(header or {}, channels) as exr:
+        exr.write(str(file))
+    return file
 
 
 def dome(radiance: Floats) -> Dome:

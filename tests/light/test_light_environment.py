@@ -7,18 +7,13 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 import pytest
+from light_cases import write_exr
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
 from lookdev.light.dome.environment import Repairs
 
 pytestmark = pytest.mark.both_pythons
-
-
-def write_exr(path: Path, header: dict[str, object] | None = None, **channels: np.ndarray) -> Path:
-    with OpenEXR.File(header or {}, channels) as exr:
-        exr.write(str(path))
-    return path
 
 
 def write_map(path: Path, pixels: np.ndarray) -> Path:

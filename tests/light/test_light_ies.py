@@ -1,10 +1,11 @@
 """IES profiles: angles, symmetries, power, and files that contradict themselves."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from closed_forms import Floats, by_sampling
+from closed_forms import by_sampling
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Emission, Profile, Shaping, SphereLight, load_profile
@@ -14,19 +15,13 @@ HEADER = "IESNA:LM-63-2002\n[TEST] none\n[MANUFAC] nobody\n"
 
 
 def written(
-    down: list[float],
-    around: list[float],
-    candela: Floats | list[list[float]],
-    *,
-    multiplier: float = 1.0,
-    factors: tuple[float, float] = (1.0, 1.0),
-    tilt: str = "TILT=NONE",
+    down: list[float], around: list[float], candela: Any, multiplier: float = 1.0, factors: Any = (1.0, 1.0)
 ) -> str:
     """Return the text of an IES file, candela by horizontal angle."""
     rows = "\n".join(" ".join(f"{value:.10g}" for value in row) for row in candela)
     counts = f"1 1000 {multiplier} {len(down)} {len(around)} 1 2 0.1 0.2 0\n{factors[0]} {factors[1]} 50"
     angles = "\n".join(" ".join(f"{value:.10g}" for value in values) for values in (down, around))
-    return f"{HEADER}{tilt}\n{counts}\n{angles}\n{rows}\n"
+    return f"{HEADER}TILT=NONE\n{counts}\n{angles}\n{rows}\n"
 
 
 def profile(tmp_path: Path, text: str, **options) -> Profile:

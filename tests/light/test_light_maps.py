@@ -5,9 +5,9 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenEXR
 import pytest
-from light_cases import make_tables_small
+from light_cases import make_tables_small, write_exr
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import load_environment, prepare_light
@@ -27,15 +27,10 @@ def reads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
 
 
 def painted(file: Path, value: float, *, first: float | None = None) -> Path:
-    pixels = np.full((4, 8, 3), value, np.float32)
+    pixels = np.full((4, 8), value, np.float32)
     pixels[0, 0] = value if first is None else first
-    output = oiio.ImageOutput.create("exr")
-    spec = oiio.ImageSpec(8, 4, 3, oiio.FLOAT)
-    spec.attribute("compression", "none")  # so that size does not depend on values
-    assert output.open(str(file), spec)
-    assert output.write_image(pixels)
-    output.close()
-    return file
+    header = {"compression": OpenEXR.NO_COMPRESSION}  # so that size does not depend on values
+    return write_exr(file, header, R=pixels, G=pixels, B=pixels)
 
 
 @pytest.mark.parametrize("first", [None, 2.0, -1.0], ids=["constant", "varied", "negative"])

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
-from light_cases import Floats, cells
+from light_cases import Floats, cells, write_exr
 from numpy.typing import NDArray
 from rig_files import light, rig, write_image
 
@@ -98,12 +99,9 @@ def test_a_format_is_stated_or_seen_by_the_aspect(
 
 @pytest.mark.parametrize(("number", "fits"), [(0, True), (1, False)])
 def test_an_exr_that_states_its_format_is_believed(tmp_path: Path, number: int, fits: bool) -> None:
-    import OpenEXR
-
     pixels = np.random.default_rng(2).random((8, 8, 3)).astype(np.float32)
     header = {"type": OpenEXR.scanlineimage, "envmap": OpenEXR.Envmap(number)}
-    with OpenEXR.File(header, {"RGB": pixels}) as exr:
-        exr.write(str(tmp_path / "sky.exr"))
+    write_exr(tmp_path / "sky.exr", header, RGB=pixels)
     text = light("DomeLight_1", "asset inputs:texture:file = @sky.exr@")
     if fits:
         assert rig(tmp_path, text).lights[0].width == 8  # type: ignore[attr-defined]
