@@ -65,9 +65,7 @@ DEEP: dict[str, Callable[[int], str]] = {
     ),
 }
 FAULTY: dict[str, Callable[[], str]] = {
-    "a ring of 1000 inputs": lambda: look(
-        ring(1000, "float a{} <- .a{}\n".format) + disney(body="float roughness <- .a0")
-    ),
+    "a ring of 1000 inputs": lambda: look(ring(1000, "float a{} <- .a{}\n".format) + rough(".a0")),
     "a ring of node graphs": lambda: look(ring(2, graph) + rough("G0.o")),
     "a node graph with itself": lambda: look(ring(1, graph) + rough("G0.o")),
     "a ring of 50 transforms": lambda: look(rough("Tex.r") + texture("float2 st <- T0.result") + ring(50, transform)),

@@ -79,7 +79,7 @@ PREVIEWS = {
     ),
     "presence is a mask": (
         [*base("pixar", surfaceColor=RED), CUT_OUT],
-        {"diffuseColor": (0.875, 0.125, 0.0), "opacity": 1.0},
+        {"diffuseColor": (0.875, 0.125, 0), "opacity": 1},
     ),
     "a layer that transmits is a tinted coat": (
         [*base("pixar", surfaceColor=(0.5, 0.5, 0.5), roughness=0.7), COAT],
