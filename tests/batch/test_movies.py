@@ -85,9 +85,8 @@ def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path, first: di
     assert [name for name, age in ages(tmp_path).items() if age != written[name]] == ["tin/city/lighting.mov"]
 
 
-@pytest.mark.parametrize(
-    "last", ["element_0001", pytest.param("lighting_0002", marks=pytest.mark.proof)]
-)  # of both, of one
+# Of both turntables, and of one.
+@pytest.mark.parametrize("last", ["element_0001", pytest.param("lighting_0002", marks=pytest.mark.proof)])
 def test_an_interrupted_batch_ends_with_the_same_movies(
     tmp_path: Path, whole: tuple[Path, dict[str, bytes]], last: str
 ) -> None:

@@ -169,13 +169,17 @@ def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
 
 
 @pytest.mark.parametrize(
-    "look", ["half glass", *(pytest.param(look, marks=pytest.mark.proof) for look in ("painted", "glassy"))]
+    (
+        "look",
+        "samples",
+    ),  # of half of them, the deviation of four seeds hides what few bright ones add to the painted look
+    [("half glass", 64), *(pytest.param(look, 128, marks=pytest.mark.proof) for look in ("painted", "glassy"))],
 )
-def test_shadow_is_switched_while_nothing_compiles(look: str, page: ViewportPage) -> None:
+def test_shadow_is_switched_while_nothing_compiles(look: str, samples: int, page: ViewportPage) -> None:
     scene = monkey([dome()], look)
-    shaded = compare(page, scene, 64, 40, samples=64)
+    shaded = compare(page, scene, samples, 40, samples=64)
     compiled = page.js("return viewport.programs.compiled")
-    lit = compare(page, scene, 64, 40, samples=64, shadows=False)
+    lit = compare(page, scene, samples, 40, samples=64, shadows=False)
     assert page.js("return viewport.programs.compiled") == compiled
     shaded.assert_agrees()
     lit.assert_agrees()
