@@ -1,14 +1,14 @@
-"""Smits' "Layering": the lobe that comes out of each pair, averages by energy, and presence."""
+"""Smits' "Layering": the lobe that comes out of each pair, and metals that meet."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from random_parameters import Floats, directions, random_parameters
+from random_parameters import directions
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, stack_bsdf
 from lookdev.brdf.pixar.layering import compose
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, layer_partition
 
 _COUNT = 500
 _WO = np.array([0.6, 0.0, 0.8])
@@ -76,27 +76,6 @@ def test_the_tables_are_whole() -> None:
         assert [outcomes.count(name) for name in side] == [1, 3, 5]
 
 
-def _random(rng: np.random.Generator, count: int, wo: Floats, **given: Any) -> Partition:
-    return layer_partition(random_parameters(rng, "pixar", {}, count) | given, wo)
-
-
-def _assert_weights(result: Partition, wanted: dict[str, tuple[Floats, Floats]]) -> None:
-    for name, (normal, grazing) in wanted.items():
-        np.testing.assert_allclose(result.terms[name].normal, normal, rtol=1e-12, atol=1e-12, err_msg=name)
-        np.testing.assert_allclose(result.terms[name].grazing, grazing, rtol=1e-12, atol=1e-12, err_msg=name)
-
-
-def _assert_same(one: Partition, other: Partition) -> None:
-    """Assert that weights agree, and shapes where the weights are not 0."""
-    _assert_weights(one, {name: (term.normal, term.grazing) for name, term in other.terms.items()})
-    np.testing.assert_allclose(one.presence, other.presence, rtol=1e-12, atol=1e-12)
-    for name, term in one.terms.items():
-        lit = term.energy(one.cosine(name)) > 1e-9
-        for shape in ("cone", "bend"):
-            mine, yours = (np.broadcast_to(getattr(p.terms[name], shape), lit.shape) for p in (one, other))
-            np.testing.assert_allclose(mine[lit], yours[lit], rtol=1e-9, atol=1e-9, err_msg=f"{name} {shape}")
-
-
 _INDICES = {"gold": ((0.1, 0.4, 1.6), (10.0, 2.3, 1.7)), "glass": ((1.5, 1.6, 1.7), (0.0, 0.0, 0.0))}
 
 
@@ -138,19 +117,3 @@ def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
             np.testing.assert_allclose(getattr(sole, kind), wanted[name], rtol=1e-12)
             np.testing.assert_array_equal((sole.eta, sole.k), _INDICES["gold"])
     assert all(not result.terms[name].metals for name in THROUGH)
-
-
-@pytest.mark.parametrize("mode", ["over", "transmit"])
-def test_over_and_beneath_a_hole_a_layer_is_alone(mode: Any) -> None:
-    rng = np.random.default_rng(33)
-    wo = directions(rng, _COUNT)
-    above, hole = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo, presence=np.zeros(_COUNT))
-    result = _layered(above, hole, 1.0, mode)
-    _assert_same(result, above)
-    for kind, frame in result.frames.items():
-        lit = sum(term.energy(above.cosine(name)) for name, term in above.terms.items() if family(name) == kind) > 1e-9
-        np.testing.assert_allclose(frame.normal[lit], above.frames[kind].normal[lit], atol=1e-12)
-
-    # Beneath a hole, and beneath a layer whose mask is 0.
-    _assert_same(_layered(hole, above, 1.0, mode), above)
-    _assert_same(_layered(above, hole, 0.0, mode), hole)

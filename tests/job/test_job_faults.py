@@ -102,17 +102,11 @@ OF_OTHER_TABLES = {
         "outputs.views", "png: ... ACES 1.0"
     ),
     '[outputs]\ndisplays = { png = "P4" }': ("outputs.views", "png: ... no display called 'P4'"),
-    "[charts]\n[render]\nresolution = [200, 900]": (
-        "charts", "along the bottom edge, the frame has 200 (size = 0.066 at most"
-    ),
-    '[charts]\n[render]\nbackend = "nodes"': (
-        "charts", 'lets the props shadow one another (backend = "exact" or "mitsuba")'
-    ),
+    "[charts]\n[render]\nresolution = [200, 900]": ("charts", "along the bottom edge, the frame has 200 (size = 0.066"),
+    '[charts]\n[render]\nbackend = "nodes"': ("charts", 'lets the props shadow one another (backend = "exact"'),
     "[charts]\nsice = 0.2": ("charts.sice", "unknown key (did you mean 'size'?)"),
     "[charts]\nsize = 0.7": ("charts.size", "equal to 0.5, not 0.7"),
-    '[ground]\n[render]\nbackend = "nodes"': (
-        "ground", "backend 'nodes' renders no shadow catcher (backend = \"exact\", or kind"
-    ),
+    '[ground]\n[render]\nbackend = "nodes"': ("ground", "renders no shadow catcher (backend = \"exact\", or kind"),
     '[ground]\n[render]\ndenoise = "measured"': ("ground", "the alpha of a shadow catcher is not denoised"),
     '[ground]\n[render]\npasses = ["uv", "direct", "lobes"]': ("ground", "a shadow catcher has no lobes and no direct"),
     '[ground]\nprim = "/A"': ("ground.prim", "has no meaning without 'material'"),
