@@ -220,7 +220,8 @@ def _half_light(*, front: bool) -> Dome:
     width, height = _LIGHT_SIZE
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     lit = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
-    return prepare_light(make_environment("half", np.repeat(lit[..., None], 3, axis=-1)))
+    # No directions are drawn of it: the tables of these would take seconds.
+    return prepare_light(make_environment("half", np.repeat(lit[..., None], 3, axis=-1)), sampled=False)
 
 
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:

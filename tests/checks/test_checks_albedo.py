@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 
 import numpy as np
 import pytest
 
 from lookdev.checks.albedo import check_albedo
 from lookdev.checks.frames import Render
-from lookdev.light import prepare_light
 from lookdev.material import Layer, Look, Primvar
 from lookdev.render.backends import job_backends
 from lookdev.render.results import Rendered
@@ -19,12 +17,6 @@ from lookdev.render.task import FrameTask
 GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"back": 0.4, "clear": 0.3, "roughness": Primvar("rough", 0.3)}),))
 ANGLES = (0.0, 50.0, 80.0)
-
-
-@pytest.fixture(autouse=True)
-def _without_tables(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The check draws no directions of its lights, whose tables take seconds."""
-    monkeypatch.setattr("lookdev.checks.albedo.prepare_light", partial(prepare_light, sampled=False))
 
 
 def same(value: float) -> Rendered:
