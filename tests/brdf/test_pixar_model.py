@@ -11,6 +11,7 @@ from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions
+from lookdev.brdf.pixar import partition
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.closures.setups import view_at
 
@@ -48,6 +49,14 @@ def test_the_lobe_of_the_model_has_the_plots_integral_where_they_agree() -> None
 
 
 _COPPER = {"fresnel": "conductor", "eta": (0.2, 1.0, 1.3), "k": (3.2, 2.6, 2.4)}
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.3, 1.0])
+def test_what_a_partly_metallic_surface_does_not_reflect_is_the_rest(metallic: float) -> None:
+    given = {"metallic": metallic, "normalScale": 0.8, "grazingScale": 0.9}
+    parameters, cosines = complete_parameters("pixar", _COPPER | given), np.array([1.0, 0.7, 0.2, 0.0])
+    reflected = partition._reflected(parameters).weight(cosines)
+    np.testing.assert_allclose(partition._unreflected(parameters, cosines), 1.0 - reflected, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("energy", ["published", "conserving"])
