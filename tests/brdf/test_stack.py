@@ -148,3 +148,11 @@ def test_a_mode_is_ruled_out_by_the_first_model_that_does_not_have_it() -> None:
     assert stranger("transmit", ["pixar", "pixar"]) is None
     assert stranger("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
     assert stranger("coat", ["disney", "pixar"]) == 1
+
+
+def test_layers_of_a_model_without_presence_are_blended_by_the_mask_alone() -> None:
+    below, above = (
+        complete_parameters("lambert", {"reflectance": color}) for color in ((0.8, 0.1, 0.2), (0.0, 0.5, 0.4))
+    )
+    blended = MODELS["lambert"].blended([StackLayer("lambert", below), StackLayer("lambert", above, 0.25)])
+    np.testing.assert_allclose(blended["reflectance"], (0.6, 0.2, 0.25))
