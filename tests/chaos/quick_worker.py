@@ -42,7 +42,7 @@ def main() -> None:
             "alpha": ((height, width), 1.0),
         }
         try:
-            handle, path = tempfile.mkstemp(suffix=".npz")
+            handle, path = tempfile.mkstemp(suffix=".npz", dir=os.environ["TMPDIR"])  # else /tmp, once that is gone
             with os.fdopen(handle, "wb") as stream, zipfile.ZipFile(stream, "w") as archive:
                 for name, (shape, filled) in arrays.items():
                     archive.writestr(f"{name}.npy", npy(shape, filled))
