@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.metrics import relmse, relmse_of_halves
+from lookdev.metrics import EPSILON, relmse, relmse_of_halves
 from lookdev.render import adaptive
 from lookdev.render.adaptive import Half, Region, Round, mean_samples, next_round, plan_regions
 from lookdev.scene import Sampling
@@ -174,3 +174,52 @@ def test_weights_are_samples() -> None:
     assert (half.alpha[0, 0], half.alpha[0, 7]) == (0.75, 0.375)
     # Of the whole rounds alone: means of 8 samples that differ by 2.
     np.testing.assert_array_equal(half.spread, 16.0)
+
+
+def test_the_error_of_a_sample_is_its_variance_over_the_square_of_what_is_shown() -> None:
+    half = Half(8, 8, gain=0.5)
+    ones = np.ones((8, 8, 3), np.float32)
+    for value in (1.0, 3.0, 2.0):
+        half.add(Region(slice(0, 8), slice(0, 8), 8, whole=True), value * ones, ones[..., 0])
+    half.coverage[0, 0] = 0.0
+    # Of three means of 8 samples the variance is 1, so that of a sample is 8; shown is half of the mean, 2.
+    wanted = np.full((8, 8), 0.25 * 8.0 / (1.0 + EPSILON))
+    wanted[0, 0] = 0.0
+    np.testing.assert_allclose(half.error[1:], wanted[1:], rtol=1e-12)
+    assert half.error[0, 0] == 0.0
+
+
+@pytest.mark.parametrize(("size", "side"), [(1, 16), (8, 16), (9, 16), (24, 16), (25, 16), (50, 16), (130, 16), (7, 4)])
+def test_no_tile_is_less_than_half_as_long_as_others(size: int, side: int) -> None:
+    edges = adaptive._edges(size, side)
+    lengths = np.diff(edges)
+    assert (edges[0], edges[-1]) == (0, size)
+    assert (lengths[:-1] == side).all()
+    assert min(side, size) / 2 <= lengths[-1] <= 1.5 * side
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_is_cut_where_both_parts_together_take_the_least_time(seed: int) -> None:
+    error, time = np.random.default_rng(seed).random((2, 1, 7)) ** 3
+    boxes, parts = adaptive._cut_in_two(error, time)
+    works = [
+        sum(np.sqrt(error[0, part].sum() * time[0, part].sum()) for part in (slice(0, cut), slice(cut, 7)))
+        for cut in range(1, 7)
+    ]
+    assert parts[0] == (1, 2)
+    assert boxes[:3].tolist() == [[0, 1, 0, 7], [0, 1, 0, np.argmin(works) + 1], [0, 1, np.argmin(works) + 1, 7]]
+
+
+@pytest.mark.parametrize(("number", "growth"), [(5, 0.05), (24, 1.0)])
+def test_a_round_over_rectangles_adds_a_part_of_the_samples_and_late_ones_double_them(
+    number: int, growth: float
+) -> None:
+    frame = Simulated(np.random.default_rng(8))
+    frame.take(whole(64))
+    frame.take(whole(64))
+    first, _ = next_round(Sampling(samples=65536, error=1e-2), frame.halves, number, 1.001e-2)
+    added = np.zeros((SIDE, SIDE))
+    for region in first:
+        added[region.rows, region.columns] += region.samples
+    assert not first[0].whole
+    assert growth * 128 <= added[ALPHA > 0.0].mean() < 4.0 * growth * 128
