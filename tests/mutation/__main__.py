@@ -125,7 +125,7 @@ def write_report() -> None:
         tried = [mutant for mutant in mutants if mutant.room == room and (mutant.tier or mutant.equivalent)]
         real = [mutant for mutant in tried if not mutant.equivalent]
         found = [mutant.tier for mutant in real if mutant.killed_by]
-        rates = [f"{100 * count / max(len(real), 1):.1f} %" for count in (found.count("default"), len(found))]
+        rates = [f"{100 * count / len(real):.1f} %" if real else "" for count in (found.count("default"), len(found))]
         part = f"{drawn}" if len(tried) == drawn else f"{drawn}, {len(tried)} tried"
         table += f"\n| {room} | {part} | {len(tried) - len(real)} | {rates[0]} | {rates[1]} |"
     write_part("mutants", f"{table}\n")

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import OutputError
 from lookdev.output import read_frame, read_header, write_frame, write_png
+from lookdev.output.exr import read_shown
+from lookdev.space import to_rec709
 
 pytestmark = pytest.mark.both_pythons
 
@@ -54,6 +57,33 @@ def test_file_is_one_scanline_part_of_floats(tmp_path: Path, frame: tuple[np.nda
         assert {name: channel.pixels.dtype for name, channel in channels.items()} == dict.fromkeys(
             "ABGR", np.dtype(np.float32)
         )
+
+
+def test_further_channels_and_a_header_of_any_length_are_kept(
+    tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]
+) -> None:
+    path, note, depth = tmp_path / "a.exr", "long " * 20000, np.arange(600.0).reshape(30, 20)
+    write_frame(path, *frame, {"note": note}, planes={"depth.Z": depth[:, ::-1]}, attributes={"worldToCamera": "text"})
+    assert read_header(path)["note"] == note
+    with OpenEXR.File(str(path), separate_channels=True) as exr:
+        assert exr.header()["worldToCamera"] == "text"
+        np.testing.assert_array_equal(exr.channels()["depth.Z"].pixels, depth[:, ::-1].astype(np.float32))
+
+
+def test_a_frame_of_another_space_is_shown_in_rec709(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    for space, shown in (("rec709", frame[0]), ("acescg", to_rec709(frame[0], "acescg").astype(np.float32))):
+        write_frame(path, *frame, {"space": space}, space=space)
+        np.testing.assert_array_equal(read_shown(path)[0], shown)
+
+
+def test_the_resolution_is_that_of_the_data_window(tmp_path: Path) -> None:
+    """Other programs may have moved it."""
+    spec = oiio.ImageSpec(4, 3, 4, oiio.FLOAT)
+    spec.x, spec.y = 7, 5
+    spec["lookdev:look"] = "paint"
+    assert oiio.ImageBuf(spec).write(str(tmp_path / "a.exr"))
+    assert read_header(tmp_path / "a.exr", check=False) == {"look": "paint", "resolution": "4 x 3"}
 
 
 def test_rewriting_replaces(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
