@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from lookdev.plan.chunks import part_of
 from lookdev.plan.costs import SCENE, START, estimate, estimated, measured
 from lookdev.plan.digest import PARTS, part_digests
-from lookdev.plan.plan import Plan, PlannedFrame
+from lookdev.plan.plan import Plan, PlannedFrame, Reel
 from lookdev.render import backends
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Pose
@@ -46,6 +47,14 @@ def test_costs_are_those_measured_else_estimated_with_a_scene_and_a_start(scene:
     costs = estimated(plan)
     assert (costs.scene, costs.start) == (SCENE, START)
     assert costs.frames == (estimate(scene), estimate(other))
+
+
+def test_parts_have_the_frames_between_their_ends_and_nothing_that_is_made_of_several(scene: SceneTask) -> None:
+    frames = tuple(frame(scene) for _ in range(6))
+    plan = Plan(frames, (Reel("gold", "city", "turn", (FILE,)),), Path("/out"), (".png",))
+    parts = [part_of(plan, (1, 3, 3, 6), number) for number in (1, 2, 3, 4)]
+    assert [part.frames for part in parts] == [frames[:1], frames[1:3], (), frames[3:]]
+    assert all((part.reels, part.sheets, part.skips, part.beside) == ((), (), (), (".png",)) for part in parts)
 
 
 def test_digests_of_finished_frames_stay(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:
