@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from lookdev.render.llvm import OLDEST, VARIABLE, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
 BPY = (sys.executable, "-c", f"print('a word of a library'); print('{VERSION}.7 LTS')")
+# Not by an import, which is for the whole process: Dr.Jit looks for LLVM then, and at no other time.
+needs_mitsuba = pytest.mark.skipif(not find_spec("mitsuba"), reason="Mitsuba is not installed")
 SELF_TEST = (sys.executable, "-c", "print('{\"osl\": true}')")
 
 
@@ -109,9 +112,9 @@ def test_a_description_has_a_line_for_each_remedy() -> None:
     assert text == "ok       Python  3.11\nMISSING  bpy     gone\n                 to get it: get it"
 
 
+@needs_mitsuba
 def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(VARIABLE)
-    pytest.importorskip("mitsuba")
     with pytest.raises(RenderError, match=r"found: none: install it \(on Debian libllvm19\)"):
         find_llvm(tmp_path)
     folder = tmp_path / "usr" / "lib" / "x86_64-linux-gnu"
@@ -124,9 +127,8 @@ def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monk
     assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
 
 
+@needs_mitsuba
 def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mitsuba")
-
     def missing() -> str:
         raise RenderError("found: none")
 
