@@ -42,7 +42,7 @@ def page(
 
 
 def test_the_exact_picture_follows_an_edit(page: DesignPage) -> None:
-    assert "Mitsuba" in page.js("return at('exact-facts').textContent")
+    page.wait("at('exact-facts').textContent.includes('Mitsuba')")
     page.slide("roughness", 0.9)
     page.wait("exact.round?.samples >= 2 && exact.asked?.version === viewport.version")
     facts = page.js("return at('exact-facts').textContent")
