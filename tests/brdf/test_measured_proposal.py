@@ -12,14 +12,14 @@ from lookdev.brdf.measured.synthetic import anisotropic_samples
 from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import reflect
 
-CELLS, VIEWS = (8, 8), (4, 1)
+CELLS = 8, 8
 ROUND = np.ones((16, 8, 12, 3))
 
 
 @pytest.fixture(autouse=True)
 def _few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(proposal._CELLS, False, CELLS)
-    monkeypatch.setitem(proposal._VIEWS, False, VIEWS)
+    monkeypatch.setitem(proposal._VIEWS, False, (4, 1))
 
 
 @pytest.mark.parametrize("directed", [False, True])
@@ -86,11 +86,12 @@ def test_the_density_where_cells_meet_is_at_least_a_quarter_of_the_mean_beside()
 
 def test_an_even_surface_has_an_even_density_where_no_cell_is_much_brighter_than_the_next() -> None:
     """Densities are per solid angle of half vectors: seen from above, ``4 cos(theta_d) cos(theta_i)`` of each."""
-    tables = make_proposal(Isotropic(ROUND + np.linspace(1.0, 0.0, 16)[:, None, None, None]))
+    grid = Isotropic(ROUND + np.linspace(1.0, 0.0, 16)[:, None, None, None])
+    tables = make_proposal(grid)
     squares = np.asarray(proposal._square(np.arange(CELLS[0] + 1.0), CELLS[0]))
     view = next(proposal._view_cells(False))
     edges = proposal._half_vectors(squares, 0.0, 64, (1, 1))
-    f, weight = proposal._values(Isotropic(ROUND + np.linspace(1.0, 0.0, 16)[:, None, None, None]), view, edges)
+    f, weight = proposal._values(grid, view, edges)
     density, dark = tables.density.values[0], f.mean(axis=-1)[f.mean(axis=-1) > 0.0].min()
     wanted = (np.maximum(f.mean(axis=-1) - dark, 0.0) * weight).mean(axis=(0, 2, 3, 4))
     bright = wanted > 0.5 * wanted.max()

@@ -24,11 +24,8 @@ from reach import reach_map
 
 MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
-STAGES = (
-    2.0,
-    20.0,
-    math.inf,
-)  # seconds of tests: collecting all files that reach a function can take longer than these
+# Seconds of tests that run before others are collected: to collect all files that reach a function can take longer.
+STAGES = (2.0, 20.0, math.inf)
 FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
 
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_case import wait_until
+from batch_case import is_alive, wait_until
 from served import descendants
 
 HOLDER = """
@@ -22,14 +22,6 @@ def test_holds(tab):
         Path("held").touch()
         server.process.wait()
 """
-
-
-def is_alive(pid: int) -> bool:
-    """Return whether a process runs; one that ended and that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 @pytest.mark.both_pythons
