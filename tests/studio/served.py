@@ -102,7 +102,7 @@ def served(
 
 def descendants(parent: int) -> dict[int, str]:
     """Return the processes below one, by number, with their command lines."""
-    rows = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    rows = subprocess.run(["ps", "-ww", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
     listed = {int(pid): (int(above), line) for pid, above, line in (row.split(None, 2) for row in rows.splitlines())}
     family = {parent}
     while more := {pid for pid, (above, _) in listed.items() if above in family} - family:
