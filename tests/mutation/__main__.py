@@ -4,6 +4,7 @@
     python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
     python tests/mutation check              # run all tests without a fault, as they run with one: none may fail
     python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
+    python tests/mutation run --within 60    # the same, but leave without a result what tests of a minute do not find
     python tests/mutation run --survivors    # run what survived once more, after tests were added
     python tests/mutation run --proof        # run what survived the default tier against `proof`
     python tests/mutation show [ROOM ...]    # print what survives
@@ -15,6 +16,7 @@ A mutant that no test can find has its reason as `equivalent` in the list, writt
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shutil
 import subprocess
@@ -42,6 +44,7 @@ def main() -> None:
     run.add_argument("rooms", nargs="*")
     run.add_argument("--jobs", type=int, default=2)
     run.add_argument("--limit", type=int, default=None, help="so many mutants")
+    run.add_argument("--within", type=float, default=math.inf, metavar="SECONDS", help="of tests")
     which = run.add_mutually_exclusive_group()
     which.add_argument("--survivors", action="store_true")
     which.add_argument("--proof", action="store_true")
@@ -82,7 +85,7 @@ def check_tests() -> None:
     sys.exit(1 if failing else 0)
 
 
-def run_list(rooms: list[str], jobs: int, limit: int | None, survivors: bool, proof: bool) -> None:
+def run_list(rooms: list[str], jobs: int, limit: int | None, within: float, survivors: bool, proof: bool) -> None:
     from run import Reached, run_mutants
 
     mutants, lost = locate(read_mutants(), read_sources())
@@ -99,10 +102,11 @@ def run_list(rooms: list[str], jobs: int, limit: int | None, survivors: bool, pr
 
     due = [mutant for mutant in mutants if is_due(mutant)][:limit]
     results = {mutant.name: mutant for mutant in mutants}
-    for count, mutant in enumerate(run_mutants(due, Reached(DATA / "reach"), tier, jobs), 1):
+    for count, mutant in enumerate(run_mutants(due, Reached(DATA / "reach"), tier, jobs, within), 1):
         results[mutant.name] = mutant
         write_mutants([*results.values(), *lost])
-        print(f"{count}/{len(due)} {mutant.room} {mutant.killed_by or 'survives: ' + str(mutant)}", flush=True)
+        result = mutant.killed_by or f"{'survives' if mutant.tier == tier else 'not found yet'}: {mutant}"
+        print(f"{count}/{len(due)} {mutant.room} {result}", flush=True)
 
 
 def survivors_of(rooms: list[str]) -> list[Mutant]:

@@ -25,7 +25,7 @@ from reach import reach_map
 MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
 # Seconds of tests that run before others are collected: to collect all files that reach a function can take longer.
-STAGES = (2.0, 20.0, math.inf)
+STAGES = (2.0, 20.0)
 FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
 
 
@@ -155,15 +155,20 @@ def end_all(process: subprocess.Popen[str], folder: Path) -> None:
             continue
 
 
-def stages(tests: Sequence[tuple[str, float]]) -> Iterator[list[tuple[str, float]]]:
-    """Yield tests in their order, the fastest alone: most mutants need few files."""
+def stages(tests: Sequence[tuple[str, float]], within: float) -> Iterator[list[tuple[str, float]]]:
+    """Yield the tests of the first `within` seconds in their order, the fastest alone: most mutants need few files."""
     totals = list(accumulate(seconds for _, seconds in tests))
-    ends = [0, *(bisect_right(totals, limit) for limit in STAGES)]
+    ends = [0, *(bisect_right(totals, limit) for limit in (*(stage for stage in STAGES if stage < within), within))]
     yield from filter(None, ([*tests[first:last]] for first, last in pairwise(ends)))
 
 
-def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int) -> Iterator[Mutant]:
-    """Yield mutants with what killed them, as results come."""
+def run_mutants(
+    mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int, within: float = math.inf
+) -> Iterator[Mutant]:
+    """Yield mutants with what killed them, as results come.
+
+    Those that tests of `within` seconds do not find, where there are more, are yielded as they were: without a result.
+    """
     folder = Path(tempfile.mkdtemp(prefix="mutants-"))
     copies: SimpleQueue[Copy] = SimpleQueue()
     for job in range(jobs):
@@ -173,9 +178,12 @@ def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: in
         tests, copy = reached.tests_of(mutant.function), copies.get()
         try:
             with copy.planted(mutant):
-                failed = next(filter(None, (copy.test(part, MARKERS[tier]) for part in stages(tests))), [])
+                parts = stages(tests, within)
+                failed = next(filter(None, (copy.test(part, MARKERS[tier]) for part in parts)), [])
         finally:
             copies.put(copy)
+        if not failed and sum(seconds for _, seconds in tests) > within:
+            return mutant
         return replace(mutant, killed_by="".join(failed[:1]), tier=tier)
 
     try:
