@@ -4,8 +4,6 @@ Frames of different seeds are independent halves of every pixel, whose spread is
 against the reference then has the distribution of noise alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

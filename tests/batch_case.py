@@ -1,7 +1,5 @@
 """A small job, its plan, and the fake worker. Run as a program, it is a batch that tests can kill."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

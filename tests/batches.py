@@ -1,7 +1,5 @@
 """Small jobs, rendered by the real program in a process of its own or in this one, and the files of their outputs."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

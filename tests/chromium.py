@@ -3,8 +3,6 @@
 A file that uses `browser` or `tab` is marked ``browser``, and skipped where Chromium is not installed.
 """
 
-from __future__ import annotations
-
 import base64
 import shutil
 import sys

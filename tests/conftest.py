@@ -1,7 +1,5 @@
 """What tests of several rooms share: warm render workers, and a small scene without anything on disk."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path

@@ -5,8 +5,6 @@
 The times by file also go to tests/durations.json, by which a run starts with the longest.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import subprocess

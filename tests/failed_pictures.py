@@ -5,8 +5,6 @@ pictures and their difference are written as EXR, and side by side as PNG, into 
 three runs.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

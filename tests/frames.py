@@ -1,7 +1,5 @@
 """How frames of simple scenes are seen in these tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A home of its own for a run of the tests: nothing is read from the user's, and nothing stays behind."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,10 +1,8 @@
 """Jobs and checks rendered by the warm workers of the run, in place of workers of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
@@ -17,7 +15,7 @@ from lookdev.render.worker import Worker
 class LentWorker:
     """A worker of the run as a job has one, which does not end it."""
 
-    def __enter__(self) -> LentWorker:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -5,8 +5,6 @@ process then kills the program with all of its descendants, and removes their te
 parent has ended are children of this process (Linux's "subreaper"), so none is missed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

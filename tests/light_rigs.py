@@ -1,7 +1,5 @@
 """Rigs of all kinds of lights, and looks to be lit by them, for the backends that show any light."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

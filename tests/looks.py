@@ -1,7 +1,5 @@
 """Looks that together use every lobe of every model, both kinds of layering, and a stack of both models."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Looks of textures, masks, normal maps and heights."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

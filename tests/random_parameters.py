@@ -1,7 +1,5 @@
 """Random parameters of every model from their whole hard ranges, and random directions."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether samples follow their density: point by point, by a Jacobian, and all together, by chi-square."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -3,8 +3,6 @@
 A place is a point of the surface, known exactly, so that no tolerance decides whether a surface shades itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

@@ -9,8 +9,6 @@ PATH it also deletes those that no test uses. In a run with ``-m proof`` the tes
 whatever their tier, and recompute the data. Tests that are themselves marked `proof` store nothing.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

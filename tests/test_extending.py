@@ -1,7 +1,5 @@
 """Every recipe of docs/extending.md, carried out on one copy of the package."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """A program in a child process: what a file does to it becomes a message, and all else is as without the child."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

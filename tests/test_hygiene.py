@@ -1,7 +1,5 @@
 """A run of the tests leaves no process, and no file outside of pytest's folder; if it is killed, no process."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The parts of docs/testing.md that commands write: each between two comments with its name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "testing.md"

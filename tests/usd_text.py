@@ -1,7 +1,5 @@
 """Text of small files: jobs, and USD and MaterialX files of materials, plain or with an image, variants, and cards."""
 
-from __future__ import annotations
-
 METRES = '#usda 1.0\n( upAxis = "Z"\n  metersPerUnit = 1 )\n'
 
 

@@ -4,8 +4,6 @@
 With the fixture `warm_points`, `lookdev.checks.evaluate` uses that process in place of one for each stack.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import pickle

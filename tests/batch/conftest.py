@@ -1,7 +1,5 @@
 """The small job, finished once for all tests, and rendered from its file as the command line does."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Which looks and frames `check_file` hands to the checks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Chunks of a job in one output folder, what they cost, and the status of a job that several runs render."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Frames of reference props in a run: which frames are rendered, and what pictures, movies and pages show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

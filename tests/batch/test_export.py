@@ -1,7 +1,5 @@
 """`lookdev export blend` without Blender: the exporter's task, which files are placed, and what is left of it."""
 
-from __future__ import annotations
-
 import gc
 import json
 import sys

@@ -1,7 +1,5 @@
 """Jobs as templates of Open Job Description; `tests/end_to_end` runs one."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What `lookdev inspect` lists of an asset."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `lookdev inspect` lists of a rig, and when it takes a file for one."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The manifest: what a run writes into it, and what its verification finds."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

@@ -1,7 +1,5 @@
 """Jobs whose USD and MaterialX files name absolute paths, moved to another machine: rules of paths find these."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

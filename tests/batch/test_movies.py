@@ -1,7 +1,5 @@
 """Movies of a batch: made when their frames are done, and again exactly when they would differ."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pictures and sheets of a batch: shared by links, made when frames are done, and again only if they would differ."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """What a job names, read and planned: every fault at once, and who wears which look."""
 
-from __future__ import annotations
-
 import gc
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs of a batch by a fake worker: what is rendered, tried again and made again, and what a killed one leaves."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Renderers without a renderer: a known picture, with noise of a known variance and a known cost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """References of each test are its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -6,8 +6,6 @@ The costs are those of `farm_costs.json`, drawn for each frame from the frames o
 `lookdev.plan.chunks.split`. Runs that share frames take them as `lookdev.batch.run` does.
 """
 
-from __future__ import annotations
-
 import heapq
 import json
 import random

@@ -6,8 +6,6 @@ Processor time hardly depends on what else the machine does. Frames are rendered
 these; a start, and the preparation of a scene, are taken to use one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -7,8 +7,6 @@ interleaved. A straight line through the medians, seconds over samples, meets ze
 given for the render itself (worker) and for all a user waits for (EXR and PNG written too).
 """
 
-from __future__ import annotations
-
 import statistics
 import tempfile
 import time

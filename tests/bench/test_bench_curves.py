@@ -1,7 +1,5 @@
 """Reading a time off a curve: on power laws, where the answer is known."""
 
-from __future__ import annotations
-
 import pytest
 
 from lookdev.bench.curves import REACH, Reached, at, ratio, reach

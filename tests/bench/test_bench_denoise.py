@@ -1,9 +1,7 @@
 """The trial of denoised frames: what it draws, what counts as true, and its report, with a renderer of known noise."""
 
-from __future__ import annotations
-
 import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +31,7 @@ class Renderer:
         self._ends_after = ends_after
 
     @contextmanager
-    def __call__(self) -> Iterator[Renderer.render]:
+    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
         yield self.render
 
     def render(self, task: FrameTask) -> Rendered:

@@ -1,7 +1,5 @@
 """How cost grows, measured on a renderer that only does arithmetic."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

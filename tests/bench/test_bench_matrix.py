@@ -1,7 +1,5 @@
 """What there is to measure: assets, looks, options, and the keys of references."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

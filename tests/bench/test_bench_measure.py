@@ -1,7 +1,5 @@
 """Who renders when; times and ratios from curves that are known; what Ctrl-C leaves."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What Mitsuba gets of a scene; that it renders the same scene is in test_bench_real."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

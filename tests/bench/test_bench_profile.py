@@ -1,7 +1,5 @@
 """Shares of a second, by renderers that take as long as their shaders are; and stages that render."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

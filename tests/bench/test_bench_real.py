@@ -1,7 +1,5 @@
 """The benchmark itself, at a size at which its figures mean nothing: `pytest -m bench`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

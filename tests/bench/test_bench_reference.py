@@ -1,7 +1,5 @@
 """Errors of renders of known noise against a reference that has noise too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files that a run leaves, and what it prints."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import fields, replace

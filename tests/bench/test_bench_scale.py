@@ -1,7 +1,5 @@
 """Large assets: what the files contain, at small sizes, and how starts are measured, with processes that do nothing."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Turntables against the plain script, with producers that only write noise."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict

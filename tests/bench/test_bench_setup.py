@@ -1,7 +1,5 @@
 """The benchmark of set-up: its section, also of one that was interrupted, and what it times."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of a document: its figures, what it states of how far it was measured, its plots."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

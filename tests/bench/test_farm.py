@@ -1,7 +1,5 @@
 """How well a job is divided among many workers, simulated by measured costs."""
 
-from __future__ import annotations
-
 import farm
 import pytest
 

@@ -1,7 +1,5 @@
 """What a second worker gains on small frames: rate and processor time, of runs with one and with two in turn."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

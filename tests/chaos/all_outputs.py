@@ -3,8 +3,6 @@
 Frames have all passes, and the looks are those of a wedge, too.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from dataclasses import replace

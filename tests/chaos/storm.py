@@ -11,8 +11,6 @@ for a minute. Where libfaketime is preloaded, the clocks of most runs and their 
     python tests/chaos/storm.py 300
 """
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Batches that are killed, stopped and kept from writing, again and again, end with the same bytes."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A renderer of the checks: the warm worker of each renderer."""
 
-from __future__ import annotations
-
 import pytest
 
 from lookdev.checks.frames import Render

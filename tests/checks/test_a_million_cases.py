@@ -1,7 +1,5 @@
 """Every model at a million random and extreme inputs: finite, not negative, in float64, float32 and inside Cycles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The albedo check: a look agrees in three ways, and a wrong density or lobe is found."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

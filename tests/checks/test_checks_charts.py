@@ -1,7 +1,5 @@
 """Readings of reference props: right frames pass, a wrong exposure and wrong colours are reported."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

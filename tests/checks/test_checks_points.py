@@ -1,7 +1,5 @@
 """The point check: its cases, its findings, and faults in the text of a shader."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

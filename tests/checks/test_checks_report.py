@@ -1,7 +1,5 @@
 """The report: a table, and a self-contained page."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re

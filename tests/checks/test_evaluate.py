@@ -1,7 +1,5 @@
 """`evaluate_lines`: lines that are no case, each refused with its number; numbers that depend on the view."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

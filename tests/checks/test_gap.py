@@ -1,7 +1,5 @@
 """The gap between pictures, on pictures whose gap is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The image check on synthetic frames: correct ones pass, all kinds of faults are found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

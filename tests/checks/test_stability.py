@@ -1,7 +1,5 @@
 """The stress test: its cases are extreme, it finds faults, and models pass."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line in this process, with the fakes of tests/ and tests/bench."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

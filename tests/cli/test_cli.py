@@ -1,7 +1,5 @@
 """The command line as a whole: help, exit codes, and what becomes of an exception."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shlex

@@ -1,7 +1,5 @@
 """lookdev inspect: its text, its data, and what is wrong with its arguments."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

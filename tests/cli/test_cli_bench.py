@@ -1,7 +1,5 @@
 """`lookdev bench` on the command line."""
 
-from __future__ import annotations
-
 from functools import partial
 from unittest.mock import Mock
 

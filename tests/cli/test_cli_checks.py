@@ -1,7 +1,5 @@
 """`lookdev check` and `lookdev eval`: options, exit codes, the page."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from io import BytesIO, TextIOWrapper

@@ -1,7 +1,5 @@
 """`lookdev export` on the command line: options, output, exit codes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The verbs of job files: render, plan, example, schema."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """``lookdev materials``: output, exit codes, and a contact sheet from the fake worker."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

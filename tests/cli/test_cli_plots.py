@@ -1,7 +1,5 @@
 """``lookdev plot`` and ``lookdev fit``: files, notes, and exit codes."""
 
-from __future__ import annotations
-
 import json
 
 import OpenImageIO as oiio

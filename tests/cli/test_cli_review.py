@@ -1,7 +1,5 @@
 """The verbs of what was rendered: review, manifest."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

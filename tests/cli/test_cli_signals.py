@@ -1,7 +1,5 @@
 """SIGTERM and Ctrl-C: the command line and all its children end within two seconds."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """What verbs print: nothing in it controls the terminal, and with --json it is one document."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

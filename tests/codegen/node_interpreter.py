@@ -1,7 +1,5 @@
 """Node trees evaluated as by Blender, in float32, to compare with NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Traced programs on NumPy arrays against the models that they were traced from."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which looks need the direction of a tangent: those that look different as the frame is turned, and no others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Sections of the template for scenes with a shadow catcher."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Generated GLSL in headless Chromium against the models in float64, over the oracles' cases."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

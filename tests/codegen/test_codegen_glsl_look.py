@@ -1,7 +1,5 @@
 """Looks as GLSL in headless Chromium, with images, masks and expressions, against their BSDF in float64."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

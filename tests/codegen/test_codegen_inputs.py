@@ -1,7 +1,5 @@
 """What a look reads: images that do not matter are never opened."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fits are found in what is traced, and their groups compute what NumPy computes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from node_interpreter import Interpreter

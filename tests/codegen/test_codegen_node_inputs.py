@@ -1,7 +1,5 @@
 """The nodes of textures, primvars and coordinates give what the reference looks up."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """A look as nodes has the closures of its lobes, with the weights computed by NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Trees of nodes compute what the traced NumPy code computes, in few nodes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

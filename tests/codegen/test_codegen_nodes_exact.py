@@ -1,7 +1,5 @@
 """The nodes that sample a look draw the directions, with the weights, that NumPy does."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

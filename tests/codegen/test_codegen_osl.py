@@ -1,7 +1,5 @@
 """The generated text has all that a look needs, and nothing else."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The lines of a shader that record light are in no other shader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

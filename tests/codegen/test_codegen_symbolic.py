@@ -1,7 +1,5 @@
 """Symbolic arrays: they fold, share, refuse what has no counterpart, and compute what NumPy computes."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Derivatives of programs by live inputs against differences of the models, in float64: every model and token."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fragment shaders in headless Chromium: a page draws pictures, whose pixels are points, and returns their numbers."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Frames of simple scenes from the warm worker of Cycles."""
 
-from __future__ import annotations
-
 import pytest
 from frames import RenderScene, frames_of
 

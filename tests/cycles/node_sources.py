@@ -1,7 +1,5 @@
 """Looks as native nodes, written by hand."""
 
-from __future__ import annotations
-
 from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 
 _OUTPUT = ShaderNode("Output", "OutputMaterial", {"target": "CYCLES"}, {"Surface": Link("Surface", "BSDF")})

@@ -1,7 +1,5 @@
 """OSL snippets inside Cycles, a row of numbers a pixel."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What tests ask of Blender, in a process that has bpy: functions for `BlenderProcess.call` of warm_blender.py."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Usage: python tests/cycles/render_spaces.py PICTURE
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from dataclasses import replace

@@ -4,8 +4,6 @@
 the file, and renders frames with the second block of twice the samples, as the halves of lookdev's frames.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Programs of this folder, run in processes of their own: they import bpy."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

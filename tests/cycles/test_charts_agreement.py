@@ -1,7 +1,5 @@
 """Reference props as Cycles renders them, beside published colours and the float64 reference."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What coincides with a surface does not shadow it: faces, meshes and instances that are doubled show one surface."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

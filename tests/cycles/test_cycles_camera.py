@@ -1,7 +1,5 @@
 """Cameras in Cycles: frames of any camera agree with the reference, and a turned asset covers what it is framed to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

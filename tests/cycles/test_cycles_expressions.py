@@ -1,7 +1,5 @@
 """Mask expressions and sets of tiles as OSL, run inside Cycles in float32, against NumPy."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

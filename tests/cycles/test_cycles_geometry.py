@@ -1,7 +1,5 @@
 """The data of Blender that show an asset: what each mesh carries, and where its instances stand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What Cycles' nodes compute of a traced expression, of textures and of their slopes is what NumPy computes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Native nodes in Cycles: pictures of hand-written ones and of looks, and errors for those that Cycles cannot show."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The generated OSL inside Cycles, in float32, against the models in float64 NumPy."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A rectangle of a frame is bit for bit that part of the whole frame; rectangles bring a frame to its target."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The hand-written OSL headers, run inside Cycles, against NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Mirror and glass in Cycles: spheres against ray-traced closed forms, other shapes against the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ The estimate is for frames that can be used: where rare bright paths carry most 
 polished metal in the shaderball's recess) it errs on the safe side, by up to 20 at relMSE 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

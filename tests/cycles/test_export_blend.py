@@ -1,7 +1,5 @@
 """An exported .blend, opened where lookdev is not loaded, renders what lookdev renders."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass

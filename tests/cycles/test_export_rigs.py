@@ -1,7 +1,5 @@
 """Rigs in an exported .blend: opened where lookdev is not loaded, they light as lookdev's frames."""
 
-from __future__ import annotations
-
 import functools
 import json
 from dataclasses import replace

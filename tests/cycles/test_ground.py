@@ -1,7 +1,5 @@
 """Assets on the ground: closed forms, the float64 reference, and what a catcher leaves as it is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

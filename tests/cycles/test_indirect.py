@@ -3,8 +3,6 @@
 Light that leaves the recess of the shaderball has been reflected several times; each reflection passes a ray portal.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from frames import RenderScene

@@ -1,7 +1,5 @@
 """Measured reflectance inside Cycles, in float32: values beside float64 look-ups, and pictures."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Frames of meshes against the float64 reference: textures, masks, normals, views, recesses, and bounces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Lights as Cycles' own: what they send is what they send in NumPy, and frames of rigs agree with the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

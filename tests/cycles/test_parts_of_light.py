@@ -1,7 +1,5 @@
 """Parts of the beauty that shaders record: by lights, by sheen, and how the halves of a frame share them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

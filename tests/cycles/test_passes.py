@@ -1,7 +1,5 @@
 """The passes of a frame, beside rays of the camera and parts that are rendered alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

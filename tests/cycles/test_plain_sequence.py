@@ -1,7 +1,5 @@
 """The plain script of the benchmark; that it shows what the batch runner does is in test_bench_real."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Frames in ACEScg beside those in linear Rec.709."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

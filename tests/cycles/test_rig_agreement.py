@@ -1,7 +1,5 @@
 """Frames under rigs of all kinds of lights against the float64 reference, and faults planted in their shaders."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

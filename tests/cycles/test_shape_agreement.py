@@ -3,8 +3,6 @@
 Through a closed shell light comes by way of the wall that faces away, and is reflected inside; through a card directly.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

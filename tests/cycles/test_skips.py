@@ -1,7 +1,5 @@
 """What a scene leaves out changes no picture: each skip is undone, and the frame rendered with what was left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Workers and scenes: what a worker has shown, whose shader it has, and on which machine it runs changes no picture."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack

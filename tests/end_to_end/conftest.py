@@ -1,7 +1,5 @@
 """Jobs and single frames by the warm workers of the run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

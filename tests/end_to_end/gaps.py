@@ -4,8 +4,6 @@ Run ``python tests/end_to_end/gaps.py`` (about half an hour) to measure all of i
 ``python tests/test_docs.py``.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Single frames of any asset, light and camera from the warm worker, and their comparison."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

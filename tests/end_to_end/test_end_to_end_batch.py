@@ -1,7 +1,5 @@
 """A batch of the real program: every backend by the command line, resuming, and robustness against kills."""
 
-from __future__ import annotations
-
 import os
 import signal
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A job whose cache was damaged, the files of the worker too, gives the same picture, with a note of each file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import batches

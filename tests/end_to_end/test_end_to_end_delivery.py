@@ -1,7 +1,5 @@
 """A job with wedges, movies and burn-in, rendered by Cycles through the command line's own door."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import batches

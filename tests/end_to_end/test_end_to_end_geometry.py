@@ -1,7 +1,5 @@
 """The right thing stands in the right place: poses, cameras, placements and backgrounds, on rendered pictures."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Every job that ships renders: its own assets, looks, lights and camera, at a few pixels, samples and frames."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames of the real renderer against those of other seeds and of a look that is hardly rougher."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A rig in USD, through the whole program: a dome of it is the image-based light of the same image, bit for bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import batches

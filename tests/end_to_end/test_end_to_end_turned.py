@@ -1,7 +1,5 @@
 """Turns of an asset or a light that is the same all around: one frame with many names, which shows each pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The real worker: progress, log, errors and temporary files."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

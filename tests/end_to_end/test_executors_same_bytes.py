@@ -3,8 +3,6 @@
 Frames of one worker, of several, of Dask, of a session of OpenJD and of chunks are compared by headers and all pixels.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The distances of native nodes from the exact pictures in docs/nodes.md."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from gaps import PRESETS, ROOT, measure, read

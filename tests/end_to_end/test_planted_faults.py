@@ -3,8 +3,6 @@
 ``python tests/end_to_end/test_planted_faults.py`` measures it in some minutes, and prints the table of docs/checks.md.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import tempfile

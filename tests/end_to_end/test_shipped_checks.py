@@ -1,7 +1,5 @@
 """Everything that is shipped agrees with the reference, and checks have few false alarms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import batches

@@ -4,8 +4,6 @@ They are tried through the command line, which reads files in a child process th
 `pool.py` they would end the process of many cases. A seed whose case there is a crash belongs here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -13,8 +13,6 @@ A `Kind` of input makes its cases from a seed and a number. A case is written to
 and, found by the pool that runs it in another process: hang, memory, crash.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import tempfile

@@ -4,8 +4,6 @@ What the USD library writes to stderr is an outcome, and so is memory: the peak 
 that it started, had resident.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

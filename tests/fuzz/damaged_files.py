@@ -4,8 +4,6 @@ Every product of the cache is made in a cache of its own; one of its files is da
 for again.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

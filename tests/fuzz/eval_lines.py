@@ -1,7 +1,5 @@
 """Lines of `lookdev eval` with one thing wrong."""
 
-from __future__ import annotations
-
 import json
 import random
 from functools import cache

@@ -1,7 +1,5 @@
 """Environment maps and textures with one thing wrong."""
 
-from __future__ import annotations
-
 import random
 import tempfile
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Environment maps and textures with one thing wrong, as files."""
 
-from __future__ import annotations
-
 import os
 import random
 import struct

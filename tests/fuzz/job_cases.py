@@ -1,7 +1,5 @@
 """Job files with one thing wrong: a value of a key, the text, or what the file is."""
 
-from __future__ import annotations
-
 import random
 import re
 from functools import cache

@@ -1,7 +1,5 @@
 """All kinds of malformed input, by name."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

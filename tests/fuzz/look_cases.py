@@ -1,7 +1,5 @@
 """Looks with one thing wrong: a property of a node, its expression, the text, or what the file is."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Any

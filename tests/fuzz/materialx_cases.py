@@ -1,7 +1,5 @@
 """MaterialX documents with one thing wrong, imported as Disney layers or read as looks of a job."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Callable

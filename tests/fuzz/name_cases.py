@@ -1,7 +1,5 @@
 """Assets whose prims, materials, UV sets and primvars have names that are long, foreign, or words of a language."""
 
-from __future__ import annotations
-
 import random
 import unicodedata
 from collections.abc import Callable

@@ -6,8 +6,6 @@ Seeds are the same, so frames of one digest show one picture, bit for bit. Where
 meshes or by names in a shader, a last digit may change the choice of a few samples.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable

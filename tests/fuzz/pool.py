@@ -1,7 +1,5 @@
 """Runs cases in a few processes; one that crashes or stalls costs only its case."""
 
-from __future__ import annotations
-
 import json
 import os
 import select

@@ -3,8 +3,6 @@
 The files of the case are left in FOLDER, by default a new one; a traceback is the whole one.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from pathlib import Path

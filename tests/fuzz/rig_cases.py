@@ -1,7 +1,5 @@
 """Rigs with one thing wrong: an attribute of a light, its transform, its files, the text, or what the file is."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Malformed inputs: each a right result or a clear message, never silence, a traceback, a hang or a crash."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

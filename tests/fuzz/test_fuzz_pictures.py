@@ -1,7 +1,5 @@
 """Malformed inputs that are read show the picture of a sound input; so does a job whose cache is damaged."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Changes of a text file that are wrong in any language, and what is no text file at all."""
 
-from __future__ import annotations
-
 import os
 import random
 from collections.abc import Callable

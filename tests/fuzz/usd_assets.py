@@ -1,7 +1,5 @@
 """USD assets with one thing wrong: a property (`usd_mutations`), or a file of the composition (`usd_files`)."""
 
-from __future__ import annotations
-
 import random
 import tempfile
 from dataclasses import fields

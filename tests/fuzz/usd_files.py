@@ -1,8 +1,6 @@
 """What can be wrong with the files of a USD asset and how they are composed."""
 
 # ruff: noqa: E501
-from __future__ import annotations
-
 import os
 import random
 import re

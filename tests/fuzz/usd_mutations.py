@@ -1,7 +1,5 @@
 """What can be wrong with a property of a USD file, by the role of the property, and what must become of it."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from dataclasses import dataclass

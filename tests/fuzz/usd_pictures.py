@@ -1,7 +1,5 @@
 """How sound and changed USD assets are rendered, and what they may look like: in looks that show what is read."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

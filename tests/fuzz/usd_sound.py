@@ -5,8 +5,6 @@ A comment at the end of a line names the role of its property, or those of other
 """
 
 # ruff: noqa: E501
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Changes of a line of a USD layer in text that has an attribute."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames of scenes from the warm worker of Mitsuba."""
 
-from __future__ import annotations
-
 import pytest
 from mitsuba_scenes import RenderSeeds
 

@@ -1,7 +1,5 @@
 """Scenes of the tests of Mitsuba, of which each part is compared with the reference by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes for Mitsuba's users: its own plug-ins show what the backend does; what they lack is refused by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Parameters of looks found in pictures of them: those of Cycles come back, and what is wrong is said first."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Instances of one mesh show what meshes of their own show: mirrored, stretched, far from their origin, spared."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames of Mitsuba against the float64 reference: every lobe of every model, textures, bounces, and transmission."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What Mitsuba's worker does where memory, a GPU or patience ends."""
 
-from __future__ import annotations
-
 import ctypes
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Frames of Mitsuba under every kind of light and control against the float64 reference."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

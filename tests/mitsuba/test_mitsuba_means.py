@@ -6,8 +6,6 @@ so that its error is a tenth of what it has of as many points in sets of small p
     python -m pytest -n 0 -m proof tests/mitsuba/test_mitsuba_means.py --log-cli-level INFO
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The passes of a frame of Mitsuba, beside rays of the camera, `exact`, and looks of single lobes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

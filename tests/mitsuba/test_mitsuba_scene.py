@@ -1,7 +1,5 @@
 """What a scene keeps in memory, and that neither that nor the speed of launches changes a frame."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import replace

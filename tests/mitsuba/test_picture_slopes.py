@@ -1,7 +1,5 @@
 """Derivatives of pictures against differences of pictures: the same integrals, hence z-tests of their means."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """BSDFs for scenes of Mitsuba's users: values, sampling, gradients, and light that stock plug-ins carry."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Programs of every model in float64, outside Mitsuba, against the models themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

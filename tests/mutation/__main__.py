@@ -13,8 +13,6 @@
 A mutant that no test can find has its reason as `equivalent` in the list, written by hand.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

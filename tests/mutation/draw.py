@@ -1,7 +1,5 @@
 """Drawing mutants: Cosmic Ray's operators, and four that make faults which its own do not."""
 
-from __future__ import annotations
-
 import ast
 import random
 from collections import defaultdict

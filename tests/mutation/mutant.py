@@ -3,8 +3,6 @@
 Names outlive moves and renames: where the function is gone, the text alone finds its place, if it is unique.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import json

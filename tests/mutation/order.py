@@ -1,7 +1,5 @@
 """A plugin of pytest that runs the tests of a list, in its order."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

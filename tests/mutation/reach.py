@@ -5,8 +5,6 @@ reaches that outlives a test counts for every test that uses it. Programs that t
 `children/sitecustomize.py`, for the test or the fixture that started them.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import os

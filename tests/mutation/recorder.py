@@ -1,7 +1,5 @@
 """Recording which functions of the package run, by `sys.monitoring`, which costs next to nothing (Python 3.12)."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Running mutants: each in a copy of the checkout, against the tests that reach its function, until one fails."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Mutants are found by function and text, wherever the function has moved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from mutant import Mutant, locate, mutated_source, read_mutants, read_sources, write_mutants

@@ -3,8 +3,6 @@
 Usage: python tests/output/exposure_sweep.py PICTURE.jpg FRAME.exr...
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

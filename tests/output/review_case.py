@@ -1,7 +1,5 @@
 """Outputs of jobs for the review page: small frames with headers as a run writes them, and noise of known size."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path

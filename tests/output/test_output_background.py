@@ -1,7 +1,5 @@
 """Through a lens, the environment behind the asset is what the reference's rays see on average."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Movies, probed and decoded by PyAV, and played by Chromium."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

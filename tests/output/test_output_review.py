@@ -1,7 +1,5 @@
 """The folder of the review page: what is made, kept, made again and removed; how versions are compared."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """The review page in headless Chromium, opened from disk as by a double click."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

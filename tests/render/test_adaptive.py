@@ -1,7 +1,5 @@
 """Samples where the error is: no pixel drifts, a frame's error is what it reports, plans are within bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Answers of a worker that renders nothing and prints text, as the parent reads them."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

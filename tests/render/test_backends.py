@@ -1,7 +1,5 @@
 """The registry of backends: each entry is whole, its tasks travel, and a new entry is all that a new backend needs."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from dataclasses import replace

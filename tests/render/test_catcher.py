@@ -1,7 +1,5 @@
 """A frame with a shadow catcher, from its parts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

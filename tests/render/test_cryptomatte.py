@@ -1,7 +1,5 @@
 """Names and mattes of Cryptomatte, beside sourced values and a straightforward sum."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 

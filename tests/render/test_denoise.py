@@ -1,7 +1,5 @@
 """Halves that are smoothed by any filter: the error of the mixture is that which is measured, and never grows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Sources of the cache are those that would be generated, and follow every value and image that they depend on."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frame tasks survive the pipe to the worker, to the last bit."""
 
-from __future__ import annotations
-
 import _thread
 import signal
 import struct

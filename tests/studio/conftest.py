@@ -1,7 +1,5 @@
 """Served explorers, and measured data to open."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable, Iterator

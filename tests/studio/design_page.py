@@ -1,7 +1,5 @@
 """The page of `lookdev design` in a tab of Chromium."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

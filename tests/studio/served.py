@@ -1,7 +1,5 @@
 """An explorer that is served by a process of its own, as a user starts it."""
 
-from __future__ import annotations
-
 import http.client
 import os
 import re

@@ -4,8 +4,6 @@ is offered, or is still there. `test_design_exact.py` kills the renderer.
 ``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes ten to twenty minutes.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

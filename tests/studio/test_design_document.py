@@ -1,7 +1,5 @@
 """What the Designer edits and saves, without a page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

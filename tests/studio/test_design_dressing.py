@@ -1,7 +1,5 @@
 """What parts wear, edited by the Designer and written into the job."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that survives edits, and may die."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

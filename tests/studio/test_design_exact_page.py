@@ -1,7 +1,5 @@
 """The exact picture on the page of `lookdev design`, in headless Chromium: in place, by a wipe, as a difference."""
 
-from __future__ import annotations
-
 import logging
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The lights of the Designer: settings of the view, which change numbers and no shader."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`lookdev design` in headless Chromium: picture, layers, and what it says of files; and its server's answers."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

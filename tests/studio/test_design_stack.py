@@ -1,7 +1,5 @@
 """The stack of layers in the Designer, one history of all edits, files on disk, and unsaved work after a crash."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The turntable of `lookdev design`: a run in the background, with what is not saved, that can be cancelled."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

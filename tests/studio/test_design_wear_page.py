@@ -1,7 +1,5 @@
 """Parts dressed on the Designer's page in headless Chromium, and written into the job."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

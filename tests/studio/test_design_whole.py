@@ -3,8 +3,6 @@
 ``pytest -m proof tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
 """
 
-from __future__ import annotations
-
 import logging
 import shutil
 import subprocess

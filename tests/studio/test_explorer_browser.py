@@ -1,7 +1,5 @@
 """The explorer in headless Chromium, served by a process of its own."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """What the explorer reads, computes and copies of a surface, without a server."""
 
-from __future__ import annotations
-
 import shlex
 import time
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """A test process that is killed leaves no browser, no driver, no server, and no file of theirs."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

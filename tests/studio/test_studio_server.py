@@ -1,7 +1,5 @@
 """The server: who is refused, what is too large, nonsense, its end, and its errors before it starts."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal

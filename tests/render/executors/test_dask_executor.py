@@ -1,7 +1,5 @@
 """Workers of Dask with the fake renderer; their cache is another than that of this process."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

@@ -1,7 +1,5 @@
 """The hierarchy of triangles that shadow rays walk: by a walk in NumPy, against all triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

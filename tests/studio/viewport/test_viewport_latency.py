@@ -1,7 +1,5 @@
 """How long the viewport takes to show a change: ``pytest -m bench tests/studio/viewport --log-cli-level=INFO``."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What the viewport shows, against direct light with its shadows in float64."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The viewport in a tab of Chromium: a plain server of its modules, of a scene's data and of its buffers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
