@@ -123,6 +123,14 @@ def test_each_operation_has_its_derivative(op: str) -> None:
         assert float(there) == pytest.approx(difference, abs=1e-8)
 
 
+def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
+    graph = Graph()
+    a, b = graph.symbol("a"), graph.symbol("b")
+    (slope,) = slopes(graph, [graph.apply("arctan2", a, b)], "a")
+    with np.errstate(invalid="ignore"):  # of the branch that is not taken
+        assert float(_value(slope, 0.0, 0.0)) == 0.0
+
+
 def test_a_direction_that_turns_is_refused() -> None:
     look = Look("lens", (Layer("Lens", "glass", {"eta": 1.5}),))
     live = live_look(look, {"eta": constant_of(look, "eta")})
