@@ -56,14 +56,13 @@ _RECORDS = (
 def recording(scene: Scene, task: FrameTask) -> Iterator[Plan]:
     """Yield the parts that have to be recorded, by renders of each half."""
     plan = _plan(task)
-    settings = scene.scene.cycles
-    before = settings.min_transparent_bounces
-    if plan[0]:
-        # Cycles' Russian roulette would weigh recorded light, and not the light itself.
-        settings.min_transparent_bounces = settings.transparent_max_bounces
-    with _storing(scene, {f"use_pass_{kind}_color": True for kind in _COLORS} if plan[0] else {}):
+    cycles = scene.scene.cycles
+    # Cycles' Russian roulette would weigh recorded light, and not the light itself.
+    bounces = {"min_transparent_bounces": cycles.transparent_max_bounces}
+    stored = {f"use_pass_{kind}_color": True for kind in _COLORS}
+    layer = scene.scene.view_layers[0]
+    with _changed(cycles, bounces if plan[0] else {}), _changed(layer, stored if plan[0] else {}):
         yield plan
-    settings.min_transparent_bounces = before
 
 
 def _sets(task: FrameTask) -> list[list[tuple[str, int]]]:
@@ -127,7 +126,7 @@ def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: in
     wanted = {*task.scene.sampling.passes}
     arrays: dict[str, Image] = {}
     names: dict[str, tuple[str, ...]] = {}
-    with _few_bounces(scene):
+    with _changed(scene.scene.cycles, {"max_bounces": 0}):  # light is not what these renders are for
         if central := wanted & {*_OF_CYCLES}:
             arrays |= _central(scene, task, central)
         if surfaces := wanted & {"albedo", "cryptomatte"}:
@@ -144,7 +143,7 @@ def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: in
 def _central(scene: Scene, task: FrameTask, wanted: set[str]) -> dict[str, Image]:
     """Return what is at the centre of each pixel."""
     scene.control(task.pose, 0, NORMALS)
-    with _storing(scene, {f"use_pass_{_OF_CYCLES[name]}": True for name in wanted}):
+    with _changed(scene.scene.view_layers[0], {f"use_pass_{_OF_CYCLES[name]}": True for name in wanted}):
         shown = {name: each[::-1] for name, each in engine.render_whole(scene.scene, 1).items()}
     found: dict[str, Image] = {}
     covered = shown["UV"][..., 2:] > 0.0 if scene.by_portals else shown["Combined"][..., 3:] > 0.0
@@ -185,7 +184,7 @@ def _surfaces(
     if colored and not scene.by_shaders:
         settings |= {f"use_pass_{kind}_color": True for kind in _COLORS}
     box = _around(covered)
-    with _storing(scene, settings):
+    with _changed(scene.scene.view_layers[0], settings):
         shown = engine.render_passes(scene.scene, samples if matted else FEATURE_SAMPLES, box=box)
 
     def whole(layers: Sequence[Image]) -> Image:
@@ -233,26 +232,13 @@ def _turned(vectors: NDArray[np.float64], degrees: float) -> NDArray[np.float64]
 
 
 @contextmanager
-def _storing(scene: Scene, settings: Mapping[str, Any]) -> Iterator[None]:
-    """Set what the view layer stores."""
-    layer = scene.scene.view_layers[0]
-    before = {name: getattr(layer, name) for name in settings}
+def _changed(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
+    """Give settings of Blender other values, and those before back also after a fault: the worker goes on."""
+    before = {name: getattr(owner, name) for name in values}
     try:
-        for name, value in settings.items():
-            setattr(layer, name, value)
+        for name, value in values.items():
+            setattr(owner, name, value)
         yield
     finally:
         for name, value in before.items():
-            setattr(layer, name, value)
-
-
-@contextmanager
-def _few_bounces(scene: Scene) -> Iterator[None]:
-    """Let closures reflect nothing: light is not what these renders are for."""
-    settings = scene.scene.cycles
-    before = settings.max_bounces
-    settings.max_bounces = 0
-    try:
-        yield
-    finally:
-        settings.max_bounces = before
+            setattr(owner, name, value)
