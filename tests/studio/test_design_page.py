@@ -251,7 +251,8 @@ def test_a_parameter_that_is_still_moved_is_kept_within_two_seconds(page: Design
 
 def test_snapshots_are_compared_and_gone_back_to(page: DesignPage) -> None:
     assert page.js(
-        "at('snapshot').click(); await until(() => at('compare').textContent.includes('('));"
+        "const before = at('compare').textContent; at('snapshot').click();"
+        "await until(() => at('compare').textContent !== before);"
         "at('layer-2').focus(); key('layer-2', 'Delete'); await until(() => layers().length === 2);"
         "at('compare').click(); await until(() => at('comparing').open);"
         "const image = at('left').querySelector('img'); await until(() => image.complete && image.naturalWidth);"
