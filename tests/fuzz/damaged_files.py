@@ -17,8 +17,10 @@ from unittest.mock import patch
 
 import numpy as np
 from cases import Case, Kind, Reading
+from damage import Damage
 from image_files import NOTED, REFUSED, RGB, SOUND, exr, image
-from pxr import Sdf, Usd, UsdShade, UsdUtils
+from pxr import Sdf, UsdUtils
+from usd_text import textured
 
 from lookdev.asset import Instance, Slot, load_asset, read_asset
 from lookdev.asset.mesh import Subdivision
@@ -91,18 +93,8 @@ def _package(folder: Path) -> Result:
     package = folder / "look.usdz"
     if not package.exists():
         image(kind="uint8")(folder / "map.png", _RNG)
-        stage = Usd.Stage.CreateNew(str(folder / "look.usdc"))
-        material = UsdShade.Material.Define(stage, "/Look")
-        surface, read = (UsdShade.Shader.Define(stage, f"/Look/{name}") for name in ("Surface", "Image"))
-        surface.CreateIdAttr("UsdPreviewSurface")
-        read.CreateIdAttr("UsdUVTexture")
-        read.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("map.png")
-        color = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-        color.ConnectToSource(read.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
-        material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
-        stage.SetDefaultPrim(material.GetPrim())
-        stage.Save()
-        UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(folder / "look.usdc")), str(package))
+        (folder / "look.usda").write_text('#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look"))
+        UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(folder / "look.usda")), str(package))
     look = read_any_look(package).look
     (texture,) = [each for layer in look.layers for each in layer.inputs.values() if isinstance(each, Texture)]
     return {"image": texture.file.read_bytes()}
@@ -123,8 +115,8 @@ PRODUCTS: dict[str, Callable[[Path], Result]] = {
 }
 
 
-def _bytes(change: Callable[[bytes, random.Random], bytes]) -> Callable[[Path, random.Random], object]:
-    return lambda file, rng: file.write_bytes(change(file.read_bytes(), rng))
+def _bytes(damage: Damage) -> Callable[[Path, random.Random], object]:
+    return lambda file, rng: file.write_bytes(damage(file.read_bytes(), rng))
 
 
 def _flip(data: bytes, place: int) -> bytes:

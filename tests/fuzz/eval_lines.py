@@ -94,7 +94,7 @@ def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
             inner[odd(rng)] = 1.0
             names = (f"line {line + 1}", "unknown")
         case ("text", name, line):
-            one = CHANGES[name].make(rng, _text([cases[line]]))
+            one = CHANGES[name].make(_text([cases[line]]), rng)
             data = _text(cases[:line]) + one + b"\n" + _text(cases[line + 1 :])
             expected = CHANGES[name].expected
             # JSON has no line to name but that of the case.

@@ -13,6 +13,7 @@ from image_files import ENVIRONMENTS, RGB, TEXTURES, Wrong, exr
 from numpy.typing import NDArray
 from pictures import job, table
 from usd_pictures import probe
+from usd_text import image, material, shader
 
 from lookdev.errors import TextureError
 from lookdev.images import open_image, whole_image
@@ -20,34 +21,13 @@ from lookdev.light import load_environment
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, slope_texture
 
-_TEXTURED = """#usda 1.0
-( defaultPrim = "M" )
-def Material "M" {
-    token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
-    def Shader "Base" {
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor.connect = </M/Image.outputs:rgb>
-        normal3f inputs:normal.connect = </M/Bump.outputs:normal>
-    }
-    def Shader "Image" {
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @FILE@
-        token inputs:sourceColorSpace = "raw"
-        token inputs:wrapS = "repeat"
-        token inputs:wrapT = "repeat"
-        float2 inputs:st.connect = </M/Reader.outputs:result>
-    }
-    def Shader "Bump" {
-        uniform token info:id = "LookdevBump"
-        float inputs:height.connect = </M/Image.outputs:r>
-        float inputs:scale = 0.02
-    }
-    def Shader "Reader" {
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-    }
-}
-"""
+_TEXTURED = '#usda 1.0\n( defaultPrim = "M" )\n' + material(
+    "M",
+    "color3f inputs:baseColor.connect = </M/Map.outputs:rgb>",
+    "normal3f inputs:normal.connect = </M/Bump.outputs:normal>",
+    more=image("M", "FILE")
+    + shader("Bump", "LookdevBump", "float inputs:height.connect = </M/Map.outputs:r>", "float inputs:scale = 0.02"),
+)
 
 
 def read_environment(file: Path, exposure: float) -> Reading:

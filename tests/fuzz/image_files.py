@@ -1,6 +1,5 @@
 """Environment maps and textures with one thing wrong, as files."""
 
-import os
 import random
 import struct
 import zlib
@@ -13,7 +12,9 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 from cases import ANY, NOTED, REFUSED, SOUND
+from damage import Damage, append_noise, flip_bits, replace_by_noise, truncate
 from numpy.typing import NDArray
+from text_changes import NO_FILES
 
 Write = Callable[[Path, random.Random], object]
 
@@ -78,32 +79,12 @@ def hdr(
     return write
 
 
-def changed(write: Write, change: Callable[[bytes, random.Random], bytes]) -> Write:
-    def write_changed(file: Path, rng: random.Random) -> None:
+def damaged(write: Write, damage: Damage) -> Write:
+    def write_damaged(file: Path, rng: random.Random) -> None:
         write(file, rng)
-        file.write_bytes(change(file.read_bytes(), rng))
+        file.write_bytes(damage(file.read_bytes(), rng))
 
-    return write_changed
-
-
-def cut(data: bytes, rng: random.Random) -> bytes:
-    return data[: rng.randrange(1, len(data))]
-
-
-def scrambled(data: bytes, rng: random.Random) -> bytes:
-    """Change some bytes of the half that has no header."""
-    made = bytearray(data)
-    for _ in range(rng.choice((1, 4, 16))):
-        made[rng.randrange(len(made) // 2, len(made))] ^= rng.randrange(1, 256)
-    return bytes(made)
-
-
-def noise(data: bytes, rng: random.Random) -> bytes:
-    return data[:8] + rng.randbytes(len(data))
-
-
-def longer(data: bytes, rng: random.Random) -> bytes:
-    return data + rng.randbytes(50)
+    return write_damaged
 
 
 def _texels(*values: float) -> NDArray[np.float32]:
@@ -113,10 +94,10 @@ def _texels(*values: float) -> NDArray[np.float32]:
     return pixels
 
 
-def png(width: int, height: int, rows: bytes, depth: int = 8, color: int = 2) -> bytes:
+def png(width: int, height: int, rows: bytes, depth: int = 8) -> bytes:
     """Return a PNG of a size, with rows of it, each behind the byte of its filter."""
     chunks = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, 0)),
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0)),
         (b"IDAT", zlib.compress(rows)),
         (b"IEND", b""),
     )
@@ -126,19 +107,6 @@ def png(width: int, height: int, rows: bytes, depth: int = 8, color: int = 2) ->
 
 def _claimed_png(width: int, height: int, depth: int = 8) -> Write:
     return lambda file, rng: file.write_bytes(png(width, height, bytes(1000), depth))
-
-
-def _full_png(file: Path, rng: random.Random) -> None:
-    """Write a whole PNG of 16384 x 16384 black pixels in some 260 kB."""
-    file.write_bytes(png(16384, 16384, bytes(16384 * 16385), color=0))
-
-
-def _sparse(write: Write) -> Write:
-    def grown(file: Path, rng: random.Random) -> None:
-        write(file, rng)
-        os.truncate(file, 10**13)
-
-    return grown
 
 
 def _several(*parts: tuple[str, NDArray[Any]]) -> Write:
@@ -160,34 +128,26 @@ def _several(*parts: tuple[str, NDArray[Any]]) -> Write:
 
 
 def _odd(write: Write, suffix: str) -> dict[str, Wrong]:
-    """Return what can be wrong with any file."""
+    """Return what can be wrong with the bytes of any file."""
     name = f"map{suffix}"
     makers: dict[str, Callable[[Path, random.Random], object]] = {
-        "missing": lambda file, rng: None,
-        "empty": lambda file, rng: file.touch(),
-        "a folder": lambda file, rng: file.mkdir(),
-        "a pipe": lambda file, rng: os.mkfifo(file),
-        "a device": lambda file, rng: file.symlink_to(rng.choice(("/dev/zero", "/dev/null", "/dev/tty"))),
-        "a loop": lambda file, rng: file.symlink_to(file),
-        "a broken link": lambda file, rng: file.symlink_to("nowhere"),
         "text": lambda file, rng: file.write_text("not an image\n" * rng.randrange(1, 99)),
         "random bytes": lambda file, rng: file.write_bytes(rng.randbytes(rng.randrange(1, 5000))),
         "nulls": lambda file, rng: file.write_bytes(bytes(rng.randrange(1, 5000))),
-        "sparse": _sparse(write),
-        "noise after the first bytes": changed(write, noise),
-        "cut in the first bytes": changed(write, lambda data, rng: data[: rng.randrange(1, 64)]),
+        "noise after the first bytes": damaged(write, replace_by_noise),
+        "cut in the first bytes": damaged(write, lambda data, rng: data[: rng.randrange(1, 64)]),
     }
     odd = {f"{suffix} {what}": Wrong(make, REFUSED, name) for what, make in makers.items()}
     # Some formats end with what is not needed.
-    odd[f"{suffix} cut"] = Wrong(changed(write, cut), REFUSED | SOUND, name, right=write)
-    odd[f"{suffix} longer"] = Wrong(changed(write, longer), ANY, name, right=write)
+    odd[f"{suffix} cut"] = Wrong(damaged(write, truncate), REFUSED | SOUND, name, right=write)
+    odd[f"{suffix} longer"] = Wrong(damaged(write, append_noise), ANY, name, right=write)
     return odd
 
 
-_INDEX = np.arange(8 * 16).reshape(8, 16)
+_NO_IMAGES = {name: Wrong(lambda file, rng, make=make: make(file)) for name, (make, _) in NO_FILES.items()}
 _HALF = np.float16(RGB)
-_WINDOW = (np.array([0, 0], np.int32), np.array([31, 15], np.int32))
 ENVIRONMENTS: dict[str, Wrong] = {
+    **_NO_IMAGES,
     **_odd(exr(), ".exr"),
     **_odd(hdr(), ".hdr"),
     "half": Wrong(exr(_HALF), SOUND),
@@ -201,8 +161,8 @@ ENVIRONMENTS: dict[str, Wrong] = {
     "second part": Wrong(_several(("Z", RGB * 7), ("RGB", RGB)), SOUND),
     "first of two": Wrong(_several(("RGB", RGB), ("RGB", RGB * 2)), SOUND),
     "capital suffix": Wrong(exr(), SOUND, "map.EXR"),
-    "scrambled": Wrong(changed(exr(), scrambled), ANY),
-    "scrambled tiles": Wrong(changed(image(tile_width=16, tile_height=16), scrambled), ANY),
+    "scrambled": Wrong(damaged(exr(), flip_bits(0.5)), ANY),
+    "scrambled tiles": Wrong(damaged(image(tile_width=16, tile_height=16), flip_bits(0.5)), ANY),
     "no color": Wrong(exr(RGB, "UVW")),
     "two of three": Wrong(exr(RGB[..., :2], "RG")),
     "layers": Wrong(_several(("ZU", RGB), ("VW", RGB))),
@@ -258,6 +218,7 @@ ENVIRONMENTS: dict[str, Wrong] = {
 _LONG = 2**31 - 1
 _A = np.full_like(RGB[..., :1], 0.5)
 TEXTURES: dict[str, Wrong] = {
+    **_NO_IMAGES,
     **_odd(image(kind="uint16"), ".png"),
     **_odd(image(kind="uint16", compression="zip"), ".tif"),
     **_odd(exr(), ".exr"),
@@ -274,8 +235,8 @@ TEXTURES: dict[str, Wrong] = {
     "HDR": Wrong(hdr(), SOUND, "map.hdr"),
     "PNG by another name": Wrong(image(form=".exr"), SOUND, "map.png"),
     "window elsewhere": Wrong(image(x=5, y=-3, full_x=5, full_y=-3), SOUND),
-    "scrambled EXR": Wrong(changed(exr(), scrambled), ANY),
-    "scrambled PNG": Wrong(changed(image(kind="uint16"), scrambled), ANY, "map.png"),
+    "scrambled EXR": Wrong(damaged(exr(), flip_bits(0.5)), ANY),
+    "scrambled PNG": Wrong(damaged(image(kind="uint16"), flip_bits(0.5)), ANY, "map.png"),
     "no color": Wrong(exr(RGB, "UVW")),
     "many channels": Wrong(image(np.repeat(_A, 200, axis=-1), channelnames=tuple(f"c{i}" for i in range(200)))),
     "huge window": Wrong(image(full_width=_MANY, full_height=_MANY)),
@@ -283,13 +244,12 @@ TEXTURES: dict[str, Wrong] = {
     "huge HDR": Wrong(hdr(f"-Y {_MANY} +X {_MANY}"), name="map.hdr"),
     "NaN": Wrong(exr(_texels(np.nan))),
     "infinite": Wrong(exr(_texels(np.inf, -np.inf))),
-    "16k PNG": Wrong(_full_png, name="map.png"),
     **{
         f"PNG that claims {w} x {h}": Wrong(_claimed_png(w, h), name="map.png")
         for w, h in ((16384, 16384), (_LONG, 1), (1, _LONG), (_LONG, _LONG), (0, 8), (8, 0), (10000, 10000))
     },
     "PNG of odd depth": Wrong(_claimed_png(16, 8, 7), name="map.png"),
     "damaged header": Wrong(
-        changed(image(kind="uint8"), lambda data, rng: data[:20] + bytes([data[20] ^ 1]) + data[21:]), name="map.png"
+        damaged(image(kind="uint8"), lambda data, rng: data[:20] + bytes([data[20] ^ 1]) + data[21:]), name="map.png"
     ),
 }  # fmt: skip

@@ -3,17 +3,16 @@
 import sys
 from pathlib import Path
 
+sys.path += [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "asset")]  # whose helpers the cases use
 from cases import Kind
+from damaged_files import DAMAGED
 from eval_lines import EVAL
+from image_cases import IMAGES
 from job_cases import JOBS
 from look_cases import LOOKS
 from materialx_cases import MATERIALX
 from name_cases import NAMES
 from rig_cases import RIGS
-
-sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
-from damaged_files import DAMAGED
-from image_cases import IMAGES
 from usd_assets import USD_ASSETS
 
 _ALL = (USD_ASSETS, NAMES, JOBS, EVAL, MATERIALX, LOOKS, RIGS, *IMAGES, *DAMAGED)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from cases import ANY_MEANING, NOTED, REFUSED, Case, Reading, planned_kind, reading_of
+from damage import flip_bits
 from text_changes import NO_FILES, text_plan
 from usda_lines import TYPES, animated, declaration, retyped, spoil_layer
 
@@ -145,10 +146,7 @@ def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
             NO_FILES[instead][0](folder / name)
             names = (*names, name)
         case "noise", name:
-            data = bytearray((folder / name).read_bytes())
-            for _ in range(rng.choice((1, 3, 30))):
-                data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-            (folder / name).write_bytes(data)
+            (folder / name).write_bytes(flip_bits()((folder / name).read_bytes(), rng))
             expected, names = ANY_MEANING, ("rig.usda|" + name,)
     file.write_text("\n".join(lines) + "\n")
     if planned[0] in ("text", "place"):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cases import ANY_MEANING, REFUSED, SOUND
+from damage import Damage, flip_bits
 
 _ODD = ("\x1b[31m", "\u202e", "\x07", "ä" * 300, "x" * 300_000)
 
@@ -16,51 +17,44 @@ class Change:
     """A change of the bytes of a text; what it becomes, and what a message about it must name beside the file."""
 
     expected: frozenset[str]
-    make: Callable[[random.Random, bytes], bytes]
+    make: Damage
     names: tuple[str, ...] = ()
 
 
-def _inserted(byte: bytes) -> Callable[[random.Random, bytes], bytes]:
-    def make(rng: random.Random, data: bytes) -> bytes:
+def _inserted(byte: bytes) -> Damage:
+    def make(data: bytes, rng: random.Random) -> bytes:
         place = rng.randrange(len(data))
         return data[:place] + byte + data[place:]
 
     return make
 
 
-def _flipped(rng: random.Random, data: bytes) -> bytes:
-    made = bytearray(data)
-    for _ in range(rng.choice((1, 1, 3, 30))):
-        made[rng.randrange(len(made))] ^= 1 << rng.randrange(7)
-    return bytes(made)
-
-
-def _shuffled(rng: random.Random, data: bytes) -> bytes:
+def _shuffled(data: bytes, rng: random.Random) -> bytes:
     lines = data.splitlines(keepends=True)
     rng.shuffle(lines)
     return b"".join(lines)
 
 
-def _repeated(rng: random.Random, data: bytes) -> bytes:
+def _repeated(data: bytes, rng: random.Random) -> bytes:
     lines = data.splitlines(keepends=True)
     place = rng.randrange(len(lines))
     return b"".join([*lines[:place], *[lines[place]] * rng.choice((2, 5)), *lines[place + 1 :]])
 
 
 CHANGES: dict[str, Change] = {
-    "UTF-16": Change(REFUSED, lambda rng, data: data.decode().encode("utf-16"), ("UTF-8",)),
-    "UTF-32": Change(REFUSED, lambda rng, data: data.decode().encode("utf-32"), ("UTF-8|not",)),
+    "UTF-16": Change(REFUSED, lambda data, rng: data.decode().encode("utf-16"), ("UTF-8",)),
+    "UTF-32": Change(REFUSED, lambda data, rng: data.decode().encode("utf-32"), ("UTF-8|not",)),
     "a byte that is no text": Change(REFUSED, _inserted(b"\xff"), ("UTF-8",)),
     "a cut character": Change(REFUSED, _inserted(b"\xc3"), ("UTF-8",)),
     "a surrogate": Change(REFUSED, _inserted(b"\xed\xa0\x80"), ("UTF-8",)),
     "a zero": Change(REFUSED, _inserted(b"\0"), ("line",)),
-    "a mark at its start": Change(SOUND, lambda rng, data: b"\xef\xbb\xbf" + data),
-    "line ends of Windows": Change(SOUND, lambda rng, data: data.replace(b"\n", b"\r\n")),
-    "empty": Change(REFUSED, lambda rng, data: b""),
-    "noise": Change(REFUSED, lambda rng, data: b"\xff" + rng.randbytes(rng.choice((1, 1000, 100_000)))),
-    "zeros": Change(REFUSED, lambda rng, data: bytes(4096)),
-    "brackets": Change(REFUSED, lambda rng, data: rng.choice((b"[", b"{", b"(", b"<a>")) * 100_000),
-    "flipped bits": Change(ANY_MEANING, _flipped),
+    "a mark at its start": Change(SOUND, lambda data, rng: b"\xef\xbb\xbf" + data),
+    "line ends of Windows": Change(SOUND, lambda data, rng: data.replace(b"\n", b"\r\n")),
+    "empty": Change(REFUSED, lambda data, rng: b""),
+    "noise": Change(REFUSED, lambda data, rng: b"\xff" + rng.randbytes(rng.choice((1, 1000, 100_000)))),
+    "zeros": Change(REFUSED, lambda data, rng: bytes(4096)),
+    "brackets": Change(REFUSED, lambda data, rng: rng.choice((b"[", b"{", b"(", b"<a>")) * 100_000),
+    "flipped bits": Change(ANY_MEANING, flip_bits(bits=7)),
     "lines in another order": Change(ANY_MEANING, _shuffled),
     "a repeated line": Change(ANY_MEANING, _repeated),
 }
@@ -101,7 +95,7 @@ def spoil(
         make(file)
         return REFUSED, (words,)
     change = CHANGES[name]
-    file.write_bytes(change.make(rng, text.encode()))
+    file.write_bytes(change.make(text.encode(), rng))
     return change.expected, change.names
 
 

@@ -3,18 +3,18 @@
 import random
 import tempfile
 from dataclasses import fields
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from asset_arrays import check_asset
-from cases import Case, Reading, planned_kind
+from cases import Case, Reading, Shown, planned_kind
 from pxr import Sdf, UsdUtils
 from usd_files import FILES
 from usd_mutations import ROLES, declared
-from usd_pictures import file_shown, spot_shown
-from usd_sound import SOUND, Sound
+from usd_pictures import asset_job, spot_shown
+from usd_sound import SOUND, Sound, sound_layer
 
 from lookdev.asset.subdivision import refine
 from lookdev.asset.usd import read_usd
@@ -51,8 +51,7 @@ def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
         return _file_case(planned[1], rng, folder)
     _, base, spot, mutation = planned
     sound = SOUND[base]
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.ImportFromString(sound.text)
+    layer = sound_layer(sound)
     mutation.change(layer.GetPropertyAtPath(f"{spot.prim}.{spot.name}"), rng)
     way = rng.choice(_WAYS if sound.packs and sound.time is None else ("usda", "usdc"))
     if way == "usdz" and "asset" in mutation.name:  # what is packed must not name missing files
@@ -73,18 +72,20 @@ def make(rng: random.Random, planned: tuple[Any, ...], folder: Path) -> Case:
 
 
 def _file_case(name: str, rng: random.Random, folder: Path) -> Case:
-    wrong = FILES[name]
-    file = folder / "asset.usda"
-    sound = wrong.sound
-    file = wrong.write(folder, rng) or file
+    wrong, sound = FILES[name], SOUND["cage"]
+    file = wrong.write(folder, rng) or folder / "asset.usda"
+
+    def right(to: Path, notes: str) -> str:
+        return asset_job(written(sound_layer(sound), sound, "usda", to).name, sound)
+
     return Case(
         name,
         wrong.expected,
         lambda: read(file, sound),
-        lambda: wrong_free(name),
+        lambda: sound_reading("cage", "usda"),
         wrong.names,
         wrong.names,
-        file_shown(file, sound, partial(_write_right, name), partial(_write_noted, name)),
+        Shown(asset_job(file.name, sound), {"sound": right}),
     )
 
 
@@ -122,37 +123,12 @@ def written(layer: Sdf.Layer, sound: Sound, way: str, folder: Path) -> Path:
 def sound_reading(base: str, way: str) -> Reading:
     """Return what a sound asset reads as."""
     with tempfile.TemporaryDirectory() as folder:
-        layer = Sdf.Layer.CreateAnonymous(".usda")
-        layer.ImportFromString(SOUND[base].text)
-        return read(written(layer, SOUND[base], way, Path(folder)), SOUND[base])
-
-
-@cache
-def wrong_free(name: str) -> Reading:
-    """Return what the sound asset of a case of `FILES` reads as."""
-    with tempfile.TemporaryDirectory() as folder:
-        return read(_write_right(name, Path(folder)), FILES[name].sound)
-
-
-def _write_right(name: str, folder: Path) -> Path:
-    sound, right = FILES[name].sound, FILES[name].right
-    if right is not None:
-        return right(folder, random.Random(0)) or folder / "asset.usda"
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.ImportFromString(sound.text)
-    return written(layer, sound, "usda", folder)
-
-
-def _write_noted(name: str, folder: Path) -> Path:
-    if (noted := FILES[name].noted) is None:
-        return _write_right(name, folder)
-    return noted(folder, random.Random(0)) or folder / "asset.usda"
+        return read(written(sound_layer(SOUND[base]), SOUND[base], way, Path(folder)), SOUND[base])
 
 
 def read(file: Path, sound: Sound) -> Reading:
     """Read an asset as a job does: geometry, cages refined, bound materials, a camera, a collection's members."""
-    layer = file.parent / sound.layer if sound.layer else None
-    composed = compose(Composition(file, layer, variants=sound.variants))
+    composed = compose(Composition(file))
     asset = read_usd(composed, sound.time)
     check_asset(asset)
     result: dict[str, object] = {"slots": asset.slots, "unit": asset.unit}

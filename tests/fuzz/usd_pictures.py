@@ -5,10 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import usd_text
 from cases import Shown
 from pictures import job, table
-from pxr import Gf, Sdf
-from usd_sound import SOUND, Sound, Spot
+from pxr import Gf
+from usd_sound import SOUND, Sound, Spot, sound_layer
+from usd_text import shader
 
 Write = Callable[[Any, Path], Path]
 """Writes a layer, and the files beside it, into a folder; returns the asset."""
@@ -16,11 +18,6 @@ Write = Callable[[Any, Path], Path]
 
 _TAKEN = re.compile(r"(\S+\.inputs:\w+): is not carried(?:: .*?)? \((.*) (?:is|are) taken\)")
 _KINDS = {"st": "float2", "wear": "float", "tint": "float3", "rust": "float"}
-
-
-def _shader(name: str, identifier: str, *lines: str) -> str:
-    inner = "".join(f"        {line}\n" for line in (f'uniform token info:id = "{identifier}"', *lines))
-    return f'    def Shader "{name}" {{\n{inner}    }}\n'
 
 
 def probe(**varnames: str) -> str:
@@ -35,47 +32,32 @@ def material(name: str, above: str, **varnames: str) -> str:
     """Return the material of `probe`, below the prim of a path."""
     path, types = f"{above}/{name}", _KINDS | {"tint": "color3f"}
 
-    def expression(shader: str, kind: str, text: str) -> str:
+    def expression(name: str, kind: str, text: str) -> str:
         inputs = [
             f"{types[primvar]} inputs:{primvar}.connect = <{path}/{primvar}.outputs:result>"
             for primvar in varnames
             if re.search(rf"\b{primvar}\b", text)
         ]
         formula = f'string inputs:expression = "{text}"'
-        return _shader(shader, "LookdevExpression", formula, *inputs, f"{kind} outputs:result")
+        return shader(name, "LookdevExpression", formula, *inputs, f"{kind} outputs:result")
 
     color = "clamp(0.5 * st + [0.3, 0.3, 0.5], 0, 1)" if "st" in varnames else "[0.5, 0.25, 0.75]"
     color += "".join(f" * (0.25 + 0.5 * {primvar})" for primvar in ("wear", "tint") if primvar in varnames)
     shaders = [
-        _shader(
-            "Base",
-            "LookdevDisney",
-            f"color3f inputs:baseColor.connect = <{path}/Color.outputs:result>",
-            f"float inputs:roughness.connect = <{path}/Rough.outputs:result>",
-            "token outputs:layer",
-        ),
         expression("Color", "color3f", color),
         expression("Rough", "float", "rust" if "rust" in varnames else "0.5"),
     ]
     for primvar, varname in varnames.items():
         kind = _KINDS[primvar]
         text = f'string inputs:varname = "{varname}"'
-        shaders.append(_shader(primvar, f"UsdPrimvarReader_{kind}", text, f"{kind} outputs:result"))
-    surface = f"    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>\n"
-    return f'def Material "{name}" {{\n{surface}{"".join(shaders)}}}\n'
+        shaders.append(shader(primvar, f"UsdPrimvarReader_{kind}", text, f"{kind} outputs:result"))
+    inputs = (
+        f"color3f inputs:baseColor.connect = <{path}/Color.outputs:result>",
+        f"float inputs:roughness.connect = <{path}/Rough.outputs:result>",
+    )
+    return usd_text.material(name, *inputs, scope=above, more="".join(shaders))
 
 
-_GREY = """#usda 1.0
-( defaultPrim = "Grey" )
-def Material "Grey" {
-    token outputs:lookdev:surface.connect = </Grey/Base.outputs:layer>
-    def Shader "Base" {
-        uniform token info:id = "LookdevDisney"
-        color3f inputs:baseColor = (0.18, 0.18, 0.18)
-        token outputs:layer
-    }
-}
-"""
 _PROBES: dict[str, tuple[str, str]] = {
     # What reads the primvars of a base, and the part that has them.
     "mesh": (probe(st="st", wear="wear", rust="rust"), "/Root/Body"),
@@ -87,10 +69,8 @@ _PROBES: dict[str, tuple[str, str]] = {
 
 def asset_job(file: str, sound: Sound, look: str = "") -> str:
     """Return the job that shows an asset."""
-    look = look or table(layer=sound.layer)
     more = f'[camera]\nusd = "{sound.camera}"' if sound.camera else ""
-    asset = table(usd=file, time=sound.time, variants=dict(sound.variants) or None)
-    return job(asset, look, more=more)
+    return job(table(usd=file, time=sound.time), look, more=more)
 
 
 def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
@@ -113,8 +93,7 @@ def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
 
     def right(change: Callable[[Any, str], object]) -> Callable[[Path, str], str]:
         def write_right(folder: Path, notes: str) -> str:
-            layer = Sdf.Layer.CreateAnonymous(".usda")
-            layer.ImportFromString(sound.text)
+            layer = sound_layer(sound)
             change(layer, notes)
             return placed(folder, write(layer, folder).name)
 
@@ -132,26 +111,6 @@ def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
             "without the prim": right(lambda layer, notes: _deactivate(layer, spot.prim)),
             "as noted": right(_take),
             **operations,
-        },
-    )
-
-
-def file_shown(file: Path, sound: Sound, write: Callable[[Path], Path], noted: Callable[[Path], Path]) -> Shown:
-    """Return how an asset is rendered whose files are wrong.
-
-    `write` writes the sound ones, `noted` what is left where a note says so; a material may also be grey.
-    """
-
-    def grey(folder: Path, notes: str) -> str:
-        (folder / "grey.usda").write_text(_GREY)
-        return asset_job(write(folder).name, sound, table(material="grey.usda"))
-
-    return Shown(
-        asset_job(file.name, sound),
-        {
-            "sound": lambda folder, notes: asset_job(write(folder).name, sound),
-            "as noted": lambda folder, notes: asset_job(noted(folder).name, sound),
-            "grey": grey,
         },
     )
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from image_files import png
+from pxr import Sdf
 
 CUBE = """
         point3f[] points = [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)]
@@ -44,8 +45,6 @@ class Sound:
     time: float | None = None
     camera: str | None = None
     collection: str | None = None
-    variants: tuple[tuple[str, str], ...] = ()
-    layer: str | None = None
     packs: bool = True
     """Whether it may be packed in an archive, or referenced: it has no files beside it."""
 
@@ -56,6 +55,13 @@ def _sound(body: str, more: str = "", **options: Any) -> Sound:
         f'def Xform "Root"\n{{\n{body}\n}}\n'
     )
     return Sound(re.sub("  # .*", "", text), tuple(_spots(text)), **options)
+
+
+def sound_layer(sound: Sound) -> Sdf.Layer:
+    """Return the layer of a sound asset, in memory."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(sound.text)
+    return layer
 
 
 def _spots(text: str) -> Iterator[Spot]:
