@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from frames import scene_of
 from scripts import run_script
 
 from lookdev.asset import load_asset
@@ -19,15 +20,14 @@ from lookdev.render.blend import BlendImage, BlendRig, BlendTask, BlendTurntable
 from lookdev.render.scene import scene_task
 from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Camera, Film, Pose, Sampling, Scene
+from lookdev.scene import Camera, Pose, Sampling
 
 pytestmark = pytest.mark.cycles
 
 SIZE, SAMPLES, SEED = 24, 32, 3
 PIVOT = 0.2, 0.1
 POSES = (Pose(0.0, 20.0), Pose(0.0, 110.0))
-LOOKS = {name: Look(name, (Layer("Layer", "disney", {"baseColor": color}),)) for name, color in
-         {"red": (0.8, 0.1, 0.1), "green": (0.1, 0.8, 0.1)}.items()}  # fmt: skip
+COLORS = {"red": (0.8, 0.1, 0.1), "green": (0.1, 0.8, 0.1)}
 LAMPS: tuple[Light, ...] = (
     replace(LIGHT_KINDS["rect"].example(), emission=Emission((6.0, 5.0, 4.0), group="key")),
     replace(LIGHT_KINDS["sphere"].example(), position=(1.4, -1.4, 0.7), emission=Emission((4.0,) * 3, turns=False)),
@@ -41,10 +41,9 @@ def rigs() -> dict[str, tuple[Light, ...]]:
 
 
 def task_of(look: str, rig: str) -> SceneTask:
-    asset = load_asset(builtin="suzanne")
+    asset, layers = load_asset(builtin="suzanne"), (Layer("Layer", "disney", {"baseColor": COLORS[look]}),)
     camera = Camera(30.0, 20.0, (*PIVOT, 0.0), 4.5 * asset.radius)
-    wears = {slot.path: LOOKS[look] for slot in asset.slots}
-    scene = Scene(asset, wears, rigs()[rig], camera, Film((SIZE, SIZE)))
+    scene = replace(scene_of(asset, Look(look, layers), rigs()[rig], SIZE), camera=camera)
     return scene_task(scene, Sampling(samples=SAMPLES, seed=SEED, bounces=1), "nodes")
 
 
@@ -52,19 +51,19 @@ def task_of(look: str, rig: str) -> SceneTask:
 def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any]:
     """Return facts of an exported file, and the second frame of its second scene."""
     folder = tmp_path_factory.mktemp("rigs")
-    images = tuple(BlendImage(each, "maps/sky.exr") for each in native_images(rigs()["sky"]))
-    collections = tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in rigs().items())
     task = BlendTask(
         file=folder / "look.blend",
-        scenes={look: task_of(look, "studio") for look in LOOKS},
-        rigs=collections,
+        scenes={look: replace(task_of(look, "studio"), device="cuda") for look in COLORS},
+        rigs=tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in rigs().items()),
         turntables=(BlendTurntable("sun", POSES),),
-        images=images,
+        images=tuple(BlendImage(each, "maps/sky.exr") for each in native_images(rigs()["sky"])),
         pack=True,
         view="Un-tone-mapped",
         show_light=False,
     )
     _run(task, EXPORT_COMMAND, 300.0)
+    assert [*folder.iterdir()] == [task.file]
+    # Without a GPU, Blender renders on the CPU.
     picture, facts = folder / "out.exr", folder / "facts.json"
     run_script("reopen_blend.py", task.file, facts, "green", "studio", 2, 64 * SEED, SAMPLES // 2, picture)
     return json.loads(facts.read_text()), np.asarray(oiio.ImageBuf(str(picture)).get_pixels(oiio.FLOAT))
@@ -75,11 +74,8 @@ def test_each_rig_is_a_collection_and_a_world(reopened: tuple[dict[str, Any], An
     assert set(facts["worlds"]) == set(rigs())
     assert facts["images"] == {"//maps/sky.exr": True}
     for scene in facts["scenes"].values():
-        assert scene["world"] == "studio"
-        assert scene["rigs"] == {
-            "rig studio": [True, ["key", "sphere 2"]],
-            "rig sky": [False, ["fill"]],
-        }
+        assert (scene["world"], scene["device"]) == ("studio", "GPU")
+        assert scene["rigs"] == {"rig studio": [True, ["key", "sphere 2"]], "rig sky": [False, ["fill"]]}
 
 
 def test_a_light_that_does_not_turn_has_keys(reopened: tuple[dict[str, Any], Any]) -> None:

@@ -12,54 +12,33 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from usd_text import image, shader
 
 from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
 from lookdev.light import Dome, EnvironmentMap, prepare_light
-from lookdev.material.values import look_layers
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
 
 DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 
-LAYER = """    def Shader "{name}" {{
-        uniform token info:id = "{identifier}"
-        {inputs}
-        token outputs:layer
-    }}
-"""
-TEXTURE = """    def Shader "Color" {
-        uniform token info:id = "UsdUVTexture"
-        asset inputs:file = @./color.png@
-        token inputs:sourceColorSpace = "sRGB"
-        token inputs:wrapS = "repeat"
-        token inputs:wrapT = "repeat"
-        float2 inputs:st.connect = </Look/St.outputs:result>
-        float3 outputs:rgb
-        float outputs:g
-    }
-    def Shader "St" {
-        uniform token info:id = "UsdPrimvarReader_float2"
-        string inputs:varname = "st"
-        float2 outputs:result
-    }
-"""
-
 
 def look_text(stack: str, *layers: str) -> str:
     """Return a look of layers, whose stack has these inputs."""
-    stacked = LAYER.format(name="Layers", identifier="LookdevLayers", inputs=stack).replace(":layer\n", ":surface\n")
-    surface = "token outputs:lookdev:surface.connect = </Look/Layers.outputs:surface>"
-    return f'#usda 1.0\n( defaultPrim = "Look" )\ndef Material "Look" {{\n    {surface}\n{stacked}{"".join(layers)}}}\n'
+    head = '#usda 1.0\n( defaultPrim = "Look" )\ndef Material "Look"\n{\n'
+    surface = "token outputs:lookdev:surface.connect = </Look/Layers.outputs:surface>\n"
+    return f"{head}{surface}{shader('Layers', 'LookdevLayers', stack, 'token outputs:surface')}{''.join(layers)}}}\n"
 
 
 def layer(name: str, model: str, color: str, **inputs: float) -> str:
-    lines = [f"color3f inputs:{color}", *(f"float inputs:{key} = {value}" for key, value in inputs.items())]
-    return LAYER.format(name=name, identifier=f"Lookdev{model}", inputs="\n        ".join(lines))
+    lines = [f"float inputs:{key} = {value}" for key, value in inputs.items()]
+    return shader(name, f"Lookdev{model}", f"color3f inputs:{color}", *lines, "token outputs:layer")
 
 
 # A texture, a mask and an anisotropic base; and constant layers that light passes through.
@@ -67,16 +46,14 @@ TEXTS = {
     "paint": look_text(
         """token inputs:base.connect = </Look/Base.outputs:layer>
         token inputs:layer1.connect = </Look/Dust.outputs:layer>
-        float inputs:layer1Mask.connect = </Look/Color.outputs:g>
+        float inputs:layer1Mask.connect = </Look/Map.outputs:g>
         token inputs:layer2.connect = </Look/Wax.outputs:layer>
         float inputs:layer2Mask = 0.3""",
-        layer(
-            "Base", "Disney", "baseColor.connect = </Look/Color.outputs:rgb>",
-            roughness=0.45, anisotropic=0.8, clearcoat=0.5,
-        ),
+        layer("Base", "Disney", "baseColor.connect = </Look/Map.outputs:rgb>",
+              roughness=0.45, anisotropic=0.8, clearcoat=0.5),
         layer("Dust", "Disney", "baseColor = (0.6, 0.5, 0.4)", roughness=0.8),
         layer("Wax", "Disney", "baseColor = (0.4, 0.1, 0.05)", roughness=0.3),
-        TEXTURE,
+        image("Look", "color.png", space="sRGB").replace("float outputs:r", "float outputs:g"),
     ),
     "lacquer": look_text(
         """token inputs:base.connect = </Look/Wood.outputs:layer>
@@ -112,9 +89,8 @@ def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch
     """Generate shaders from other layers; the reference combines the right ones."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        osl = "lookdev.codegen.osl"
-        patch.setattr(f"{osl}.points.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
-        patch.setattr(f"{osl}.surface.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
+        for module in ("points", "osl.surface"):
+            patch.setattr(f"lookdev.codegen.{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
 
     return plant
 
@@ -260,11 +236,6 @@ def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
 def test_a_planted_fault_is_found(looks: Path, name: str, check: str) -> None:
     agreed, report = agrees(looks, FAULTS[name], check, int(FAULTS[name].found[check]))
     assert not agreed, report
-
-
-@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_some_check_finds_each_fault(fault: Fault) -> None:
-    assert min(fault.found.values()) < inf
 
 
 def test_the_docs_have_the_table() -> None:
