@@ -153,6 +153,7 @@ def test_a_dome_is_oriented_as_usdlux_says(
 def test_a_pole_that_is_stated_is_one_of_the_stage(tmp_path: Path) -> None:
     found = rig(tmp_path, light("DomeLight_1", 'uniform token poleAxis = "Z"'), Y_UP_CM)
     assert isinstance(found.lights[0], Dome)
+    assert isinstance(only(tmp_path, light("DomeLight_1", "float lookdev:local:radius")), Dome), "it has no value"
     assert found.lights[0].axes[2] == (0.0, -1.0, 0.0)
     assert not rig(tmp_path, light("DomeLight", "")).notes, "it is the same all around"
     write_image(tmp_path / "sky.exr", np.ones((8, 16, 3), np.float32))
@@ -168,15 +169,19 @@ def test_a_local_dome_without_a_picture_is_sampled_too(tmp_path: Path, monkeypat
     assert {"dome0_slots", "dome0_bins"} <= code.arrays.keys()
 
 
-def test_a_picture_on_a_rectangle_is_srgb_unless_it_says_otherwise(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["RectLight", "DomeLight_1"])
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_a_picture_is_srgb_unless_its_colour_space_is_stated(tmp_path: Path, kind: str, channels: int) -> None:
     import OpenImageIO as oiio
 
-    image = oiio.ImageBuf(oiio.ImageSpec(4, 4, 3, oiio.UINT8))
-    oiio.ImageBufAlgo.fill(image, (0.5, 0.5, 0.5))
+    image = oiio.ImageBuf(oiio.ImageSpec(4, 2, channels, oiio.UINT8))
+    oiio.ImageBufAlgo.fill(image, (0.5, 1.0, 0.25) if channels == 3 else (0.5, 1.0)[:channels])
     image.write(str(tmp_path / "box.png"))
-    for space, value in (("", 0.2140), (" (colorSpace = 'raw')", 0.5)):
-        text = light("RectLight", f"asset inputs:texture:file = @box.png@{space}")
-        assert only(tmp_path, text).picture == pytest.approx(value, abs=0.003)
+    for space, value in (("", (0.2140, 1.0, 0.0513)), (" (colorSpace = 'raw')", (0.5, 1.0, 0.25))):
+        lit = only(tmp_path, light(kind, f"asset inputs:texture:file = @box.png@{space}"))
+        texels = lit.picture if kind == "RectLight" else lit.radiance(np.zeros(3), np.eye(3))
+        expected = value if channels == 3 else value[:1] * 3
+        assert texels == pytest.approx(np.broadcast_to(expected, texels.shape), abs=0.003)
 
 
 def test_texture_and_profile_come_from_a_package(tmp_path: Path) -> None:
@@ -260,17 +265,18 @@ def test_what_is_animated_is_taken_at_the_start(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "note"),
+    ("kind", "text", "note"),
     [
-        ("float inputs:ri:light:bounces = 3", "inputs:ri:light:bounces: is of another renderer, and has no effect"),
-        ("bool treatAsPoint = true", "treatAsPoint: is disregarded"),
-        (f"{WARM.replace('3', '20')}; bool inputs:enableColorTemperature = true", "is 20000, taken as 10000"),
-        ("color3f inputs:color = (0, 1, 0) (colorSpace = 'acescg')", "lies outside of Rec.709 by 0.62"),
-        ("float inputs:intensity.timeSamples = { 1: 1, 2: 3 }", "inputs:intensity: is animated"),
+        ("SphereLight", "float inputs:ri:light:bounces = 3", "bounces: is of another renderer, and has no effect"),
+        ("SphereLight", "bool treatAsPoint = true", "treatAsPoint: is disregarded: the light is a sphere"),
+        ("CylinderLight", "bool treatAsLine = true", "treatAsLine: is disregarded: the light is a cylinder"),
+        ("SphereLight", f"{WARM}0; bool inputs:enableColorTemperature = true", "is 30000, taken as 10000"),
+        ("SphereLight", "color3f inputs:color = (0, 1, 0) (colorSpace = 'acescg')", "lies outside of Rec.709 by 0.62"),
+        ("SphereLight", "float inputs:intensity.timeSamples = { 1: 1, 2: 3 }", "inputs:intensity: is animated"),
     ],
 )
-def test_what_is_done_about_it_is_noted(tmp_path: Path, text: str, note: str) -> None:
-    (found,) = rig(tmp_path, light("SphereLight", text)).notes
+def test_what_is_done_about_it_is_noted(tmp_path: Path, kind: str, text: str, note: str) -> None:
+    (found,) = rig(tmp_path, light(kind, text)).notes
     assert note in found
 
 
