@@ -110,19 +110,29 @@ def test_a_description_has_a_line_for_each_remedy() -> None:
     assert text == "ok       Python  3.11\nMISSING  bpy     gone\n                 to get it: get it"
 
 
-@needs_mitsuba
 def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    monkeypatch.setenv(VARIABLE, "/opt/libLLVM.so")
+    assert find_llvm(tmp_path) == "/opt/libLLVM.so"
     monkeypatch.delenv(VARIABLE)
+
+    def newest(*names: str) -> str:
+        """Return the newest library where further ones are installed."""
+        for name in names:
+            file = tmp_path / "usr" / "lib" / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.touch()
+        return find_llvm(tmp_path).removeprefix(f"{tmp_path}/usr/lib/")
+
     with pytest.raises(RenderError, match=r"found: none: install it \(on Debian libllvm19\)"):
-        find_llvm(tmp_path)
-    folder = tmp_path / "usr" / "lib" / "x86_64-linux-gnu"
-    folder.mkdir(parents=True)
-    (folder / f"libLLVM-{OLDEST - 1}.so.1").touch()
+        newest()
     with pytest.raises(RenderError, match=f"found: version {OLDEST - 1}"):
+        newest(f"x86_64-linux-gnu/libLLVM-{OLDEST - 1}.so.1")
+    assert newest("x86_64-linux-gnu/libLLVM-16.so.1", "llvm-17/lib/libLLVM-17.so") == "llvm-17/lib/libLLVM-17.so"
+    assert newest("x86_64-linux-gnu/libLLVM.so.19.1") == "x86_64-linux-gnu/libLLVM.so.19.1"
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(RenderError, match=r"pip install 'lookdev\[mitsuba\]'"):
         find_llvm(tmp_path)
-    for name in ("libLLVM-16.so.1", "libLLVM.so.19.1", "libLLVM-17.so"):
-        (folder / name).touch()
-    assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
 
 
 @needs_mitsuba

@@ -20,33 +20,22 @@ SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats
 
 
 def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellResult:
-    run = CellRun(CELL, [Candidate(each.name, each.name, each) for each in renderers], options)
+    run = CellRun(CELL, [Candidate(each.name, each.name, each, (), True) for each in renderers], options)
     run.run(quiet)
     return run.result()
 
 
-@pytest.fixture
-def backends() -> FakeBackends:
-    """Return backends that have rendered the cell."""
+def test_backends_take_turns_and_are_warm_before_the_first_measurement() -> None:
     backends = FakeBackends()
     with backends(CELL, SMALL) as candidates:
         CellRun(CELL, candidates, SMALL).run(quiet)
-    return backends
-
-
-def test_backends_take_turns(backends: FakeBackends) -> None:
     turns = measured(backends.calls, FIRST_SEED)
     assert [(name, samples) for name, samples, _ in turns] == 3 * [
         (name, samples) for samples in (4, 16, 64) for name in ("exact", "principled")
     ]
-    # Both have the same seed at their turn, and no seed comes twice.
-    seeds = [seed for name, _, seed in turns if name == "exact"]
-    assert seeds == [seed for name, _, seed in turns if name == "principled"]
-    assert len(set(seeds)) == len(seeds) == 9
-
-
-def test_every_candidate_is_warm_before_the_first_measurement(backends: FakeBackends) -> None:
-    first = backends.calls.index(measured(backends.calls, FIRST_SEED)[0])
+    # Both have the same seed at their turn.
+    assert [seed for name, _, seed in turns if name == "exact"] == [s for name, _, s in turns if name == "principled"]
+    first = backends.calls.index(turns[0])
     assert backends.calls[first - 2 : first] == [("exact", 4, FIRST_SEED), ("principled", 4, FIRST_SEED)]
 
 
@@ -60,8 +49,7 @@ def test_no_two_renders_share_a_seed_and_none_is_a_references() -> None:
 
 def test_times_and_ratios_of_known_curves() -> None:
     # Noise falls as 1 / samples and time grows with them: relMSE 1e-3 takes so many seconds.
-    exact = FakeRenderer("exact", 0.1, fixed=0.0)
-    other = FakeRenderer("principled", 0.2, fixed=0.0, rate=0.0005)
+    exact, other = FakeRenderer("exact", 0.1, fixed=0.0), FakeRenderer("principled", 0.2, fixed=0.0, rate=0.0005)
     result = run_cell(SMALL, exact, other)
     for renderer in (exact, other):
         found = result.reached[Series(renderer.name)][1e-3].value
@@ -70,11 +58,9 @@ def test_times_and_ratios_of_known_curves() -> None:
         # The noise of relMSE itself, a few per cent.
         assert found.value == pytest.approx(seconds, rel=0.08)
     ratio = next(each for each in result.ratios if each.target == 1e-3)
+    assert None not in (ratio.value, ratio.low, ratio.high)
     # Twice the noise is four times the samples, at half the cost.
-    assert ratio.value is not None
     assert ratio.value.value == pytest.approx(0.5, rel=0.1)
-    assert ratio.low is not None
-    assert ratio.high is not None
     assert ratio.low <= ratio.value.value <= ratio.high
     assert ratio.high - ratio.low < 0.15
 
@@ -83,7 +69,7 @@ def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
     class Irregular(FakeRenderer):
         def __call__(self, samples: int, seed: int, **sampling: object) -> Shot:
             shot = super().__call__(samples, seed)
-            slow = len([each for each in self.calls if each[2] < FIRST_SEED]) == 1
+            slow = len(measured(self.calls, FIRST_SEED)) == 1
             return replace(shot, seconds=100.0) if slow else shot
 
     renderer = Irregular()
@@ -155,15 +141,13 @@ DENOISED = replace(SMALL, denoise=True, repeats=2, targets=(1e-3,))
 
 def test_one_render_gives_a_raw_and_a_denoised_measurement() -> None:
     exact, other = FakeRenderer("exact", 0.1), FakeRenderer("principled", 0.2)
-    run = CellRun(CELL, [Candidate(each.name, each.name, each, (), True) for each in (exact, other)], DENOISED)
-    run.run(quiet)
-    result = run.result()
+    result = run_cell(DENOISED, exact, other)
     assert list(result.curves) == [Series(name, way) for name in ("exact", "principled") for way in ("raw", "denoised")]
     raw, smooth = (result.curves[Series("exact", way)][0] for way in ("raw", "denoised"))
     # The same noise, halved.
     assert smooth.relmse == pytest.approx(raw.relmse / 4.0, rel=0.05)
     assert smooth.seconds == pytest.approx(raw.seconds + 0.1)
-    assert len([each for each in exact.calls if each[2] < FIRST_SEED]) == 3 * 2
+    assert len(measured(exact.calls, FIRST_SEED)) == 3 * 2
     assert {(each.backend, each.way) for each in result.ratios} == {("principled", "raw"), ("principled", "denoised")}
 
 
@@ -179,15 +163,12 @@ def test_samples_stop_rising_where_the_error_is_small_enough() -> None:
 def test_frames_end_at_a_target_error() -> None:
     exact = FakeRenderer("exact", 0.1)
     aim = 1.01 * exact.relmse(32)
-    run = CellRun(CELL, [Candidate("exact", "exact", exact, (), True)], replace(DENOISED, aim=aim))
-    run.run(quiet)
-    aimed, denoised = (run.result().of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
+    result = run_cell(replace(DENOISED, aim=aim), exact)
+    aimed, denoised = (result.of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
     assert [row.samples for row in aimed] == [32, 32]
     assert [row.samples for row in denoised] == [8, 8]
     # What the most samples do not reach is tried once.
-    far = CellRun(CELL, [Candidate("exact", "exact", exact)], replace(SMALL, aim=1e-9))
-    far.run(quiet)
-    assert len(far.result().of(Series("exact", "aimed"))) == 1
+    assert len(run_cell(replace(SMALL, aim=1e-9), exact).of(Series("exact", "aimed"))) == 1
 
 
 def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:

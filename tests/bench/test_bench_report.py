@@ -101,6 +101,7 @@ def test_the_table(results: Results) -> None:
     assert exact[-1] == "1"
     assert any(results.machine.cpu in line for line in lines)
     assert not any("Not complete" in line for line in lines)
+    assert "Not complete" in printed(replace(results, complete=False))
 
 
 def test_80_columns_cut_no_number_off(results: Results) -> None:
@@ -116,10 +117,6 @@ def test_skips_are_printed_once_for_all_cells_that_have_them(results: Results) -
     cell = json.loads(json.dumps(results.data()))["cells"][0]
     assert cell["series"]["exact"]["skipped"] == ["bounces (convex asset)", "light samples (for show)"]
     assert cell["series"]["principled"]["skipped"] == []
-
-
-def test_an_incomplete_run_is_marked(results: Results) -> None:
-    assert "Not complete" in printed(replace(results, complete=False))
 
 
 def test_a_biased_picture_is_reported() -> None:

@@ -2,13 +2,14 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from bench_fakes import quiet
 from rich.console import Console
 
-from lookdev.asset import Asset, load_asset
+from lookdev.asset import load_asset
 from lookdev.batch.prepare import prepare_job
 from lookdev.bench import scale
 from lookdev.bench.report import print_scale
@@ -17,29 +18,21 @@ from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
 from lookdev.errors import RenderError
 
 
-def made(tmp_path: Path, write, *sizes: int) -> Asset:
+@pytest.mark.parametrize(
+    ("write", "sizes", "counts", "radius"),
+    [
+        (write_quads, (30,), (1, 1, {900}), pytest.approx(2.0**0.5, rel=0.01)),
+        (write_instances, (4, 5), (1, 16, {25}), pytest.approx(1.25, abs=0.25)),
+        (write_meshes, (205,), (205, 205, {6}), pytest.approx(1.25, abs=0.25)),
+    ],
+)
+def test_a_file_has_the_size_that_is_asked_for(
+    tmp_path: Path, write: Callable[..., object], sizes: tuple[int, ...], counts: tuple[object, ...], radius: object
+) -> None:
     write(tmp_path / "asset.usdc", *sizes)
-    return load_asset(tmp_path / "asset.usdc")
-
-
-def test_a_file_has_the_size_that_is_asked_for(tmp_path: Path) -> None:
-    asset = made(tmp_path, write_quads, 30)
-    (mesh,) = asset.meshes
-    assert len(mesh.face_sizes) == 900
-    assert asset.radius == pytest.approx(2.0**0.5, rel=0.01)
-
-
-def test_instances_share_one_mesh(tmp_path: Path) -> None:
-    asset = made(tmp_path, write_instances, 4, 5)
-    assert (len(asset.meshes), len(asset.instances), len(asset.meshes[0].face_sizes)) == (1, 16, 25)
-    assert 1.0 < asset.radius < 1.5
-
-
-def test_every_box_is_a_mesh(tmp_path: Path) -> None:
-    asset = made(tmp_path, write_meshes, 205)
-    assert (len(asset.meshes), len(asset.instances), len(asset.slots)) == (205, 205, 205)
-    assert {len(mesh.face_sizes) for mesh in asset.meshes} == {6}
-    assert 1.0 < asset.radius < 1.5
+    asset = load_asset(tmp_path / "asset.usdc")
+    assert (len(asset.meshes), len(asset.instances), {len(mesh.face_sizes) for mesh in asset.meshes}) == counts
+    assert asset.radius == radius
 
 
 TELLS = """
