@@ -9,20 +9,15 @@ import numpy as np
 import pytest
 
 from lookdev.brdf.measured.files import MERL_SIZE, write_merl
+from lookdev.studio.designer.document import Document
+from lookdev.studio.designer.opening import open_document
 
 pytest.importorskip("starlette", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
 
 from served import Served, served
+from usd_text import job_toml
 
 MATERIALS = Path(__file__).parents[2] / "materials"
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep what a Designer remembers of unsaved work away from the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_STATE", str(tmp_path_factory.mktemp("state")))
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +36,17 @@ def car_paint() -> Callable[[Path], Path]:
     return copy
 
 
+@pytest.fixture
+def look(tmp_path: Path, car_paint: Callable[[Path], Path]) -> Path:
+    (tmp_path / "looks").mkdir()
+    return car_paint(tmp_path / "looks")
+
+
+@pytest.fixture
+def document(look: Path) -> Document:
+    return open_document(None, "plane", look, recovers=True)
+
+
 @pytest.fixture(scope="session")
 def white_job() -> Callable[[Path, str, str], Path]:
     """Return a function that writes a job of an asset and a look of its folder, in light that is the same all around.
@@ -49,15 +55,9 @@ def white_job() -> Callable[[Path, str, str], Path]:
     """
 
     def write(folder: Path, asset: str, material: str) -> Path:
-        (folder / "job.toml").write_text(
-            f"""output = "frames"
-asset = {{ builtin = "{asset}" }}
-look = [{{ name = "plastic", material = "{material}" }}]
-ibl = [{{ name = "white", builtin = "white" }}]
-turntable = [{{ kind = "element", frames = 2 }}]
-render = {{ resolution = [32, 24], samples = 16, backend = "mitsuba" }}
-"""
-        )
+        render = '{ resolution = [32, 24], samples = 16, backend = "mitsuba" }'
+        text = job_toml(f"plastic = {material}", asset=f'{{ builtin = "{asset}" }}', render=render)
+        (folder / "job.toml").write_text(text)
         return folder / "job.toml"
 
     return write
@@ -67,11 +67,7 @@ render = {{ resolution = [32, 24], samples = 16, backend = "mitsuba" }}
 def toy_car() -> str:
     """Return the text of the toy car, of 8 thousand triangles instead of 300 thousand."""
     text = (MATERIALS.parent / "jobs" / "assets" / "toy_car.usda").read_text()
-    return (
-        text.replace('"catmullClark"', '"none"')
-        .replace("def Sphere", "def Cylinder")
-        .replace("def Cone", "def Cylinder")
-    )
+    return re.sub("def (Sphere|Cone)", "def Cylinder", text.replace('"catmullClark"', '"none"'))
 
 
 @pytest.fixture(scope="session")

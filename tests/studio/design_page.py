@@ -23,6 +23,7 @@ const typed = (element, value, ...events) => {
   for (const event of events.length ? events : ["change"]) element.dispatchEvent(new Event(event, {bubbles: true}));
 };
 const answered = async () => { await pause(0); await exact.settled(); await viewport.changed(); };
+const frames = async (count) => { for (let k = 0; k < count; k += 1) await new Promise(requestAnimationFrame); };
 const saved = async () => {
   at("status").textContent = "";
   at("save").click();
@@ -69,6 +70,16 @@ class DesignPage(Page):
             "return sum.map((x) => x / (film.length / 4));"
         )
         return np.array(self.js(code))
+
+    def difference(self) -> tuple[float, float, float, float]:
+        """Show the difference of 256 samples, and return its mean, interreflection, the rest, and a pixel's noise."""
+        self.js("exact.choose('difference')")
+        self.wait(
+            "exact.round?.samples >= 256 && exact.compared?.samples >= 256 && exact.compared.round.samples >= 256"
+        )
+        code = "const {apart, indirect, rest, round} = exact.compared; return [apart, indirect, rest, round.relmse]"
+        *shares, relmse = self.js(code)
+        return (*shares, relmse**0.5)
 
     def slide(self, parameter: str, value: float) -> int:
         """Move a slider of the base, and return how many programs are compiled until it is shown."""

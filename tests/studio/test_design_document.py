@@ -1,6 +1,5 @@
 """What the Designer edits and saves, without a page."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,22 +13,12 @@ from lookdev.studio.designer.opening import open_document
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def look(tmp_path: Path, car_paint: Callable[[Path], Path]) -> Path:
-    return car_paint(tmp_path)
-
-
-@pytest.fixture
-def document(look: Path) -> Document:
-    return open_document(None, "plane", look)
-
-
 def test_a_stated_constant_is_a_uniform(document: Document) -> None:
     """So a slider of it changes no shader; stating what the look does not state does."""
     before = document.view().data["looks"][0]
     assert not document.edit(Edit(0, 0, "roughness", 0.9))
     after = document.view().data["looks"][0]
-    assert {key: after[key] for key in ("visible", "relight")} == {key: before[key] for key in ("visible", "relight")}
+    assert [after[key] for key in ("visible", "relight")] == [before[key] for key in ("visible", "relight")]
     assert after["numbers"]["layer0_roughness"] == pytest.approx([0.9])
     assert document.edit(Edit(0, 0, "sheen", 0.5))
     assert document.view().data["looks"][0]["numbers"]["layer0_sheen"] == [0.5]
@@ -105,7 +94,6 @@ def test_each_look_and_rig_of_a_job_can_be_shown() -> None:
     document.choose("workshop", "courtyard")
     files = [Path(stack["file"]).name for stack in document.stacks()]
     assert {"car_paint.usda", "brushed_metal.usda"} <= set(files)
-    number = files.index("brushed_metal.usda")
-    place = document.place(number)
+    place = document.place(files.index("brushed_metal.usda"))
     assert place is not None
     assert place.variants == {"metal": "copper"}

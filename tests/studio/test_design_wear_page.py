@@ -1,5 +1,6 @@
 """Parts dressed on the Designer's page in headless Chromium, and written into the job."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import pytest
 from design_page import DRESS, DesignPage
 from served import served
+from usd_text import material
 
 from lookdev.job import load_job
 
@@ -26,37 +28,20 @@ frames = 1
 """
 
 
-LOOK = """#usda 1.0
-(
-    defaultPrim = "{name}"
-)
-
-def Material "{name}"
-{{
-    token outputs:lookdev:surface.connect = </{name}/Base.outputs:layer>
-
-    def Shader "Base"
-    {{
-        uniform token info:id = "LookdevLambert"
-        token outputs:layer
-    }}
-}}
-"""
+def matt(name: str, scope: str = "") -> str:
+    """Return a material that compiles soon."""
+    return material(name, scope=scope).replace("LookdevDisney", "LookdevLambert")
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory, toy_car: str) -> Path:
-    """Return a job of the toy car, all in one look, with looks beside it that compile as soon."""
+    """Return a job of the toy car, all in one look, with looks beside it."""
     folder = tmp_path_factory.mktemp("dressed")
-    chrome, rest = toy_car.split('def Material "Chrome"')
-    surface, (*_, after) = LOOK.partition("def Material")[2], rest.partition("\n        }\n")
-    surface = surface.format(name="Chrome").replace("</Chrome", "</Car/Looks/Chrome")
-    toy_car = f"{chrome}def Material{surface}{after}"
-    for name in ("Paint", "Glass", "Rubber"):
-        toy_car = toy_car.replace(f"</Car/Looks/{name}>", "</Car/Looks/Chrome>")
-    (folder / "toy_car.usda").write_text(toy_car)
+    before, chrome = toy_car.split('def Material "Chrome"')
+    toy_car = before + matt("Chrome", "/Car/Looks") + chrome.partition("\n        }\n")[2]
+    (folder / "toy_car.usda").write_text(re.sub("</Car/Looks/(Paint|Glass|Rubber)>", "</Car/Looks/Chrome>", toy_car))
     for file, name in (("frosted_plastic", "FrostedPlastic"), ("brushed_metal", "BrushedMetal")):
-        (folder / f"{file}.usda").write_text(LOOK.format(name=name))
+        (folder / f"{file}.usda").write_text(f'#usda 1.0\n( defaultPrim = "{name}" )\n{matt(name)}')
     (folder / "job.toml").write_text(JOB)
     return folder / "job.toml"
 
@@ -94,7 +79,7 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
         "await until(() => wears().startsWith('BrushedMetal')); states.push(wears());"
         "await until(() => !at('wear-off').disabled); at('wear-off').click();"
         "await until(() => !wears().startsWith('BrushedMetal')); states.push(wears());"
-        "await answered(); states.push((await saved()).split('/').pop(), at('save').disabled); return states;",
+        "await answered(); states.push((await saved()).split('/').pop(), at('save').disabled); return states;"
     ) == [
         "FrostedPlasticassigned to /Car/Body",
         "Undo: /Car/Body wears frosted_plastic (Ctrl+Z)",
@@ -125,6 +110,6 @@ def test_a_new_look_is_made_of_a_preset_and_a_wrong_pattern_is_named(page: Desig
         "typed(at('adding-search'), 'red plastic', 'input'); at('adding-presets').querySelector('button').click();"
         "await until(() => at('naming').open); const name = at('name').value; typed(at('name'), 'pipe.usda');"
         "at('naming-save').click(); await until(() => wears().startsWith('Pipe')); await answered();"
-        "return [...fits, name, wears()];",
+        "return [...fits, name, wears()];"
     ) == ["fits 1 of 13 parts", "fits no part", "red_plastic.usda", "Pipeassigned to /Car/Ch*"]
     assert (job.parent / "pipe.usda").is_file()

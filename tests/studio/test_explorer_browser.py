@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -76,12 +77,7 @@ def test_a_slider_changes_the_numbers_to_those_of_python(explorer: Open) -> None
     assert found == pytest.approx(expected, rel=2e-7)
     page.wait("explorer.shaders.compiled > 0")
     page.slide("metallic", 0.7)
-    assert "disney:roughness=0.2,metallic=0.7" in page.until(
-        lambda: (
-            "metallic" in page.browser.current_url
-            and page.browser.current_url.replace("%3A", ":").replace("%3D", "=").replace("%2C", ",")
-        )
-    )
+    page.wait("decodeURIComponent(location.hash).includes('disney:roughness=0.2,metallic=0.7')")
     assert page.js("return explorer.shaders.compiled") <= max(compiled, 1)
 
 
@@ -110,27 +106,25 @@ def test_the_browser_computes_what_python_does(explorer: Open) -> None:
 def test_each_view_draws_and_nothing_overflows(explorer: Open) -> None:
     """All views on a phone, and the last one on what is wider."""
     page = explorer("#s=phong&s=lambert&kind=retro&size=24&light=point", (390, 900))
-    ink = (
-        "const c = document.getElementById('plot'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
-        "let n = 0; for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n"
+    drawn = (
+        "const c = at('plot'), data = () => c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+        "const ink = () => data().filter((value, i) => i % 4 === 3 && value > 0).length;"
+        "await until(() => explorer.plots.drawn > given[0] && ink() > 500);"
+        "return [at('notice').textContent, document.documentElement.scrollWidth]"
     )
-    for kind in page.js("return Object.keys(explorer.state.offered.kinds)"):
+    kinds = page.js("return Object.keys(explorer.state.offered.kinds)")
+    steps = [(partial(page.js, "at(`kind-${given[0]}`).click()", kind), 390) for kind in kinds]
+    for step, width in [*steps, *((partial(page.resize, width, 900), width) for width in (800, 1440))]:
         before = page.js("return explorer.plots.drawn")
-        page.js("document.getElementById(`kind-${given[0]}`).click()", kind)
-        page.until(lambda before=before: page.js("return explorer.plots.drawn") > before and page.js(ink) > 500)
-        assert not page.js("return document.getElementById('notice').textContent"), kind
-        assert page.js("return document.documentElement.scrollWidth") <= 390, kind
-    for width in (800, 1440):
-        before = page.js("return explorer.plots.drawn")
-        page.resize(width, 900)
-        page.until(lambda before=before: page.js("return explorer.plots.drawn") > before and page.js(ink) > 500)
-        assert page.js("return document.documentElement.scrollWidth") <= width
+        step()
+        notice, wide = page.js(drawn, before)
+        assert (notice, wide <= width) == ("", True), step
 
 
 def test_a_difference_waits_for_both_surfaces(explorer: Open) -> None:
     page = explorer("#s=phong&s=lambert&kind=difference&size=24&light=point")
-    page.until(lambda: page.js("return explorer.plots.cache.size") == 2)
-    notice = "await explorer.plots.paint(); return document.getElementById('notice').textContent"
+    page.wait("explorer.plots.cache.size === 2")
+    notice = "await explorer.plots.paint(); return at('notice').textContent"
     assert not page.js(f"explorer.plots.cache.delete(explorer.state.surfaces[1].id); {notice}")
     assert "two surfaces" in page.js(f"explorer.state.surfaces.pop(); {notice}")
 
@@ -157,7 +151,7 @@ def test_everything_has_a_name_and_the_keyboard_reaches_it(explorer: Open) -> No
 
 def test_a_dropped_measurement_is_taken_and_nonsense_is_refused(explorer: Open, tmp_path: Path) -> None:
     page = explorer("#s=lambert&kind=cartesian&light=point")
-    page.js("document.getElementById('file').hidden = false")
+    page.js("at('file').hidden = false")
     (tmp_path / "notes.txt").write_text("no data")
     page.find("#file").send_keys(str(tmp_path / "notes.txt"))
     page.until(lambda: "notes.txt" in page.find("#status").text)

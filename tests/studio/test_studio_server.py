@@ -45,11 +45,9 @@ def is_alive(server: Served) -> bool:
 
 def test_the_page_is_served_with_a_policy(server: Served) -> None:
     status, body, headers = server.ask("/")
-    assert (status, b"<title>Explorer" in body) == (200, True)
     policy = headers["content-security-policy"]
-    assert "default-src 'none'" in policy
-    assert "unsafe" not in policy
-    assert headers["x-content-type-options"] == "nosniff"
+    assert (status, b"<title>Explorer" in body, headers["x-content-type-options"]) == (200, True, "nosniff")
+    assert ("default-src 'none'" in policy, "unsafe" in policy) == (True, False)
 
 
 @pytest.mark.parametrize(
@@ -91,21 +89,11 @@ def test_names_of_the_loopback_are_its_own(server: Served) -> None:
 )  # fmt: skip
 def test_no_path_leaves_the_static_files(server: Served, path: str) -> None:
     status, body, _ = server.ask(path)
-    assert status in (400, 404)
-    assert b"secret" not in body
-    assert b"root:" not in body
+    assert (status in (400, 404), b"secret" in body, b"root:" in body) == (True, False, False)
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "scans/../secret.dat",
-        "../secret.dat",
-        "/etc/passwd",
-        "scans/out.dat",
-        "scans/./../../secret.dat",
-        "uploads/../x",
-    ],
+    "name", ["scans/../secret.dat", "../secret.dat", "/etc/passwd", "scans/out.dat", "uploads/../x"]
 )
 def test_no_surface_leaves_the_roots(server: Served, roots: Path, name: str) -> None:
     for words in (name, f"measured:file={name}", f"a={name}", f"{name}.usda", str(roots.parent / "secret.dat")):
@@ -114,8 +102,7 @@ def test_no_surface_leaves_the_roots(server: Served, roots: Path, name: str) -> 
         assert "error" in answer, words
         assert "root:" not in answer["error"]
     status, body, _ = server.ask(f"/save/retro.csv?s={quote(name)}")
-    assert status == 422
-    assert b"root:" not in body
+    assert (status, b"root:" in body) == (422, False)
 
 
 def test_files_of_a_root_are_read(server: Served) -> None:
@@ -124,16 +111,10 @@ def test_files_of_a_root_are_read(server: Served) -> None:
     assert "scans/satin.binary" in json.loads(server.ask("/start")[1])["measured"]
 
 
-def swallow(socket: ClientConnection, message: str) -> None:
-    socket.send(message)
-    while True:
-        socket.recv(timeout=30)
-
-
 def test_a_message_of_ten_megabytes_closes_its_socket_alone(server: Served) -> None:
     with talk(server) as socket:
         with pytest.raises(ConnectionClosed):
-            swallow(socket, "x" * 10_000_000)
+            answers(socket, do="x" * 10_000_000)
         # 1009, unless the connection is gone before that is read.
         assert socket.close_code in (1009, 1006)
     assert is_alive(server)
@@ -149,19 +130,16 @@ def test_a_body_that_is_too_large_is_refused(server: Served) -> None:
 @pytest.mark.parametrize("content", [b"", b"text", b"\x5a\0\0\0\x5a\0\0\0\xb4\0\0\0" + b"\0" * 100])
 def test_an_upload_that_is_no_measurement_is_refused(server: Served, content: bytes) -> None:
     status, body, _ = server.ask("/upload?name=../../chrome.binary", "POST", content, Origin=server.url)
-    assert status == 422
-    assert b"MERL" in body
-    assert b"/tmp" not in body
+    assert (status, b"MERL" in body, b"/tmp" in body) == (422, True, False)
 
 
 def nonsense(rng: random.Random) -> str | bytes:
     """Return a message that is no request, or one with wrong parts."""
     request: dict[str, Any] = {"id": 1, "do": rng.choice(["values", "shader", "pairs", "usd", "command", "describe"])}
     values = [None, -1, 1e999, float("nan"), "x" * 5000, [], {}, [[]] * 9, True, "disney:roughness=9", "\0", "disney"]
+    keys = ("id", "do", "kind", "surface", "surfaces", "options", "draft", "slot", "live")
     for _ in range(rng.randrange(6)):
-        request[rng.choice(["id", "do", "kind", "surface", "surfaces", "options", "draft", "slot", "live"])] = (
-            rng.choice(values)
-        )
+        request[rng.choice(keys)] = rng.choice(values)
     text = json.dumps(request)
     match rng.randrange(5):
         case 0:

@@ -1,7 +1,8 @@
-"""What the viewport shows, against direct light with its shadows in float64."""
+"""What the viewport shows, against direct light with its shadows in float64, and how long it takes."""
 
 import logging
 import math
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chromium import serve_files
 from light_rigs import RIGS, row_of_three
 from looks import LOOKS
 from numpy.typing import NDArray
-from viewport_page import ViewportPage, open_viewport
+from viewport_page import STATIC, ViewportPage
 
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
@@ -38,13 +40,16 @@ CELLS = [
     (asset, look) for asset in ("sphere", "shaderball") for look in ("car_paint", "brushed_metal", "frosted_plastic")
 ]
 CELLS += [("parts", look) for look in ("own_red", "racing", "workshop")]
+MOST = 0.120
+"""Seconds from a slider to the first changed frame at 512 x 512, in software, on two free cores."""
 Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
 def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewportPage]:
-    with open_viewport(tab, tmp_path_factory.mktemp("viewport")) as page:
-        yield page
+    folder = tmp_path_factory.mktemp("viewport")
+    with serve_files(folder, STATIC) as url:
+        yield ViewportPage(tab, folder, url)
 
 
 @dataclass(frozen=True)
@@ -96,13 +101,7 @@ def compare(
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
     reference = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped, shadows=shadows)
     expected = frame_pixels(
-        reference,
-        scene.lights,
-        scene.camera,
-        POSE,
-        scene.film.resolution,
-        rows[:, ::-1].copy(),
-        samples=samples,
+        reference, scene.lights, scene.camera, POSE, scene.film.resolution, rows[:, ::-1].copy(), samples=samples
     )
     return Compared(np.stack([each[rows[:, 0], rows[:, 1], :3] for each in found]), expected)
 
@@ -216,6 +215,12 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
         yield replace(scene, camera=replace(camera, fov=fov, shift=shift), film=Film((side, side)))
 
 
+def shipped(asset: str, look: str) -> Scene:
+    """Return a built-in asset in a look that ships."""
+    material = read_look(ROOT / "materials" / f"{look}.usda")
+    return Scene.of_look(load_asset(builtin=asset), material, load_dome(builtin="courtyard").dome, (512, 512))
+
+
 @pytest.mark.proof
 @pytest.mark.parametrize(("asset", "look"), CELLS)
 def test_the_mean_difference_is_one_percent(asset: str, look: str, page: ViewportPage) -> None:
@@ -224,11 +229,9 @@ def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Viewpor
     docs/designer.md has the table, by ``pytest -m proof tests/studio/viewport --log-cli-level=INFO``.
     """
     if asset == "parts":
-        scenes = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes
-        scene = scenes[look, "courtyard"]
+        scene = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes[look, "courtyard"]
     else:
-        made = read_look(ROOT / "materials" / f"{look}.usda")
-        scene = Scene.of_look(load_asset(builtin=asset), made, load_dome(builtin="courtyard").dome, (512, 512))
+        scene = shipped(asset, look)
     compared = [compare(page, each, 8192, 16, samples=4096, seeds=2) for each in windows(scene, 3, 64, 8)]
     value = np.concatenate([each.expected.value for each in compared])
     apart = np.concatenate([each.mean for each in compared]) - value
@@ -239,3 +242,24 @@ def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Viewpor
     error = math.hypot(*(each.error for each in compared)) / value.sum()
     log.info("%s %s: %.4f, noise %.4f, signed %+.4f +- %.4f", asset, look, difference, noise, signed, error)
     assert difference < 0.01
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize(("asset", "look"), [("shaderball", "car_paint"), ("sphere", "brushed_metal")])
+def test_a_slider_shows_in_time(asset: str, look: str, page: ViewportPage) -> None:
+    """``pytest -m bench tests/studio/viewport --log-cli-level=INFO``."""
+    page.show(view_scene(shipped(asset, look)))
+    times, scale = page.js(
+        "const name = 'layer0_metallic', times = [];"
+        "for (let k = 0; k < 40; k++) {"
+        "  await pause(150);"
+        "  const started = performance.now();"
+        "  viewport.setNumbers(0, {[name]: [0.2 + 0.02 * k]});"
+        "  await viewport.changed();"
+        "  times.push((performance.now() - started) / 1000);"
+        "}"
+        "return [times, viewport.scale]"
+    )
+    median, (load, *_) = float(np.median(times[10:])), os.getloadavg()  # the first ones find the scale that is in time
+    log.info("%s %s: median %.3f s, scale %d, load %.1f", asset, look, median, 2**scale, load)
+    assert median <= MOST

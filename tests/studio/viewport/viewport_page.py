@@ -1,14 +1,12 @@
 """The viewport in a tab of Chromium: a plain server of its modules, of a scene's data and of its buffers."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from chromium import Page, serve_files
+from chromium import Page
 from numpy.typing import NDArray
 
 from lookdev.studio.viewport import SceneView
@@ -22,14 +20,14 @@ import * as cameras from "/static/camera.js";
 const fetched = async (name) => (await fetch(`/buffers/${name}`)).arrayBuffer();
 window.cameras = cameras;
 window.viewport = new Viewport(document.querySelector("canvas"), fetched);
-window.show = async (name) => viewport.show(await (await fetch(`/${name}.json`)).json());
+window.show = async () => viewport.show(await (await fetch("/scene.json")).json());
 window.ready = true;
 </script>
 """
 
 
 class ViewportPage(Page):
-    """A page of the viewport alone; scenes are shown by name."""
+    """A page of the viewport alone."""
 
     def __init__(self, browser: Any, folder: Path, url: str) -> None:
         self._folder = folder
@@ -37,14 +35,11 @@ class ViewportPage(Page):
         (folder / "index.html").write_text(PAGE, encoding="utf-8")
         super().__init__(browser, f"{url}/index.html", (800, 600), "window.ready", timeout=900)
 
-    def write(self, view: SceneView, name: str = "scene") -> None:
+    def show(self, view: SceneView) -> None:
         for key, data in view.buffers.items():
             (self._folder / "buffers" / key).write_bytes(data)
-        (self._folder / f"{name}.json").write_text(json.dumps(view.data), encoding="utf-8")
-
-    def show(self, view: SceneView, name: str = "scene") -> None:
-        self.write(view, name)
-        self.js("await show(given[0]); await viewport.changed()", name)
+        (self._folder / "scene.json").write_text(json.dumps(view.data), encoding="utf-8")
+        self.js("await show(); await viewport.changed()")
 
     def accumulated(self, count: int) -> NDArray[np.float32]:
         """Return the means (H, W, 4) of this number of samples."""
@@ -56,10 +51,3 @@ class ViewportPage(Page):
                 count,
             )
         return np.frombuffer(data, "<f4").reshape(self.js("return viewport.canvas.height"), -1, 4)
-
-
-@contextmanager
-def open_viewport(browser: Any, folder: Path) -> Iterator[ViewportPage]:
-    """Serve a folder with the page, on loopback, and open it in the browser's tab."""
-    with serve_files(folder, STATIC) as url:
-        yield ViewportPage(browser, folder, url)
