@@ -19,18 +19,12 @@ def directions(count: int, seed: int) -> Any:
     return w
 
 
-def moved(model: Model) -> str:
-    """Return the name of the first number of a model that a slider moves."""
-    return next(
-        each.name for each in model.parameters.values() if each.kind in ("float", "color") and not each.optional
-    )
-
-
 @pytest.mark.parametrize("model", CONTINUOUS.values(), ids=CONTINUOUS)
 @pytest.mark.parametrize("count", [7, PART + 3])
 def test_a_program_has_the_values_of_its_model(model: Model, count: int) -> None:
     """With a number that moves, which the trace knows by name alone; equal to rounding."""
-    parameters, name = model.complete(model.probe), moved(model)
+    numbers = (each for each in model.parameters.values() if each.kind in ("float", "color") and not each.optional)
+    parameters, name = model.complete(model.probe), next(numbers).name
     wide = [f"{name}_{i}" for i in range(3)]
 
     def make(graph: Graph) -> list[StackLayer]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from layers import DOME
 from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image, random_parameters
 
 from lookdev.brdf import MODELS
@@ -17,12 +18,9 @@ from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import symbol, symbols
-from lookdev.light import Dome
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.scene import Sampling
-
-DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 def one_point(rng: np.random.Generator, model: str, tokens: dict[str, str], leaning: float) -> dict[str, Any]:

@@ -6,14 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from layers import surface
 
 from lookdev.codegen import AttributeBinding, ShaderSource
-from lookdev.codegen.osl.surface import generate_surface
-from lookdev.light import Dome
-from lookdev.material import Bump, Formula, Input, Layer, Look, Texture
+from lookdev.material import Bump, Formula, Input, Layer, Texture
 from lookdev.material.expression import parse
-
-DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 class Images:
@@ -33,15 +30,7 @@ class Images:
         return source.file
 
     def surface(self, *layers: Layer) -> ShaderSource:
-        return generate_surface(
-            Look("test", layers),
-            self.resolve,
-            brdf_samples=1,
-            ibl_samples=1,
-            bounces=0,
-            lights=(DOME,),
-            resolution=(8, 8),
-        )
+        return surface(*layers, resolve=self.resolve, bounces=0)
 
 
 @pytest.fixture
@@ -76,33 +65,17 @@ def test_of_eight_layers_only_those_that_show_are_read(images: Images, model: st
 def test_a_set_of_tiles_is_a_look_up_of_the_tile(images: Images) -> None:
     for tile in ("1001", "1012"):
         images.texture(f"wear.{tile}.exr")
-    source = images.surface(
-        Layer("layer", "disney", {"roughness": Texture(images.folder / "wear.<UDIM>.exr", "r", "raw")})
-    )
+    rough = Texture(images.folder / "wear.<UDIM>.exr", "r", "raw")
+    source = images.surface(Layer("layer", "disney", {"roughness": rough}))
     assert sorted(images.opened) == ["wear.1001.exr", "wear.1012.exr"]
     assert [binding.parameter for binding in source.textures] == ["texture0_1001_file", "texture0_1012_file"]
 
 
 @pytest.mark.parametrize("kind", ["uv", "float"])
 def test_names_in_blender_are_short_plain_and_different(kind):
-    names = [
-        "st",
-        "a" * 40,
-        "a" * 41,
-        "a" * 56,
-        "a" * 67,
-        "a" * 300_000,
-        "ä",
-        "ö",
-        "a:b",
-        "a.b",
-        "a_b",
-        "position",
-        "1",
-    ]
-    names += ["lookdev_normal", "material_index", ".corner_vert", "\x1b", "a" * 40 + "é"]
-    bindings = [AttributeBinding("x", name, kind) for name in names]
-    stored = [binding.stored for binding in bindings]
+    names = ["st", *("a" * length for length in (40, 41, 56, 67, 300_000)), "a" * 40 + "é", "ä", "ö", "a:b", "a.b"]
+    names += ["a_b", "1", "\x1b", "position", "lookdev_normal", "material_index", ".corner_vert"]
+    stored = [AttributeBinding("x", name, kind).stored for name in names]
     assert len(set(stored)) == len(names)
     assert all(re.fullmatch(r"(primvars:)?[A-Za-z0-9_]+", each) and len(each) < 56 for each in stored)
     assert stored[0].removeprefix("primvars:") == "st"

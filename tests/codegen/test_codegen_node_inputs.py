@@ -84,12 +84,8 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[NodeTree, Mapping[str, Any
 
     def run_tree(tree: NodeTree, mesh: Mapping[str, Any]) -> Any:
         def answer(node: ShaderNode) -> Mapping[str, Any] | None:
-            name = node.properties.get("uv_map", node.properties.get("attribute_name"))
-            return (
-                None
-                if name is None
-                else dict.fromkeys(("UV", "Fac", "Vector"), mesh[str(name).removeprefix("primvars:")])
-            )
+            name = str(node.properties.get("uv_map", node.properties.get("attribute_name"))).removeprefix("primvars:")
+            return dict.fromkeys(("UV", "Fac", "Vector"), mesh[name]) if name in mesh else None
 
         return node_interpreter.Interpreter((tree,), answer).run("inputs")["out"]
 
@@ -188,11 +184,8 @@ def test_primvars_and_coordinates_are_read(run: Any) -> None:
     image = st @ np.reshape(TURNED, (2, 3))[:, :2].T + np.reshape(TURNED, (2, 3))[:, 2]
     wanted = mesh["wear"][:, None] * mesh["hue"] + np.concatenate([image, np.zeros((500, 1))], axis=1)
     np.testing.assert_allclose(run(tree, mesh), wanted, rtol=1e-5, atol=1e-5)
-    assert {binding.attribute: binding.fallback for binding in attributes} == {
-        "wear": (0.25,),
-        "hue": (1.0, 0.0, 0.0),
-        "st": None,
-    }
+    fallbacks = {binding.attribute: binding.fallback for binding in attributes}
+    assert fallbacks == {"wear": (0.25,), "hue": (1.0, 0.0, 0.0), "st": None}
 
 
 def test_a_missing_image_is_reported(tmp_path: Path) -> None:

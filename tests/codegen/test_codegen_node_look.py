@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from layers import no_textures, of_view
 from node_interpreter import Carried, Interpreter
 
 from lookdev.brdf import MODELS
@@ -15,9 +16,7 @@ from lookdev.closures import STAND_INS, Closure, closure_cosine, lobe_closures
 from lookdev.codegen import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
-from lookdev.errors import ModelError
-from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture, View
-from lookdev.material.expression import parse
+from lookdev.material import Layer, Look, Primvar, Texture
 from lookdev.material.values import look_bsdf
 
 COUNT = 40
@@ -25,10 +24,6 @@ COUNT = 40
 SHOWN = sorted({model for model, _ in STAND_INS})
 PURE_SHEEN = {"Base Color": 0.0, "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": 1.0, "Coat Weight": 1.0}
 PURE_SHEEN |= {"Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Normal": 0.0}
-
-
-def no_textures(texture: Texture | Bump) -> Path:
-    raise AssertionError(f"{texture} is opened")
 
 
 def generate(*layers: Layer) -> NodeSource:
@@ -266,9 +261,6 @@ def test_primvars_reach_parameters_and_masks() -> None:
 
 
 def test_the_view_reaches_parameters_masks_and_presence() -> None:
-    def of_view(text: str) -> Formula:
-        return Formula(parse(text), {"view": View()}, {"view": "float"})
-
     paint = {"baseColor": of_view("[view, 0.3, 1 - view]"), "roughness": of_view("0.2 + 0.5 * view")}
     base = Layer("base", "disney", paint | {"presence": of_view("1 - 0.5 * view")})
     for model in SHOWN:
@@ -345,8 +337,3 @@ def test_a_normal_that_leans_reads_the_handedness() -> None:
     crossed = [node for node in tree_of(source, "Lookdev Frame").nodes if node.kind == "VectorTransform"]
     plain = tree_of(generate(Layer("base", "disney", {})), "Lookdev Frame")
     assert len(crossed) > len([node for node in plain.nodes if node.kind == "VectorTransform"])
-
-
-def test_layers_that_do_not_fit_together_are_an_error() -> None:
-    with pytest.raises(ModelError, match="variant"):
-        generate(Layer("base", "disney", {"variant": "2012"}), Layer("top", "disney", {}, mask=0.5))

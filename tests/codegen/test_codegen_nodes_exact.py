@@ -2,35 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from layers import no_textures, of_view
 from node_interpreter import Carried, Interpreter
 
 from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.frame import frame_tree
-from lookdev.errors import CodegenError
-from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture, View
+from lookdev.material import Formula, Input, Layer, Look, Primvar
 from lookdev.material.expression import parse
 from lookdev.material.values import look_bsdf
 
 COUNT = 400
 
 
-def no_textures(texture: Texture | Bump) -> Path:
-    raise AssertionError(f"{texture} is opened")
-
-
 def layer(model: str, mask: Any = 1.0, mode: Any = "over", **inputs: Input) -> Layer:
     return Layer(model, model, inputs, mask, mode)
-
-
-def of_view(text: str) -> Formula:
-    return Formula(parse(text), {"view": View()}, {"view": "float"})
 
 
 LEAF = layer("pixar", surfaceColor=(0.3, 0.6, 0.1), roughness=0.4, back=0.5)
@@ -179,12 +170,6 @@ def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(given: dict[str,
         behind = world @ given["axes"][2] < 0.0
         assert 0.05 < behind.mean() < 0.5
         assert (weight[behind].max() > 0.0) == (clear > 0.0)
-
-
-def test_a_surface_that_is_seen_through_is_refused() -> None:
-    look = Look("net", (layer("pixar", presence=0.4),))
-    with pytest.raises(CodegenError, match=r"net: is see-through.*'exact' or 'nodes'"):
-        generate_nodes_exact(look, no_textures, bounces=0)
 
 
 def test_a_black_look_sends_nothing_on(given: dict[str, Any]) -> None:

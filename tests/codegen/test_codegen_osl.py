@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from layers import DOME, surface
 
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
@@ -15,44 +16,24 @@ from lookdev.codegen import HANDEDNESS, ShaderSource, short_name
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.points import generate_points
-from lookdev.codegen.osl.surface import expand_template, generate_surface
+from lookdev.codegen.osl.surface import expand_template
 from lookdev.codegen.points import PointLayer
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
-from lookdev.errors import CodegenError, ModelError
+from lookdev.errors import CodegenError
 from lookdev.light import Dome, SphereLight
-from lookdev.material import Bump, Layer, Look, Primvar, Texture
+from lookdev.material import Bump, Layer, Primvar, Texture
 
 DISNEY = PointLayer("disney", {"variant": "2014"})
 PIXAR = PointLayer("pixar", {"energy": "published"})
-DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 @pytest.fixture
 def textures(tmp_path: Path) -> dict[str, Texture]:
-    files = {name: tmp_path / f"{name}.exr" for name in ("a", "b", "mask")}
-    for name, file in files.items():
-        file.write_bytes(name.encode())
-    return {
-        "a": Texture(files["a"], "rgb", "raw"),
-        "b": Texture(files["b"], "rgb", "raw"),
-        "mask": Texture(files["mask"], "r", "raw"),
-    }
-
-
-def surface(
-    *layers: Layer, bounces: int = 1, shadows: bool = True, ibl_samples: int = 1, light: Dome = DOME
-) -> ShaderSource:
-    return generate_surface(
-        Look("test", layers),
-        lambda source: source.height.file if isinstance(source, Bump) else source.file,
-        brdf_samples=1,
-        ibl_samples=ibl_samples,
-        bounces=bounces,
-        shadows=shadows,
-        lights=(light,),
-        resolution=(8, 8),
-    )
+    channels: dict[str, Any] = {"a": "rgb", "b": "rgb", "mask": "r"}
+    for name in channels:
+        (tmp_path / name).write_bytes(name.encode())
+    return {name: Texture(tmp_path / name, channel, "raw") for name, channel in channels.items()}
 
 
 def base(mask: Any = 1.0, **inputs: Any) -> Layer:
@@ -115,22 +96,6 @@ def test_a_constant_diffuse_has_no_sheen_and_no_subsurface() -> None:
     # With roughness 0 the diffuse shape needs no half vector; sheen does.
     assert "sqrt" not in evaluation(roughness=0.0)
     assert "sqrt" in evaluation(roughness=0.0, sheen=0.5)
-
-
-@pytest.mark.parametrize("mask", [0.0, 1.0])
-def test_a_constant_mask_drops_the_unused_layer(textures: dict[str, Texture], mask: float) -> None:
-    below = base(baseColor=textures["a"], roughness=0.3)
-    above = base(mask, baseColor=textures["b"], clearcoat=0.7, metallic=1.0)
-    used = replace(above, mask=1.0) if mask else below
-    stack, alone = surface(below, above), surface(used)
-    assert stack.images == (Content.of(textures["b" if mask else "a"].file),)
-    # Look-ups are numbered in the order of the layers.
-    assert re.sub(r"texture\d", "texture0", stack.osl) == alone.osl
-
-
-def test_a_textured_mask_reads_both_layers(textures: dict[str, Texture]) -> None:
-    source = surface(base(baseColor=textures["a"]), base(textures["mask"], baseColor=textures["b"]))
-    assert set(source.images) == {Content.of(texture.file) for texture in textures.values()}
 
 
 def test_a_texture_times_0_vanishes(textures: dict[str, Texture]) -> None:
@@ -265,34 +230,20 @@ def test_presence_is_seen_through(textures: dict[str, Texture]) -> None:
     assert not surface(pixar(), pixar(presence=textures["mask"])).see_through
 
 
-@pytest.mark.parametrize(
-    ("layers", "error", "message"),
-    [
-        ([base(roughness=2.0)], ModelError, r"disney\.roughness is 2\.0"),
-        ([base(), pixar(1.0, "transmit")], ModelError, "layer 1: mode 'transmit' needs Pixar layers only"),
-        (
-            [base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1))],
-            CodegenError,
-            "'wear' is read both as float and as float, or with two fallbacks",
-        ),
-    ],
-)
-def test_faults_of_a_look_are_reported(layers: list[Layer], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        surface(*layers)
+def test_a_primvar_with_two_fallbacks_is_reported() -> None:
+    with pytest.raises(CodegenError, match="'wear' is read both as float and as float, or with two fallbacks"):
+        surface(base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1)))
 
 
 @pytest.mark.parametrize("bounces", [pytest.param(0, marks=pytest.mark.proof), 2])
 def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: int) -> None:
+    lacquer = pixar(0.5, "transmit", **FULL)
     for layers in (
         [base(roughness=0.0, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=0.0, baseColor=(0.0, 0.0, 0.0))],
         [base(baseColor=textures["a"], clearcoat=textures["mask"], subsurface=1.0, sheen=1.0, sheenTint=1.0)],
         [base(variant="2012", metallic=1.0, baseColor=(0.0, 0.0, 0.0), specular=0.0)],
         [pixar(roughness=0.0, surfaceColor=(0.0, 0.0, 0.0), ior=1.0, presence=0.0)],
-        [
-            pixar(roughness=textures["mask"], clear=1.0, highlightNormal=(1.0, 0.0, -1.0)),
-            pixar(0.5, "transmit", **FULL),
-        ],
+        [pixar(roughness=textures["mask"], clear=1.0, highlightNormal=(1.0, 0.0, -1.0)), lacquer],
     ):
         assert not re.search(r"\b(nan|inf)\b", surface(*layers, bounces=bounces).osl)
     for layers in ([DISNEY], [PIXAR], [PIXAR, replace(PIXAR, mode="transmit"), DISNEY]):
@@ -310,23 +261,15 @@ def test_literals(value: float, text: str) -> None:
     assert literal(value) == text
 
 
-def test_what_is_used_twice_has_a_name() -> None:
+def test_what_is_used_twice_has_a_name_and_a_condition_is_an_integer() -> None:
     graph = Graph()
     x = graph.symbol("x")
-    twice = graph.apply("sqrt", x)
+    twice, condition = graph.apply("sqrt", x), graph.apply("greater", x, 0.5)
     product = graph.apply("multiply", twice, twice)
     block = Block("s", indent=1)
     block.prepare([product])
-    assert block.expression(product) == "(s0 * s0)"
-    assert block.lines == ["    float s0 = sqrt(x);"]
-
-
-def test_a_condition_is_an_integer() -> None:
-    graph = Graph()
-    condition = graph.apply("greater", graph.symbol("x"), 0.5)
-    block = Block("s", indent=0)
-    assert block.name(condition) == "s0"
-    assert block.lines == ["int s0 = x > 0.5;"]
+    assert (block.expression(product), block.name(condition)) == ("(s0 * s0)", "s1")
+    assert block.lines == ["    float s0 = sqrt(x);", "    int s1 = x > 0.5;"]
 
 
 def light_sampled_in(source: ShaderSource) -> set[str]:
@@ -343,7 +286,7 @@ def test_broad_lobes_are_light_sampled() -> None:
     # The other lobes have a weight against the light's directions, all lobes against each other.
     assert code.count("bsdf_sampled_pdf += own_pdf;") == 2
     assert len(re.findall(r" pdf \+= ", code)) == 3
-    constant = surface(coated, light=replace(DOME, constant=True))
+    constant = surface(coated, lights=(replace(DOME, constant=True),))
     for without in (surface(coated, ibl_samples=0), constant, surface(base(metallic=1.0))):
         assert not light_sampled_in(without)
         assert "#define LIGHT_SAMPLED 0" in without.osl
@@ -359,10 +302,9 @@ def counts(source: ShaderSource) -> list[int]:
 
 
 def test_directions_are_few_at_the_first_hit_of_glossy_looks_in_recesses(textures: dict[str, Texture]) -> None:
-    def chosen(layer: Layer, *lights: Dome | SphereLight, bounces: int = 2, **given: int) -> list[int]:
-        options: dict[str, Any] = {"brdf_samples": None, "ibl_samples": None, "bounces": bounces} | given
-        options |= {"lights": lights or (DOME,), "resolution": (8, 8)}
-        return counts(generate_surface(Look("test", (layer,)), lambda source: textures["mask"].file, **options))
+    def chosen(layer: Layer, light: Dome | SphereLight = DOME, **options: int) -> list[int]:
+        automatic: dict[str, Any] = {"brdf_samples": None, "ibl_samples": None, "bounces": 2}
+        return counts(surface(layer, lights=(light,), **automatic | options))
 
     # Whatever says how glossy it is.
     rough = replace(textures["mask"], scale=(0.5,) * 4)
@@ -413,7 +355,7 @@ def test_an_unknown_section_is_reported() -> None:
 
 def test_the_digest_names_text_and_content(textures: dict[str, Texture]) -> None:
     source = surface(base(baseColor=textures["a"]))
-    assert surface(base(baseColor=textures["a"])).digest == source.digest
+    assert surface(base(baseColor=textures["a"])) == source
     assert surface(base(baseColor=textures["a"], roughness=0.4)).digest != source.digest
     assert surface(base(baseColor=textures["a"]), bounces=2).digest != source.digest
     textures["a"].file.write_bytes(b"other content")
@@ -432,11 +374,6 @@ def test_the_digest_of_points_is_that_of_their_text() -> None:
     source = generate_points([DISNEY])
     assert source.digest == hashlib.sha256(source.osl.encode()).hexdigest()
     assert source.digest != generate_points([replace(DISNEY, tokens={"variant": "2012"})]).digest
-
-
-def test_text_is_the_same_every_time(textures: dict[str, Texture]) -> None:
-    layers = [base(baseColor=textures["a"], clearcoat=0.5), base(textures["mask"], sheen=1.0, subsurface=0.5)]
-    assert surface(*layers).osl == surface(*layers).osl
 
 
 def test_names_that_have_a_meaning_in_cycles_or_here_are_not_kept():

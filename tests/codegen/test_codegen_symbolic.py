@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_parameters import directions
 
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
@@ -171,14 +172,7 @@ _ENDS = {layers[0][0] if len(layers) == 1 else name: name for name, layers in _S
 def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph: Graph) -> None:
     rng = np.random.default_rng(2)
     count = 500
-
-    def directions() -> Any:
-        cos = rng.uniform(1e-3, 1.0, count)
-        phi = rng.uniform(0.0, 2.0 * np.pi, count)
-        sin = np.sqrt(1.0 - cos * cos)
-        return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
-
-    wo, wi = directions(), directions()
+    wo, wi = directions(rng, count), directions(rng, count)
     numbers: dict[str, Any] = {"u1": rng.random(count), "u2": rng.random(count)}
     direct, traced = [], []
     for place, (model, tokens, mode) in enumerate(_STACKS[name]):

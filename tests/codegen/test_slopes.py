@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_parameters import VARIANTS, directions, near_the_mirror_image, random_parameters
+from test_codegen_symbolic import compute
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.codegen import ProgramSource
@@ -19,13 +20,9 @@ COUNT = 200
 STEP = 1e-5
 
 
+@np.errstate(all="ignore")  # of branches that are not taken
 def run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
     """Return the elements (..., n) of each output: a program's operations have NumPy's names."""
-    with np.errstate(all="ignore"):  # branches that are not taken
-        return _run(source, symbols)
-
-
-def _run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
     tables = [np.load(each.path).astype(np.float64) for each in source.tables]
     known: list[Any] = []
     for each in source.operations:
@@ -66,7 +63,8 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
     numbers = {}
     for name, value in drawn.items():
         low, high = parameters[name].hard
-        if parameters[name].kind in ("float", "color") and not _left_out(model, name, value):
+        left_out = parameters[name].optional and bool(np.all(value == np.asarray(parameters[name].default)))
+        if parameters[name].kind in ("float", "color") and not left_out:
             # Away from the ends, where pictures are not differentiable.
             numbers[name] = np.clip(value, low + 0.07 * (high - low), high - 0.07 * (high - low))
     tokens_of = {name: each for name, each in drawn.items() if isinstance(each, str)}
@@ -110,7 +108,7 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
 def test_each_operation_has_its_derivative(op: str) -> None:
     graph = Graph()
     a, b = graph.symbol("a"), graph.symbol("b")
-    arity = {"where": 3}.get(op, getattr(np, op).nin if hasattr(np, op) and op != "where" else 3)
+    arity = getattr(getattr(np, op), "nin", 3)  # where, which is no ufunc, has three
     arguments = [graph.apply("greater", a, b), a, b][3 - arity :] if arity == 3 else [a, b][:arity]
     if op.startswith("logical"):
         return  # of conditions
@@ -118,9 +116,9 @@ def test_each_operation_has_its_derivative(op: str) -> None:
     x, y, h = 0.7, 0.4, 1e-6
     for name, (dx, dy) in {"a": (h, 0.0), "b": (0.0, h)}.items():
         (slope,) = slopes(graph, [root], name)
-        there = _value(slope, x, y)
-        difference = (_value(root, x + dx, y + dy) - _value(root, x - dx, y - dy)) / (2.0 * h)
-        assert float(there) == pytest.approx(difference, abs=1e-8)
+        there = compute(slope, {"a": x, "b": y}, {})
+        above, below = (compute(root, {"a": x + k * dx, "b": y + k * dy}, {}) for k in (1.0, -1.0))
+        assert float(there) == pytest.approx((float(above) - float(below)) / (2.0 * h), abs=1e-8)
 
 
 def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
@@ -128,7 +126,7 @@ def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
     a, b = graph.symbol("a"), graph.symbol("b")
     (slope,) = slopes(graph, [graph.apply("arctan2", a, b)], "a")
     with np.errstate(invalid="ignore"):  # of the branch that is not taken
-        assert float(_value(slope, 0.0, 0.0)) == 0.0
+        assert compute(slope, {"a": 0.0, "b": 0.0}, {}) == 0.0
 
 
 def test_a_direction_that_turns_is_refused() -> None:
@@ -139,22 +137,8 @@ def test_a_direction_that_turns_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("rougness", "did you mean"), ("normal", "is a normal"), ("variant", "is a token")],
+    ("name", "words"), [("rougness", "did you mean"), ("normal", "is a normal"), ("variant", "is a token")]
 )
 def test_what_is_no_constant_is_refused(name: str, words: str) -> None:
     with pytest.raises(ModelError, match=words):
         constant_of(Look("look", (Layer("Layer", "disney", {}),)), name)
-
-
-def _value(node: Any, x: float, y: float) -> Any:
-    if not hasattr(node, "op"):
-        return float(node)
-    if node.op == "symbol":
-        return {"a": x, "b": y}[node.args[0]]
-    return getattr(np, node.op)(*(_value(each, x, y) for each in node.args)).astype(float)
-
-
-def _left_out(model: str, name: str, value: Any) -> bool:
-    parameter = MODELS[model].parameters[name]
-    return parameter.optional and bool(np.all(np.asarray(value) == parameter.default))
