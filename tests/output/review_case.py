@@ -44,35 +44,23 @@ def write_job(
             for turntable, count in turntables.items():
                 for frame in range(count):
                     degrees = 360.0 * frame / count
+                    factor = 1.0 if number else gain
                     clean, alpha = picture(number, other, np.radians(degrees), size)
-                    clean = clean * (gain if number == 0 else 1.0)
-                    halves = [clean * (1.0 + NOISE * rng.standard_normal(clean.shape)) for _ in range(2)]
-                    write(
-                        folder / look / rig / f"{turntable}.{frame + 1:04d}.exr",
-                        halves,
-                        alpha,
-                        degrees,
-                        seed,
-                        1.0 if number else gain,
-                        error,
-                    )
+                    noise = NOISE * rng.standard_normal((2, *clean.shape))
+                    a, b = (factor * clean * (1.0 + noise)).astype(np.float32)
+                    header = header_of(look, rig, turntable, degrees, seed, factor)
+                    header["relmse"] = repr(relmse_of_halves(a, b, alpha.astype(np.float32)))
+                    file = folder / look / rig / f"{turntable}.{frame + 1:04d}.exr"
+                    write_frame(file, (a + b) / 2, alpha, header, {"error": standard_error(a, b)} if error else {})
     return folder
 
 
-def write(
-    file: Path, halves: list[np.ndarray], alpha: np.ndarray, degrees: float, seed: int, gain: float, error: bool
-) -> None:
-    look, rig, turntable = file.parts[-3], file.parts[-2], file.name.partition(".")[0]
+def header_of(look: str, rig: str, turntable: str, degrees: float, seed: int, gain: float) -> dict[str, str]:
     parts = {"look": f"{look} {gain}", "ibl": rig, "pose": f"{turntable} {degrees}", "render": str(seed)}
     digests = {f"digest.{name}": hashlib.sha256(text.encode()).hexdigest() for name, text in parts.items()}
-    a, b = (half.astype(np.float32) for half in halves)
-    header = {
+    return {
         "job": "/jobs/ball.toml", "asset": "ball", "look": look, "ibl": rig, "turntable": turntable,
-        "pose.element": str(degrees if turntable == "element" else 0.0),
-        "pose.lighting": str(degrees if turntable == "lighting" else 0.0),
+        "pose.element": "0.0", "pose.lighting": "0.0", f"pose.{turntable}": str(degrees),
         "exposure": "0.0", **digests, "digest": hashlib.sha256(repr(parts).encode()).hexdigest(),
-        "samples": "64", "seconds": "1.5", "relmse": repr(relmse_of_halves(a, b, alpha.astype(np.float32))),
-        "version.lookdev": "0.1.0", "time": "2026-01-01T00:00:00+00:00",
+        "samples": "64", "seconds": "1.5", "version.lookdev": "0.1.0", "time": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    layers = {"error": standard_error(a, b)} if error else {}
-    write_frame(file, (a + b) / 2, alpha, header, layers)

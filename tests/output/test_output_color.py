@@ -1,6 +1,7 @@
 import colorsys
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,12 +56,6 @@ def test_the_rest_of_the_shipped_config_is_opencolorio_s() -> None:
 TOLERANCE = 1e-4
 
 
-def test_what_is_not_bright_is_shown_as_it_is(colors: np.ndarray) -> None:
-    dim = colors[colors.max(axis=-1) <= KNEE]
-    assert len(dim) > 500
-    np.testing.assert_allclose(shown(dim), shown(dim, "Un-tone-mapped"), atol=TOLERANCE)
-
-
 def test_hue_and_saturation_stay(colors: np.ndarray) -> None:
     for given, seen in zip(colors, linear(shown(colors)), strict=True):
         hue, saturation, value = colorsys.rgb_to_hsv(*given)
@@ -79,10 +74,6 @@ def test_the_curve_rises_to_white_without_a_corner() -> None:
     curve = linear(shown(np.repeat(values[:, None], 3, axis=-1)))[:, 0]
     assert (np.diff(curve) > 0.0).all()
     assert curve[-1] == pytest.approx(1.0, abs=TOLERANCE)
-    a = shoulder()
-    step = 1e-4
-    above = a * np.log1p(step / a) / step
-    assert above == pytest.approx(1.0, abs=step / a)  # the slope on both sides of the knee
     assert shown([[WHITE * 100.0] * 3]) == pytest.approx(1.0, abs=TOLERANCE)
 
 
@@ -103,14 +94,12 @@ def test_a_studio_s_config_knows_linear_rec709_by_its_roles() -> None:
 
 def studio(folder: Path, gain: float = 2.0) -> Path:
     """Write a config as small as one can be, without interchange roles, with a table beside it."""
+    folder.mkdir(exist_ok=True)
     config = ocio.Config()
     config.setVersion(2, 0)
     config.setSearchPath(".")
     config.addColorSpace(ocio.ColorSpace(name="plain"))
-    file = ocio.FileTransform("gain.spimtx")
-    config.addColorSpace(
-        ocio.ColorSpace(name="bright", fromReference=file, encoding="sdr-video", family="", equalityGroup="")
-    )
+    config.addColorSpace(ocio.ColorSpace(name="bright", fromReference=ocio.FileTransform("gain.spimtx")))
     config.setRole("default", "plain")
     config.setRole("scene_linear", "plain")
     config.addDisplayView("wall", "house", "bright")
@@ -122,24 +111,21 @@ def studio(folder: Path, gain: float = 2.0) -> Path:
 
 def test_a_config_without_roles_needs_the_name_of_the_space(tmp_path: Path) -> None:
     path = str(studio(tmp_path))
-    with pytest.raises(OutputError, match=r"name its colour space of linear Rec.709 by 'ocio_space'"):
-        DisplayView("house", "wall", path).check()
     view = DisplayView("house", "wall", path, "plain")
     assert to_display(np.full((1, 1, 3), 0.25), view).tolist() == [[[128, 128, 128]]]
-    with pytest.raises(OutputError, match=r"no colour space called 'plian' .did you mean 'plain'"):
-        DisplayView("house", "wall", path, "plian").check()
-    with pytest.raises(OutputError, match=r"no view of wall called 'hose' .did you mean 'house'"):
-        DisplayView("hose", "wall", path, "plain").check()
-    with pytest.raises(OutputError, match=r"no display called 'wal' .did you mean 'wall'"):
-        DisplayView("house", "wal", path, "plain").check()
+    for changes, message in (
+        ({"space": ""}, "name its colour space of linear Rec.709 by 'ocio_space'"),
+        ({"space": "plian"}, "no colour space called 'plian' .did you mean 'plain'"),
+        ({"view": "hose"}, "no view of wall called 'hose' .did you mean 'house'"),
+        ({"display": "wal"}, "no display called 'wal' .did you mean 'wall'"),
+    ):
+        with pytest.raises(OutputError, match=message):
+            replace(view, **changes).check()
 
 
 def test_a_digest_is_that_of_what_is_done_to_colours(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    (tmp_path / "c").mkdir()
-    one, same, other = (studio(tmp_path / name, gain) for name, gain in (("a", 2.0), ("b", 2.0), ("c", 3.0)))
-    digests = [DisplayView("house", "wall", str(path), "plain").digest for path in (one, same, other)]
+    paths = [studio(tmp_path / name, gain) for name, gain in (("a", 2.0), ("b", 2.0), ("c", 3.0))]
+    digests = [DisplayView("house", "wall", str(path), "plain").digest for path in paths]
     assert digests[0] == digests[1] != digests[2]
     assert len({DisplayView(view).digest for view in VIEWS}) == len(VIEWS)
 

@@ -1,3 +1,4 @@
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,23 +17,19 @@ from lookdev.space import to_rec709
 pytestmark = pytest.mark.both_pythons
 
 HEADER = {
-    "digest": "ab" * 32,
-    "job": "Käfer; \"x\" = 'y'",
-    "samples": 64,
-    "seed": 2**63 + 1,
-    "error": 1.1e-4,
-    "note": "",
-}
+    "digest": "ab" * 32, "job": "Käfer; \"x\" = 'y'", "samples": 64, "seed": 2**63 + 1, "error": 1.1e-4, "note": "",
+}  # fmt: skip
+Frame = tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture
-def frame() -> tuple[np.ndarray, np.ndarray]:
+def frame() -> Frame:
     rng = np.random.default_rng(1)
     beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # negative and huge values are kept too
     return beauty, rng.random((30, 20)).astype(np.float32)
 
 
-def test_round_trip_is_exact(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+def test_round_trip_is_exact(tmp_path: Path, frame: Frame) -> None:
     path = tmp_path / "look" / "city" / "turn.0001.exr"
     write_frame(path, *frame, HEADER)
     beauty, alpha = read_frame(path)
@@ -44,31 +41,23 @@ def test_round_trip_is_exact(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def test_file_is_one_scanline_part_of_floats(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
-    path = tmp_path / "a.exr"
-    write_frame(path, *frame, {"look": "paint"})
-    with OpenEXR.File(str(path), separate_channels=True) as exr:
-        assert len(exr.parts) == 1
-        header, channels = exr.header(), exr.channels()
-        assert header["type"] == OpenEXR.scanlineimage
-        assert header["lookdev:look"] == "paint"
-        assert {name: channel.pixels.dtype for name, channel in channels.items()} == dict.fromkeys(
-            "ABGR", np.dtype(np.float32)
-        )
-
-
-def test_further_channels_and_a_header_of_any_length_are_kept(
-    tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]
+def test_a_file_is_one_scanline_part_of_floats_with_further_channels_and_a_header_of_any_length(
+    tmp_path: Path, frame: Frame
 ) -> None:
     path, note, depth = tmp_path / "a.exr", "long " * 20000, np.arange(600.0).reshape(30, 20)
     write_frame(path, *frame, {"note": note}, planes={"depth.Z": depth[:, ::-1]}, attributes={"worldToCamera": "text"})
-    assert read_header(path)["note"] == note
     with OpenEXR.File(str(path), separate_channels=True) as exr:
-        assert exr.header()["worldToCamera"] == "text"
-        np.testing.assert_array_equal(exr.channels()["depth.Z"].pixels, depth[:, ::-1].astype(np.float32))
+        assert len(exr.parts) == 1
+        header, channels = exr.header(), exr.channels()
+        assert (header["type"], header["lookdev:note"]) == (OpenEXR.scanlineimage, note)
+        assert header["worldToCamera"] == "text"
+        assert {name: channel.pixels.dtype for name, channel in channels.items()} == dict.fromkeys(
+            [*"ABGR", "depth.Z"], np.dtype(np.float32)
+        )
+        np.testing.assert_array_equal(channels["depth.Z"].pixels, depth[:, ::-1].astype(np.float32))
 
 
-def test_a_frame_of_another_space_is_shown_in_rec709(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_frame_of_another_space_is_shown_in_rec709(tmp_path: Path, frame: Frame) -> None:
     path = tmp_path / "a.exr"
     for space, shown in (("rec709", frame[0]), ("acescg", to_rec709(frame[0], "acescg").astype(np.float32))):
         write_frame(path, *frame, {"space": space}, space=space)
@@ -84,13 +73,6 @@ def test_the_resolution_is_that_of_the_data_window(tmp_path: Path) -> None:
     assert read_header(tmp_path / "a.exr", check=False) == {"look": "paint", "resolution": "4 x 3"}
 
 
-def test_rewriting_replaces(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
-    path = tmp_path / "a.exr"
-    for digest in ("old", "new"):
-        write_frame(path, *frame, {"digest": digest})
-    assert read_header(path) == {"digest": "new", "resolution": "20 x 30"}
-
-
 def test_foreign_exr_has_an_empty_header(tmp_path: Path) -> None:
     with OpenEXR.File({"comments": "x"}, {"Y": np.zeros((2, 2), np.float32)}) as exr:
         exr.write(str(tmp_path / "y.exr"))
@@ -100,7 +82,7 @@ def test_foreign_exr_has_an_empty_header(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [1, 400, 4000])
-def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray], cut: int) -> None:
+def test_truncated_frame_is_detected(tmp_path: Path, frame: Frame, cut: int) -> None:
     path = tmp_path / "a.exr"
     write_frame(path, *frame, HEADER)
     path.write_bytes(path.read_bytes()[:-cut])
@@ -110,7 +92,7 @@ def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np
         read_header(path)
 
 
-def test_an_altered_byte_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+def test_an_altered_byte_is_detected(tmp_path: Path, frame: Frame) -> None:
     path = tmp_path / "a.exr"
     write_frame(path, *frame, HEADER)
     whole = path.read_bytes()
@@ -134,24 +116,18 @@ def test_a_frame_of_a_version_without_checksums_is_whole(tmp_path: Path) -> None
     assert (read_frame(path)[0] == 0.5).all()
 
 
-@pytest.mark.parametrize("content", [b"", b"not an image", None])
-def test_unreadable_files(tmp_path: Path, content: bytes | None) -> None:
+@pytest.mark.parametrize("content", [b"", b"not an image", None, "header"])
+def test_unreadable_files(tmp_path: Path, frame: Frame, content: bytes | str | None) -> None:
     path = tmp_path / "a.exr"
-    if content is not None:
+    if content == "header":
+        write_frame(path, *frame, HEADER)
+        os.truncate(path, 200)
+    elif content is not None:
         path.write_bytes(content)
-    with pytest.raises(OutputError, match="no readable EXR header") as caught:
+    with pytest.raises(OutputError, match=rf"{path}.*no readable EXR header"):
         read_header(path)
-    assert str(path) in str(caught.value)
     with pytest.raises(OutputError, match="not a whole frame"):
         read_frame(path)
-
-
-def test_header_cut_off_in_the_middle(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
-    path = tmp_path / "a.exr"
-    write_frame(path, *frame, HEADER)
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(OutputError, match="no readable EXR header"):
-        read_header(path)
 
 
 def test_shapes_must_belong_together(tmp_path: Path) -> None:
@@ -174,17 +150,9 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.cache._temporary", on_full)
 
 
-def test_a_frame_and_a_picture_on_a_full_disk(
-    tmp_path: Path, full_disk: None, frame: tuple[np.ndarray, np.ndarray]
-) -> None:
+def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, full_disk: None, frame: Frame) -> None:
     """The libraries do not report what is lost as they close a file."""
     with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
         write_frame(tmp_path / "a.exr", *frame, {})
     with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):
         write_png(tmp_path / "a.png", frame[0] * 0.0, None, "Raw")
-
-
-def test_unwritable_place(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OutputError, match="cannot write the frame"):
-        write_frame(tmp_path / "file" / "a.exr", *frame, {})

@@ -149,16 +149,14 @@ def test_samples_are_bounded_and_a_sum_that_is_set_is_reached(samples: int) -> N
 
 
 def test_seeds_suffice_however_small_the_target() -> None:
-    frame = Simulated(np.random.default_rng(5))
-    rounds = len(list(frame.run(samples=2**20, error=1e-7)))
-    assert rounds <= 32
+    assert len(list(Simulated(np.random.default_rng(5)).run(samples=2**20, error=1e-7))) <= 32
 
 
 def test_a_frame_whose_rounds_agree_is_rendered_whole() -> None:
     halves = Half(SIDE, SIDE), Half(SIDE, SIDE)
-    for half in halves:
-        for (region,) in (whole(8)[0], whole(8)[0]):
-            half.add(region, TRUTH.astype(np.float32), ALPHA.astype(np.float32))
+    (region,), _ = whole(8)
+    for half in (*halves, *halves):
+        half.add(region, TRUTH.astype(np.float32), ALPHA.astype(np.float32))
     assert plan_regions(*halves, 0.5, 1.0, 100.0) == (Region(slice(0, SIDE), slice(0, SIDE), 16),)
 
 
@@ -200,18 +198,15 @@ def test_no_tile_is_less_than_half_as_long_as_others(size: int, side: int) -> No
 def test_a_box_is_cut_where_both_parts_together_take_the_least_time(seed: int) -> None:
     error, time = np.random.default_rng(seed).random((2, 1, 7)) ** 3
     boxes, parts = adaptive._cut_in_two(error, time)
-    works = [
-        sum(np.sqrt(error[0, part].sum() * time[0, part].sum()) for part in (slice(0, cut), slice(cut, 7)))
-        for cut in range(1, 7)
-    ]
+    cuts = [(slice(0, cut), slice(cut, 7)) for cut in range(1, 7)]
+    works = [sum(np.sqrt(error[0, part].sum() * time[0, part].sum()) for part in cut) for cut in cuts]
+    least = np.argmin(works) + 1
     assert parts[0] == (1, 2)
-    assert boxes[:3].tolist() == [[0, 1, 0, 7], [0, 1, 0, np.argmin(works) + 1], [0, 1, np.argmin(works) + 1, 7]]
+    assert boxes[:3].tolist() == [[0, 1, 0, 7], [0, 1, 0, least], [0, 1, least, 7]]
 
 
 @pytest.mark.parametrize(("number", "growth"), [(5, 0.05), (24, 1.0)])
-def test_a_round_over_rectangles_adds_a_part_of_the_samples_and_late_ones_double_them(
-    number: int, growth: float
-) -> None:
+def test_a_round_over_rectangles_adds_a_part_and_late_ones_double(number: int, growth: float) -> None:
     frame = Simulated(np.random.default_rng(8))
     frame.take(whole(64))
     frame.take(whole(64))

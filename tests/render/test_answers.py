@@ -42,22 +42,22 @@ for line in sys.stdin:
 def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
     task = one_frame(scene, Pose(0.0, 0.0), "d16e57")
     reported: list[Progress] = []
-    log = tmp_path / "worker.log"
-    scratch = tmp_path / "scratch"
+    log, scratch = tmp_path / "worker.log", tmp_path / "scratch"
     scratch.mkdir()
     with Worker((sys.executable, "-c", WORKER), log, scratch, 60.0) as worker:
         worker.start()
-        with pytest.raises(RenderError, match=r"^RenderError: too dark$"):
-            worker.render(replace(task, exposure=-1.0), reported.append)
+        for exposure, error, message in (
+            (-1.0, RenderError, "^RenderError: too dark$"),
+            (1.0, OutputError, "^too dark$"),
+        ):
+            with pytest.raises(error, match=message):
+                worker.render(replace(task, exposure=exposure), reported.append)
         assert reported == []
-        with pytest.raises(OutputError, match=r"^too dark$"):
-            worker.render(replace(task, exposure=1.0), reported.append)
         rendered = worker.render(task, reported.append)
     assert reported == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
-    np.testing.assert_array_equal(rendered.a, image)
-    np.testing.assert_array_equal(rendered.b, 2 * image)
-    np.testing.assert_array_equal(rendered.alpha, image[..., 0])
+    for found, expected in ((rendered.a, image), (rendered.b, 2 * image), (rendered.alpha, image[..., 0])):
+        np.testing.assert_array_equal(found, expected)
     assert (rendered.samples, rendered.seconds, rendered.blender) == (8, 0.5, "none 1.0")
     assert np.isnan(rendered.relmse)
     assert 300e6 < rendered.memory < 900e6
@@ -68,9 +68,7 @@ def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
     assert list(scratch.iterdir()) == []
 
 
-def test_arrays_that_cannot_be_written_are_an_error_of_the_output(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arrays_that_cannot_be_written_are_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path / "none"))
     image = np.zeros((4, 4, 3), np.float32)
     with pytest.raises(OutputError, match="none: a rendered frame cannot be written: No such file or directory"):

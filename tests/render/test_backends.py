@@ -1,12 +1,14 @@
 """The registry of backends: each entry is whole, its tasks travel, and a new entry is all that a new backend needs."""
 
 import importlib
+import itertools
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from usd_text import job_toml
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content
@@ -25,6 +27,7 @@ from lookdev.scene import Pose, Sampling, Scene
 
 PAINT = {"baseColor": (0.46, 0.02, 0.02), "roughness": 0.4, "clearcoat": 1.0, "clearcoatGloss": 0.9}
 LOOK = Look("paint", (Layer("Paint", "disney", PAINT),))
+LEAF = Look("leaf", (Layer("Leaf", "pixar", {"clear": 0.3}),))
 
 # Renders every look at the length of its name, on a worker that imports this module.
 FLAT = """
@@ -87,35 +90,28 @@ def test_an_entry_is_whole_and_its_tasks_travel(backend: Backend) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS.values(), ids=BACKENDS)
 def test_a_look_is_shown_or_the_reason_is_given(backend: Backend) -> None:
-    leaf = Look("leaf", (Layer("Leaf", "pixar", {"clear": 0.3}),))
-    if reason := backend.cannot_show(leaf):
+    if reason := backend.cannot_show(LEAF):
         with pytest.raises(CodegenError, match="one Disney layer") as caught:
-            scene_task(shown(leaf), Sampling(), backend.name)
+            scene_task(shown(LEAF), Sampling(), backend.name)
         assert str(caught.value) == reason
     else:
-        assert scene_task(shown(leaf), Sampling(), backend.name).shaders
+        assert scene_task(shown(LEAF), Sampling(), backend.name).shaders
 
 
 def test_sources_are_of_the_backend(scene: SceneTask) -> None:
     portal = replace(scene_task(shown(), Sampling(), "nodes").shaders[0], exact=True)
-    for sources, found in (
-        ((), "none"),
-        ((generate_principled(LOOK),), "PrincipledSource"),
-        ((scene.shaders[0], generate_principled(LOOK)), "PrincipledSource, ShaderSource"),
+    for backend, sources, message in (
+        ("exact", (), "takes a ShaderSource for every slot, found: none"),
+        ("exact", (scene.shaders[0], generate_principled(LOOK)), "found: PrincipledSource, ShaderSource"),
+        ("nodes", (portal,), "takes a NodeSource for every slot, found: NodeSource that is exact"),
     ):
-        with pytest.raises(ValueError, match=f"'exact' takes a ShaderSource for every slot, found: {found}"):
-            replace(scene, shaders=sources)
-    with pytest.raises(ValueError, match="'nodes' takes a NodeSource for every slot, found: NodeSource that is exact"):
-        replace(scene, backend="nodes", shaders=(portal,))
+        with pytest.raises(ValueError, match=f"'{backend}' .*{message}"):
+            replace(scene, backend=backend, shaders=sources)
 
 
 def test_a_convex_asset_has_no_bounces_unless_light_gets_inside() -> None:
-    leaf = Look("leaf", (Layer("Leaf", "pixar", {"clear": 0.3}),))
-    found = {
-        (asset, look.name): scene_task(shown(look, asset), Sampling())
-        for asset in ("plane", "sphere", "shaderball")
-        for look in (LOOK, leaf)
-    }
+    cases = itertools.product(("plane", "sphere", "shaderball"), (LOOK, LEAF))
+    found = {(asset, look.name): scene_task(shown(look, asset), Sampling()) for asset, look in cases}
     assert {key for key, task in found.items() if not task.sampling.bounces} == {
         ("plane", "paint"), ("plane", "leaf"), ("sphere", "paint")
     }  # fmt: skip
@@ -140,13 +136,7 @@ def test_a_backend_is_added_by_its_entry(tmp_path: Path, monkeypatch: pytest.Mon
             frame = render(one_frame(scene_task(shown(), Sampling(), "flat"), Pose(0.0, 0.0), "frame"))
         assert (frame.a == float(len("paint"))).all()
         (tmp_path / "look.usda").touch()
-        job = """output = "out"
-        asset = { builtin = "plane" }
-        look = [{ name = "paint", material = "look.usda" }]
-        ibl = [{ name = "white", builtin = "white" }]
-        turntable = [{ kind = "element", frames = 1 }]
-        render = { backend = "flat" }
-        """
+        job = job_toml("paint = look.usda", render='{ backend = "flat" }')
         assert parse_job(job, tmp_path / "job.toml").render.backend == "flat"
     finally:
         BACKENDS.pop("flat", None)

@@ -1,5 +1,6 @@
 """Sources of the cache are those that would be generated, and follow every value and image that they depend on."""
 
+import itertools
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from lookdev.render.kept import kept_source
 from lookdev.scene import Sampling
 
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.1 + 0.2, "baseColor": (0.1, 1 / 3, 2e-7)}),))
+Counted = tuple[Backend, list[str]]
 
 
 @pytest.fixture
@@ -29,7 +31,7 @@ def light(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Dome:
 
 
 @pytest.fixture
-def counted() -> tuple[Backend, list[str]]:
+def counted() -> Counted:
     """The exact backend, and the names of the looks that it generates."""
     made: list[str] = []
 
@@ -55,9 +57,7 @@ def setting_of(light: Dome, **sampling: int) -> Setting:
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)
-def test_a_kept_source_is_the_generated_one(
-    model: str, light: Dome, counted: tuple[Backend, list[str]], tmp_path: Path
-) -> None:
+def test_a_kept_source_is_the_generated_one(model: str, light: Dome, counted: Counted, tmp_path: Path) -> None:
     backend, made = counted
     layers = (Layer("Base", model, dict(MODELS[model].probe)), Layer("Dust", "disney", mask=Primvar("dust", 0.5)))
     map_ = Texture(painted(tmp_path / "map.exr", 0.25), "r", "raw")
@@ -71,7 +71,7 @@ def test_a_kept_source_is_the_generated_one(
     assert made == ["any"] * (2 if measured else 1)
 
 
-def test_what_a_source_depends_on_makes_another(light: Dome, counted: tuple[Backend, list[str]]) -> None:
+def test_what_a_source_depends_on_makes_another(light: Dome, counted: Counted) -> None:
     backend, made = counted
     layer = GREY.layers[0]
     looks = [
@@ -82,16 +82,13 @@ def test_what_a_source_depends_on_makes_another(light: Dome, counted: tuple[Back
     ]
     settings = [setting_of(light), setting_of(light, bounces=3), replace(setting_of(light), shadows=False)]
     settings.append(replace(settings[0], resolution=(8, 9)))
-    for look in looks:
-        for setting in settings:
-            for lit in ((), ("another kind",)):
-                kept_source(backend, look, setting, lit)
-    assert len(made) == len(looks) * len(settings) * 2
+    for look, setting, lit in itertools.product(looks, settings, ((), ("another kind",))):
+        kept_source(backend, look, setting, lit)
     kept_source(backend, replace(GREY, source="elsewhere.usda"), settings[0], ())
     assert len(made) == len(looks) * len(settings) * 2
 
 
-def test_the_content_of_an_image_decides(light: Dome, counted: tuple[Backend, list[str]], tmp_path: Path) -> None:
+def test_the_content_of_an_image_decides(light: Dome, counted: Counted, tmp_path: Path) -> None:
     backend, made = counted
     file, setting = painted(tmp_path / "map.exr", 0.25), setting_of(light)
     times, content = file.stat(), file.read_bytes()
@@ -118,9 +115,7 @@ def test_the_content_of_an_image_decides(light: Dome, counted: tuple[Backend, li
     assert made == ["mapped"] * 3
 
 
-def test_what_more_may_affect_is_generated_anew(
-    light: Dome, counted: tuple[Backend, list[str]], tmp_path: Path
-) -> None:
+def test_what_more_may_affect_is_generated_anew(light: Dome, counted: Counted, tmp_path: Path) -> None:
     backend, made = counted
     setting = setting_of(light)
     noise = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
@@ -136,7 +131,7 @@ def test_what_more_may_affect_is_generated_anew(
     assert made == [look.name for look in looks] * 2
 
 
-def test_a_damaged_record_is_made_again(light: Dome, counted: tuple[Backend, list[str]], tmp_path: Path) -> None:
+def test_a_damaged_record_is_made_again(light: Dome, counted: Counted, tmp_path: Path) -> None:
     backend, made = counted
     first = kept_source(backend, GREY, setting_of(light), ())
     (record,) = (tmp_path / "cache" / "sources").iterdir()

@@ -19,31 +19,27 @@ from lookdev.scene import Pose
 
 @pytest.fixture
 def task(scene: SceneTask) -> FrameTask:
+    scene = replace(scene, sampling=replace(scene.sampling, error=1e-3))
     files = (Path("/out/a b.0001.exr"), Path("/out/\u00fc.0001.exr"))
     return FrameTask(scene, Pose(0.1, 359.99999999999994), -0.3, "d16e57", files, {"look": 'a "b"\n\u2028'})
 
 
 def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
     line = encode(task)
-    assert "\n" not in line
-    assert "\r" not in line
-    assert decode(line) == task
-    assert decode(line + "\n") == task
+    assert {"\n", "\r"} & {*line} == set()
+    assert decode(line) == decode(line + "\n") == task
 
 
 def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
-    scene = replace(
-        task.scene, backend="nodes", shaders=(node_source, replace(node_source, digest="1")), worn=(0, 1, 0)
-    )
+    shaders = node_source, replace(node_source, digest="1")
+    scene = replace(task.scene, backend="nodes", shaders=shaders, worn=(0, 1, 0))
     back = decode(encode(replace(task, scene=scene))).scene
     assert back == scene
     for source in back.shaders:
         assert isinstance(source, NodeSource)
         mix = source.trees[0].nodes[-1]
-        assert mix.properties["clamp_factor"] is False
-        assert mix.properties["clamp_result"] is True
-        assert isinstance(mix.inputs["B_Color"], Link)
-        assert isinstance(mix.inputs["A_Color"], tuple)
+        assert [type(mix.properties[name]) for name in ("clamp_factor", "clamp_result")] == [bool, bool]
+        assert [type(mix.inputs[name]) for name in ("B_Color", "A_Color")] == [Link, tuple]
 
 
 def test_a_scene_is_told_from_a_frame(task: FrameTask) -> None:
@@ -60,11 +56,6 @@ def test_floats_survive_exactly(task: FrameTask) -> None:
     for value in [*values, 5e-324, 1.7976931348623157e308, -0.0]:
         back = decode(encode(replace(task, exposure=value))).exposure
         assert struct.pack("d", back) == struct.pack("d", value)
-
-
-def test_a_target_error_survives(task: FrameTask) -> None:
-    scene = replace(task.scene, sampling=replace(task.scene.sampling, error=1e-3))
-    assert decode(encode(replace(task, scene=scene))).scene.sampling.error == 1e-3
 
 
 @pytest.mark.parametrize("line", ["", "{}", "[1]", '{"scene": 3}', '{"scene": {"backend": "x", "shaders": []}}'])

@@ -2,19 +2,24 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from batch_case import command, is_alive, make_job, make_plan, misbehave, requests, wait_until, worker_pids
 
 from lookdev.errors import RenderError, WorkerError
-from lookdev.render.task import FrameTask
+from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.worker import Worker, last_line
 
 pytestmark = pytest.mark.both_pythons
 
 FRAME = "element_0001"
 FAILED = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
+
+
+def ignore(progress: object) -> None:
+    """Take the progress of a frame."""
 
 
 @pytest.fixture
@@ -35,8 +40,7 @@ def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, t
     rendered = worker.render(task, reported.append)
     assert (rendered.a == 0.25).all()
     assert (rendered.b == 0.75).all()
-    assert rendered.alpha.shape == (6, 8)
-    assert rendered.a.dtype == np.float32
+    assert (rendered.alpha.shape, rendered.a.dtype) == ((6, 8), np.float32)
     assert (rendered.samples, rendered.seconds, rendered.relmse) == (8, 0.125, 0.01)
     assert rendered.blender == "4.5.0 fake"
     assert [(progress.samples, progress.of, progress.relmse) for progress in reported] == [(4, 8, None), (8, 8, 0.01)]
@@ -44,16 +48,14 @@ def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, t
 
 
 def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
-    worker.launch()
-    worker.launch()
-    worker.start()
-    worker.start()
-    assert worker.render(task, lambda progress: None).blender == "4.5.0 fake"
-    assert len(worker_pids(tmp_path)) == 1
-    worker.kill()
-    worker.start()  # another one
-    assert worker.render(task, lambda progress: None).blender == "4.5.0 fake"
-    assert len(worker_pids(tmp_path)) == 2
+    for count in (1, 2):
+        worker.launch()
+        worker.launch()
+        worker.start()
+        worker.start()
+        assert worker.render(task, ignore).blender == "4.5.0 fake"
+        assert len(worker_pids(tmp_path)) == count
+        worker.kill()
 
 
 def test_a_worker_does_not_see_the_config_of_a_studio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,27 +68,31 @@ def test_a_worker_does_not_see_the_config_of_a_studio(tmp_path: Path, monkeypatc
         wait_until(lambda: seen.exists() and seen.read_text() == "(None, 'kept')")
 
 
-@pytest.mark.parametrize("size", [10, 300_000])  # the second fills the pipe
+def long_scene(task: FrameTask, size: int = 1 << 20) -> SceneTask:
+    """Return the scene of a task with a shader of a length, by default more than a pipe holds."""
+    (source,) = task.scene.shaders
+    return replace(task.scene, shaders=(replace(source, osl=size * "x"),))
+
+
+@pytest.mark.parametrize("size", [10, 1 << 20])
 def test_a_scene_is_sent_ahead_of_its_frames_without_an_answer(
     worker: Worker, task: FrameTask, tmp_path: Path, size: int
 ) -> None:
-    (source,) = task.scene.shaders
-    scene = replace(task.scene, shaders=(replace(source, osl=size * "x"),))
+    scene = long_scene(task, size)
     worker.prepare(scene)  # to nobody
     worker.launch()
     worker.prepare(scene)
     worker.prepare(scene)
     worker.start()
     worker.prepare(scene)  # too late
-    assert (worker.render(task, lambda progress: None).a == 0.25).all()
+    assert (worker.render(task, ignore).a == 0.25).all()
     assert requests(tmp_path) == ["scene", "element.0001.exr"]
 
 
 def test_a_worker_that_dies_before_it_reads_a_scene_is_reported_by_its_start(task: FrameTask, tmp_path: Path) -> None:
     with Worker((sys.executable, "-c", "raise SystemExit(3)"), tmp_path / "worker.log", tmp_path) as worker:
         worker.launch()
-        (source,) = task.scene.shaders
-        worker.prepare(replace(task.scene, shaders=(replace(source, osl=300_000 * "x"),)))
+        worker.prepare(long_scene(task))
         with pytest.raises(WorkerError, match="exit code 3"):
             worker.start()
 
@@ -114,62 +120,49 @@ def test_a_misbehaving_worker_is_killed_and_can_start_again(
     misbehave(tmp_path, **{FRAME: [what, "ok"]})
     worker.start()
     with pytest.raises(WorkerError, match=message):
-        worker.render(task, lambda progress: None)
+        worker.render(task, ignore)
     assert not is_alive(worker_pids(tmp_path)[0])
     worker.start()
-    assert worker.render(task, lambda progress: None).samples == 8
+    assert worker.render(task, ignore).samples == 8
 
 
-def test_a_silent_worker_is_killed_with_its_children(
-    worker: Worker, task: FrameTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_worker_is_killed_with_its_children(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
     misbehave(tmp_path, **{FRAME: ["child"]})
     worker.start()
-    monkeypatch.setattr(worker, "_patience", 1.0)  # now: a start may take longer
+    worker._patience = 1.0  # now: a start may take longer
     with pytest.raises(WorkerError, match="silent for 1 s"):
-        worker.render(task, lambda progress: None)
+        worker.render(task, ignore)
     child = int((tmp_path / "child.txt").read_text())
     wait_until(lambda: not is_alive(child))
 
 
-def test_a_worker_that_takes_no_request_is_killed(
-    task: FrameTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_that_takes_no_request_is_killed(task: FrameTask, tmp_path: Path) -> None:
     deaf = 'import time; print(\'{"type": "ready", "blender": "4"}\', flush=True); time.sleep(60)'
-    shader = replace(task.scene.shaders[0], osl="/" * (1 << 20))  # more than a pipe holds
-    long_task = replace(task, scene=replace(task.scene, shaders=(shader,)))
     with Worker((sys.executable, "-c", deaf), tmp_path / "worker.log", tmp_path) as worker:
         worker.start()
-        monkeypatch.setattr(worker, "_patience", 0.3)
+        worker._patience = 0.3
         with pytest.raises(WorkerError, match=r"silent for 0\.3 s"):
-            worker.render(long_task, lambda progress: None)
+            worker.render(replace(task, scene=long_scene(task)), ignore)
 
 
 def test_a_clean_failure_leaves_the_worker_alive(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
     misbehave(tmp_path, **{FRAME: ["failed", "ok"]})
+    with pytest.raises(WorkerError, match="start it first"):
+        worker.render(task, ignore)
     worker.start()
     with pytest.raises(RenderError, match="no such attribute 'st2'"):
-        worker.render(task, lambda progress: None)
-    worker.render(task, lambda progress: None)
-    assert len(worker_pids(tmp_path)) == 1
-    assert len(requests(tmp_path)) == 2
+        worker.render(task, ignore)
+    worker.render(task, ignore)
+    assert (len(worker_pids(tmp_path)), len(requests(tmp_path))) == (1, 2)
 
 
 def test_an_error_in_the_callers_progress_leaves_no_worker_behind(
     worker: Worker, task: FrameTask, tmp_path: Path
 ) -> None:
-    def interrupt(progress: object) -> None:
-        raise KeyboardInterrupt
-
     worker.start()
     with pytest.raises(KeyboardInterrupt):
-        worker.render(task, interrupt)
+        worker.render(task, Mock(side_effect=KeyboardInterrupt))
     assert not is_alive(worker_pids(tmp_path)[0])
-
-
-def test_a_worker_must_be_started(worker: Worker, task: FrameTask) -> None:
-    with pytest.raises(WorkerError, match="start it first"):
-        worker.render(task, lambda progress: None)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +180,6 @@ def test_a_worker_that_does_not_get_ready(tmp_path: Path, program: tuple[str, ..
 
 def test_last_words_are_the_last_line_with_text(tmp_path: Path) -> None:
     log = tmp_path / "worker.log"
-    log.write_bytes(b"Traceback\nImportError: \xff no\n\n")
-    assert last_line(log) == "ImportError: \ufffd no"
-    log.write_bytes(b"")
-    assert last_line(log) == ""
+    for content, line in ((b"Traceback\nImportError: \xff no\n\n", "ImportError: \ufffd no"), (b"", "")):
+        log.write_bytes(content)
+        assert last_line(log) == line

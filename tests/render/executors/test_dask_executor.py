@@ -3,7 +3,7 @@
 import os
 import signal
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,9 @@ pytestmark = [
 ]
 
 
+LOOPBACK = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+
+
 @pytest.fixture(scope="module")
 def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The cache of the workers."""
@@ -39,8 +42,7 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def cluster(there: Path) -> Iterator[Any]:
     from distributed import LocalCluster
 
-    options = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
-    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **options) as cluster:
+    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **LOOPBACK) as cluster:
         yield cluster
 
 
@@ -67,26 +69,24 @@ def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
     return DaskExecutor(place, address, command=case.command(folder), **options)
 
 
-def happenings(executor: DaskExecutor, plan: Plan) -> list[Any]:
-    return list(executor.render([frame.task for frame in plan.frames], lambda task: True))
+def render(executor: DaskExecutor, plan: Plan) -> Iterator[Any]:
+    return executor.render([frame.task for frame in plan.frames], lambda task: True)
 
 
-def stems(found: list[Any], kind: type) -> list[str]:
+def stems(found: Iterable[Any], kind: type) -> list[str]:
     return sorted(each.task.files[0].stem for each in found if isinstance(each, kind))
 
 
 ALL = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
 
 
-def test_frames_come_back_and_files_go_there_once(
-    executor: DaskExecutor, plan: Plan, there: Path, tmp_path: Path
-) -> None:
+def test_frames_come_back_and_files_go_there_once(executor: DaskExecutor, plan: Plan, there: Path) -> None:
     named = contents(plan.frames[0].task.scene)
-    assert stems(happenings(executor, plan), Finished) == ALL
+    assert stems(render(executor, plan), Finished) == ALL
     stored = {each: there / "content" / f"{each.digest}{each.suffix}" for each in named}
     assert all(file.read_bytes() == each.path.read_bytes() for each, file in stored.items())
     before = {file: file.stat().st_ino for file in stored.values()}
-    assert stems(happenings(executor, plan), Finished) == ALL
+    assert stems(render(executor, plan), Finished) == ALL
     assert {file: file.stat().st_ino for file in stored.values()} == before
     assert not list((there / "content").glob(".*"))
 
@@ -95,7 +95,7 @@ def test_a_frame_that_fails_is_given_up_and_one_that_lost_its_renderer_is_tried_
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
     case.misbehave(tmp_path, element_0002=["failed"], element_0003=["die", "ok"])
-    found = happenings(executor, plan)
+    found = list(render(executor, plan))
     assert stems(found, Finished) == [name for name in ALL if name != "element.0002"]
     (given_up,) = (each for each in found if isinstance(each, GivenUp))
     assert "no such attribute 'st2' (on tcp://127.0.0.1:" in given_up.reason
@@ -107,7 +107,7 @@ def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
 ) -> None:
     case.misbehave(tmp_path, element_0002=["hang", "ok"])
     found, killed = [], False
-    for each in executor.render([frame.task for frame in plan.frames], lambda task: True):
+    for each in render(executor, plan):
         found.append(each)
         if not killed and "element.0002.exr" in case.requests(tmp_path):
             # The renderer that hangs is that of a chunk in flight; its parent is the worker of Dask.
@@ -122,7 +122,7 @@ def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
 
 def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
     case.misbehave(tmp_path, **{name.replace(".", "_"): ["hang"] for name in ALL})
-    next(iter(executor.render([frame.task for frame in plan.frames], lambda task: True)))
+    next(render(executor, plan))
     case.wait_until(lambda: bool(case.requests(tmp_path)))
     executor.__exit__()
     case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))), 20.0)
@@ -148,25 +148,23 @@ def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
         with pytest.raises(
             WorkerError, match=r"does not see /nowhere: mount the output folder.* or leave out --shared"
         ):
-            happenings(executor, plan)
+            list(render(executor, plan))
 
 
 def test_a_worker_that_cannot_write_ends_the_run(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0001=["full"])
     with pytest.raises(OutputError, match=r"worker tcp://.*: /out: No space left on device"):
-        happenings(executor, plan)
+        list(render(executor, plan))
 
 
 def test_a_file_that_is_nowhere_is_an_error_that_names_it(executor: DaskExecutor, plan: Plan) -> None:
     asset = plan.frames[0].task.scene.asset
     asset.path.unlink()
     with pytest.raises(LookdevError, match=asset.digest):
-        happenings(executor, plan)
+        list(render(executor, plan))
 
 
-def test_a_worker_whose_cache_cannot_be_written_is_named(
-    executor: DaskExecutor, plan: Plan, there: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_whose_cache_cannot_be_written_is_named(executor: DaskExecutor, plan: Plan, there: Path) -> None:
     asset = plan.frames[0].task.scene.asset
     # A folder where the part of the file would be written: root may write everywhere.
     pids = executor._client.run(os.getpid).values()
@@ -175,7 +173,7 @@ def test_a_worker_whose_cache_cannot_be_written_is_named(
         each.mkdir(parents=True)
     try:
         with pytest.raises(OutputError, match=r"worker tcp://.* cannot keep a file: .*directory"):
-            happenings(executor, plan)
+            list(render(executor, plan))
     finally:
         for each in blocked:
             each.rmdir()
@@ -191,7 +189,7 @@ def test_other_versions_are_an_error_that_says_what_to_install(
     with pytest.raises(
         WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
     ):
-        happenings(executor, plan)
+        list(render(executor, plan))
 
 
 def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
@@ -216,10 +214,9 @@ def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkey
 
     monkeypatch.setattr("lookdev.render.executors.dask._LONELY", 0.2)
     monkeypatch.setattr("lookdev.render.executors.dask._LOOK", 0.1)
-    alone = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1")
-    with alone as cluster, make(cluster.scheduler_address, tmp_path) as executor:
+    with LocalCluster(n_workers=0, **LOOPBACK) as cluster, make(cluster.scheduler_address, tmp_path) as executor:
         found = []
-        for each in executor.render([frame.task for frame in plan.frames], lambda task: True):
+        for each in render(executor, plan):
             found.append(each)
             if isinstance(each, Remarked) and not cluster.workers:
                 assert "has no worker: frames wait for one" in each.text

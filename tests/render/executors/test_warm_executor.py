@@ -19,8 +19,9 @@ def tasks(tmp_path: Path) -> list[FrameTask]:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Iterator[Path]:
-    """Serve a fake renderer at a socket, in a thread."""
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Serve a fake renderer at a socket, in a thread, until it is told to stop or the socket has gone."""
+    monkeypatch.setattr("lookdev.render.executors.warm._LOOK", 0.05)
     (tmp_path / "scratch").mkdir()
     server = Server(tmp_path / "s", case.command(tmp_path), 60.0, tmp_path / "scratch")
     thread = threading.Thread(target=server.serve, daemon=True)
@@ -38,13 +39,16 @@ def executor(at: Path, folder: Path, command: tuple[str, ...] | None = None) -> 
     return WarmExecutor(place, at)
 
 
+def finished(run: WarmExecutor, tasks: list[FrameTask]) -> list[Finished]:
+    return [each for each in run.render(tasks, lambda task: True) if isinstance(each, Finished)]
+
+
 def test_runs_share_one_renderer(kept: Path, tmp_path: Path, tasks: list[FrameTask]) -> None:
     for each in tasks[:3]:
         with executor(kept, tmp_path) as run:
             run.launch()
             run.prepare(each.scene)
-            found = list(run.render([each], lambda task: True))
-        (done,) = (one for one in found if isinstance(one, Finished))
+            (done,) = finished(run, [each])
         assert (done.rendered.a == 0.25).all()
     assert case.requests(tmp_path) == [task.files[0].name for task in tasks[:3]]
     (pid,) = case.worker_pids(tmp_path)
@@ -54,24 +58,22 @@ def test_runs_share_one_renderer(kept: Path, tmp_path: Path, tasks: list[FrameTa
 def test_a_renderer_that_dies_or_owes_a_frame_is_replaced(kept: Path, tmp_path: Path, tasks: list[FrameTask]) -> None:
     case.misbehave(tmp_path, element_0001=["die", "ok"], element_0002=["hang", "ok"])
     with executor(kept, tmp_path) as run:
-        assert len([each for each in run.render(tasks[:1], lambda task: True) if isinstance(each, Finished)]) == 1
+        assert len(finished(run, tasks[:1])) == 1
     with executor(kept, tmp_path) as run:
         next(iter(run.render(tasks[1:2], lambda task: True)))
         case.wait_until(lambda: "element.0002.exr" in case.requests(tmp_path))
     case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 3)
     with executor(kept, tmp_path) as run:
-        assert len([each for each in run.render(tasks[1:2], lambda task: True) if isinstance(each, Finished)]) == 1
+        assert len(finished(run, tasks[1:2])) == 1
     assert [case.is_alive(pid) for pid in case.worker_pids(tmp_path)] == [False, False, True]
 
 
 def test_a_run_of_another_program_is_refused(kept: Path, tmp_path: Path, tasks: list[FrameTask]) -> None:
     with executor(kept, tmp_path, ("other",)) as run, pytest.raises(WorkerError, match=r"is of another backend.*stop"):
-        list(run.render(tasks[:1], lambda task: True))
+        finished(run, tasks[:1])
 
 
-def test_a_server_is_started_once_and_ends_when_asked(
-    tmp_path: Path, tasks: list[FrameTask], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_server_is_started_once_and_ends_when_asked(tmp_path: Path) -> None:
     at = tmp_path / "s"
     with pytest.raises(WorkerError, match=f"no worker is kept at {at}.*start one: lookdev warm start"):
         executor(at, tmp_path)
@@ -92,14 +94,6 @@ def test_a_socket_that_cannot_be_is_refused(tmp_path: Path, name: str, backend: 
         start(tmp_path / name, backend)
 
 
-def test_a_server_ends_with_its_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.render.executors.warm._LOOK", 0.05)
-    (tmp_path / "scratch").mkdir()
-    server = Server(tmp_path / "s", case.command(tmp_path), 60.0, tmp_path / "scratch")
-    thread = threading.Thread(target=server.serve, daemon=True)
-    thread.start()
-    case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)
-    (tmp_path / "s").unlink()
-    thread.join(20.0)
-    assert not thread.is_alive()
+def test_a_server_ends_with_its_socket(kept: Path, tmp_path: Path) -> None:
+    kept.unlink()
     case.wait_until(lambda: not case.is_alive(case.worker_pids(tmp_path)[0]))
