@@ -68,3 +68,13 @@ def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:
     (note,) = JobCharts(place="left").hidden(near, points, arcs, (320, 320))
     assert "hides a part of the asset at the left edge" in note
     assert list(JobCharts(place="left").hidden(far, points, arcs, (320, 320))) == []
+
+
+@pytest.mark.parametrize(("edge", "covered"), [("left", 0.22680), ("bottom", 0.20395)])
+def test_props_hide_what_is_at_their_pixels(edge: str, covered: float) -> None:
+    """The point is at x / W = (1 + x / (d tan 30)) / 2 - shift, y / H = 1 / 2 - W / H (z / (d tan 30) / 2 - shift)."""
+    camera = Camera(60.0, 0.0, (0.0, 0.0, 0.0), 2.0, shift=(0.1, -0.05))
+    points = np.array([(-0.4, 0.0, -0.5)])
+    for size, hides in ((covered + 0.002, True), (covered - 0.002, False)):
+        notes = JobCharts(place=edge, size=size).hidden(camera, points, [(0.0, 0.0)], (3200, 1800))
+        assert bool([*notes]) == hides

@@ -62,6 +62,7 @@ def test_ranges_have_all_that_is_above_zero_once(values: Floats, number: int) ->
     first, count, times = cut(values, number)
     assert len(first) == len(count) == len(times) == number
     assert (first >= 0).all()
+    assert (np.diff(first) >= 0).all()
     assert (first + count <= len(values)).all()
     probability, part = drawn(first, count, times, len(values))
     assert probability.sum() == pytest.approx(1.0, rel=1e-12)

@@ -34,6 +34,10 @@ def test_a_normalized_distant_light_keeps_its_irradiance(angle: float) -> None:
     assert by_sampling(light, BELOW, UP, 16) == pytest.approx(7.0, rel=1e-9)
 
 
+def test_a_colour_is_scaled_by_powers_of_two() -> None:
+    assert emitted_color((1.0, 0.5, 0.25), exposure=3.0) == (8.0, 4.0, 2.0)
+
+
 def test_size_factors_are_those_of_usdlux() -> None:
     assert RectLight(width=2.0, height=3.0).size_factor == 6.0
     assert DiskLight(radii=(2.0, 3.0)).size_factor == pytest.approx(6.0 * np.pi)
@@ -123,6 +127,7 @@ def local_dome(**fields: Any) -> LocalDome:
     return LocalDome(**{"dome": example_dome(), "position": (0.0, 0.0, 0.0), "radius": 1.0, "edge": 0.0, **fields})
 
 
+PLACED = (RectLight, DiskLight, SphereLight, CylinderLight)
 WRONG = [
     (lambda: RectLight(width=0.0, height=1.0), "width 0: a number that is more than 0 would be right"),
     (lambda: RectLight(width=1.0, height=float("nan")), "height nan"),
@@ -130,7 +135,10 @@ WRONG = [
     (lambda: SphereLight(radius=float("inf")), "radius inf"),
     (lambda: CylinderLight(length=1.0, radius=0.0), "radius 0"),
     (lambda: CylinderLight(length=0.0, radius=1.0), "length 0"),
-    (lambda: SphereLight(radius=1.0, position=(0.0, float("nan"), 0.0)), "position nan"),
+    *(
+        (lambda kind=kind: replace(kind.example(), position=(0.0, float("nan"), 0.0)), "position nan")
+        for kind in PLACED
+    ),
     (lambda: SphereLight(radius=1.0, axes=((1.0, 0.0, 0.0),) * 3), "three unit vectors at right angles"),
     (lambda: DistantLight(angle=-1.0), "angle -1: a number that is at least 0 would be right"),
     (lambda: DistantLight(emission=Emission(falloff=Falloff())), "a distant light has no falloff"),

@@ -132,6 +132,12 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
         np.testing.assert_allclose(got[lit], wanted[lit], rtol=1e-4)
 
 
+def test_a_cylinder_is_covered_from_a_grid_of_places() -> None:
+    places = np.random.default_rng(3).normal(scale=3.0, size=(4, 5, 3))
+    for grid, row in zip(covering(places, 3.0, 1.0), covering(places.reshape(-1, 3), 3.0, 1.0), strict=True):
+        np.testing.assert_array_equal(np.reshape(grid, (20,)), row)
+
+
 @pytest.mark.parametrize("above", ABOVE)
 def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
     grid = strata(32)
