@@ -106,6 +106,15 @@ def test_the_whole_look_wears_a_material() -> None:
     assert changed(after, wear_all(after, 2, Wear("tin.usda"))) == ['+ material = "tin.usda"', *removed]
 
 
+def test_looks_and_assigns_that_are_inline_are_edited_in_place() -> None:
+    after = wear_all(INLINE, 0, GOLD)
+    assert tomllib.loads(after)["look"][0] == {"name": "a", **GOLD.keys}
+    assert "# the first" in after
+    three = INLINE.replace('"n.usda" } ]', '"n.usda" }, { prims = ["/C"], material = "o.usda" }, { prims = ["/D"] } ]')
+    left = [{"prims": ["/C"], "material": "o.usda"}]
+    assert assigns(unassign(three, 1, ["/A", "/B", "/D"]), 1) == left
+
+
 @pytest.mark.parametrize("text", [PARTS, INLINE, ARRAY, NESTED, PARTS.replace("\n", "\r\n")])
 @pytest.mark.parametrize("seed", range(8))
 def test_edits_make_the_data_that_they_mean_and_keep_every_comment(text: str, seed: int) -> None:

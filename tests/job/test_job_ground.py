@@ -7,7 +7,7 @@ import pytest
 from usd_text import job_toml
 
 from lookdev.asset import load_asset
-from lookdev.errors import FaultsError
+from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.charts import JobCharts
 from lookdev.job.ground import JobGround
@@ -48,7 +48,11 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
 def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     sphere = load_asset(builtin="sphere")
     wears = {"/sphere": GREY}
-    ground = JobGround(height=-3.0).under(sphere, None, Camera(40.0, 10.0, (0.0, 0.0, 0.0), 5.0))
+    camera = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 5.0)
+    JobGround(height=camera.position[2] - 0.1).under(sphere, None, camera)
+    with pytest.raises(AssetError, match=r"the camera is 0\.1 m below the ground"):
+        JobGround(height=camera.position[2] + 0.1).under(sphere, None, camera)
+    ground = JobGround(height=-3.0).under(sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
     assert on_ground(sphere, wears, ground, (0.0, 0.0))[0].revolved
     assert not on_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
