@@ -59,10 +59,7 @@ def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Pa
     exported = export_openjd(job, tmp_path / "bundle")
     assert exported.summary().endswith(f"deadline bundle submit {tmp_path / 'bundle'}")
     assert read(tmp_path / "bundle" / "parameter_values.yaml") == {
-        "parameterValues": [
-            {"name": "Job", "value": str(job)},
-            {"name": "Output", "value": str(tmp_path / "out")},
-        ]
+        "parameterValues": [{"name": "Job", "value": str(job)}, {"name": "Output", "value": str(tmp_path / "out")}]
     }
     references = read(tmp_path / "bundle" / "asset_references.yaml")["assetReferences"]
     assert references["inputs"]["filenames"] == [str(tmp_path / "gold.usda")]
@@ -72,9 +69,8 @@ def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Pa
 def test_a_host_of_a_job_on_a_gpu_has_one(job: Path) -> None:
     job.write_text(JOB.replace("seed = 0", 'backend = "nodes", device = "cuda"'))
     export_openjd(job, job.with_name("t.yaml"), Division(1))
-    assert {"name": "amount.worker.gpu", "min": 1} in read(job.with_name("t.yaml"))["steps"][0]["hostRequirements"][
-        "amounts"
-    ]
+    (render, _) = read(job.with_name("t.yaml"))["steps"]
+    assert {"name": "amount.worker.gpu", "min": 1} in render["hostRequirements"]["amounts"]
 
 
 def test_more_chunks_than_frames_and_a_missing_package_are_errors(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,17 +14,13 @@ from lookdev.errors import AssetError, StageError
 from lookdev.output.legend import write_legend
 from lookdev.stage import Composition
 
-OUTPUT = "token outputs:surface"
 ROBOT = """#usda 1.0
 ( defaultPrim = "Robot"
   metersPerUnit = 0.01
   upAxis = "Z" )
-def Xform "Robot" ( variants = { string size = "small" }
-                    prepend variantSets = "size" )
-{
+def Xform "Robot" ( variants = { string size = "small" }; prepend variantSets = "size" ) {
     SIZES
-    def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])
-    {
+    def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"]) {
         point3f[] points = [(0, 0, 0), (100, 0, 0), (100, 100, 0), (0, 100, 50)]
         int[] faceVertexCounts = [4]
         int[] faceVertexIndices = [0, 1, 2, 3]
@@ -34,8 +30,7 @@ def Xform "Robot" ( variants = { string size = "small" }
         texCoord2f[] primvars:map1 = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
         rel material:binding = </Robot/Looks/Lamp>
     }
-    def Mesh "Lid"
-    {
+    def Mesh "Lid" {
         uniform token subdivisionScheme = "none"
         point3f[] points = [(0, 0, 10), (100, 0, 10), (100, 100, 10), (0, 100, 10)]
         int[] faceVertexCounts = [3, 3]
@@ -43,13 +38,9 @@ def Xform "Robot" ( variants = { string size = "small" }
         float[] primvars:wear = [0, 1, 0, 1] (interpolation = "vertex")
     }
     GUIDE
-    def Volume "Smoke"
-    {
-    }
-    def Scope "Looks"
-    {
-        def Material "Lamp"
-        {
+    def Volume "Smoke" {}
+    def Scope "Looks" {
+        def Material "Lamp" {
             token outputs:surface.connect = </Robot/Looks/Lamp/Shader.outputs:surface>
             LAMP
         }

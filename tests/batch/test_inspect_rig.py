@@ -14,10 +14,8 @@ from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
 from lookdev.stage import Composition
 
 RIG = f"""{METRES}
-def Xform "Rig"
-{{
-    def RectLight "Key" (prepend apiSchemas = ["ShapingAPI", "ShadowAPI"])
-    {{
+def Xform "Rig" {{
+    def RectLight "Key" (prepend apiSchemas = ["ShapingAPI", "ShadowAPI"]) {{
         float inputs:width = 2
         float inputs:intensity = 7
         float inputs:specular = 0.5
@@ -28,11 +26,8 @@ def Xform "Rig"
         {translate(0, 0, 5)}
         rel collection:lightLink:excludes = </Car>
     }}
-    def SphereLight "Off" {{
-        token visibility = "invisible"
-    }}
-    def DistantLight "Sun"
-    {{
+    def SphereLight "Off" {{ token visibility = "invisible"; }}
+    def DistantLight "Sun" {{
         bool inputs:normalize = true
         float inputs:intensity = 3
         FALLOFF

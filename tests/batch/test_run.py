@@ -15,16 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 import lookdev
-from lookdev.batch.events import (
-    Event,
-    FrameDone,
-    FrameFailed,
-    FrameRetried,
-    Noted,
-    RunJoined,
-    RunStarted,
-    SheetWritten,
-)
+from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, Noted, RunJoined, RunStarted, SheetWritten
 from lookdev.batch.run import background_light, render_job
 from lookdev.batch.runs import Run
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError

@@ -52,15 +52,6 @@ def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
     assert state(tmp_path) == []
 
 
-def test_a_living_run_of_another_plan_is_named(tmp_path: Path) -> None:
-    with (
-        case.hold_frame(tmp_path, FRAME) as other,
-        Run(tmp_path) as run,
-        pytest.raises(OutputError, match=rf"process {other.pid} on .*wait for its end"),
-    ):
-        run.renders("another plan")
-
-
 @pytest.fixture
 def _short_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let other processes show life six times a second, and count as dead here without a sign for half a second."""
@@ -123,11 +114,7 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
         process = other.info.id[:8]
     left = [folder / ".pictures.0123abcd-0a1b2c3d.json"]
     left += [frames / f".element.0001.{name}" for name in ("77-0a1b2c3d.exr", "0123abcd-0a1b2c3d.png")]
-    intact = [
-        folder / "pictures.json",
-        frames / f".element.0001.{process}-0a1b2c3d.exr",
-        frames / "element.0001.exr",
-    ]
+    intact = [folder / "pictures.json", frames / f".element.0001.{process}-0a1b2c3d.exr", frames / "element.0001.exr"]
     intact += [frames / name for name in (".element.0001.exr", ".notes.77-0a1b2c.txt", "element.77-0a1b2c3d.exr")]
     for path in left + intact:
         path.touch()
