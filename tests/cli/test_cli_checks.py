@@ -42,19 +42,16 @@ def test_disagreement_leaves_with_1_and_lists_the_cases(run_cli, found):
     found["findings"] = [GOOD, BAD]
     code, output, errors = run_cli("check", "gold.usda")
     assert (code, errors) == (1, "points: gold: agrees\nalbedo: gold: DISAGREES\n")
-    assert "case 2" in output
-    assert "case 1" not in output
-    assert "1 of 2 checks disagree" in output
+    words = ("case 2", "case 1", "1 of 2 checks disagree")
+    assert [word in output for word in words] == [True, False, True]
 
 
 def test_options_reach_the_checks_and_a_page_is_written(run_cli, found, tmp_path):
     page = tmp_path / "report.html"
     options = ("--only", "points, image", "--depth", "quick", "--seed", 7, "--prim", "/Gold", "--variants", "wear=old")
-    options += ("--backend", "nodes-exact")
-    assert run_cli("check", "gold.usda", *options, "--html", page)[0] == 0
-    assert found["only"] == ("points", "image")
-    assert (found["depth"], found["seed"], found["prim"], found["variants"]) == ("quick", 7, "/Gold", {"wear": "old"})
-    assert found["backend"] == "nodes-exact"
+    assert run_cli("check", "gold.usda", *options, "--backend", "nodes-exact", "--html", page)[0] == 0
+    expected = {"only": ("points", "image"), "depth": "quick", "seed": 7, "prim": "/Gold", "variants": {"wear": "old"}}
+    assert {**found, **expected, "backend": "nodes-exact"} == found
     assert "40000 cases" in page.read_text(encoding="utf-8")
 
 
@@ -101,8 +98,7 @@ def test_eval_of_bytes_that_are_no_text_names_the_line(run_cli, monkeypatch):
 def test_eval_of_a_bad_line_is_exit_code_2(run_cli, provide):
     def evaluate_lines(lines: Iterator[str], backend: str) -> Iterator[str]:
         yield "first"
-        raise ModelError("line 2: no model 'dysney' (did you mean 'disney'?)")
+        raise ModelError("line 2: no model 'dysney'")
 
     provide("lookdev.checks.evaluate", evaluate_lines=evaluate_lines)
-    message = "lookdev: line 2: no model 'dysney' (did you mean 'disney'?)\n"
-    assert run_cli("eval") == (2, "first\n", message)
+    assert run_cli("eval") == (2, "first\n", "lookdev: line 2: no model 'dysney'\n")

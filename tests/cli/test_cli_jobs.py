@@ -77,10 +77,6 @@ def test_a_dry_run_checks_the_options_of_the_run(run_cli, job_file, options, mes
     assert message in errors
 
 
-def test_plan_as_json(run_cli, job_file):
-    assert json.loads(run_cli("plan", "--json", job_file)[1])["render"] == 6
-
-
 @pytest.mark.parametrize("verb", ["render", "plan"])
 def test_a_faulty_job_is_exit_code_2_with_every_fault(run_cli, job_file, verb):
     job_file.write_text(job_file.read_text().replace("samples", "sampels") + "pgn = true\n")
@@ -88,8 +84,7 @@ def test_a_faulty_job_is_exit_code_2_with_every_fault(run_cli, job_file, verb):
     assert (code, output) == (2, "")
     first, *faults = errors.splitlines()
     assert first == "lookdev: 2 faults:"
-    assert ["sampels" in fault for fault in faults] == [True, False]
-    assert ["pgn" in fault for fault in faults] == [False, True]
+    assert [("sampels" in fault, "pgn" in fault) for fault in faults] == [(True, False), (False, True)]
 
 
 def test_schema_to_stdout_and_to_a_file(run_cli, tmp_path):
@@ -120,7 +115,7 @@ def test_an_example_replaces_what_differs_only_by_force(tmp_path):
     copied = copy_example("first", tmp_path)
     text = copied.job.read_text()
     copied.job.write_text("mine")
-    (look, *_) = tmp_path.joinpath("materials").glob("*.usda")
+    look, *_ = tmp_path.joinpath("materials").glob("*.usda")
     look.unlink()
     with pytest.raises(OutputError, match=rf"differ from the example's: {copied.job} \(--force"):
         copy_example("first", tmp_path)
@@ -135,8 +130,7 @@ def test_example_lists_and_names_the_next_command(run_cli, tmp_path, monkeypatch
     code, output, _ = run_cli("example")
     assert code == 0
     for example, line in zip(list_examples(), output.splitlines(), strict=False):
-        assert line.startswith(f"{example.name} ")
-        assert line.endswith(example.title)
+        assert re.fullmatch(rf"{example.name} .*{re.escape(example.title)}", line)
         assert re.search(r" \d+ (s|min) ", line)
     code, output, errors = run_cli("example", "first", "--to", "my jobs")
     assert (code, errors) == (0, "")
@@ -155,5 +149,5 @@ def test_what_a_library_prints_is_not_before_the_json(job_file, provide, monkeyp
     with pytest.raises(SystemExit):
         run()
     output, errors = capfd.readouterr()
-    assert json.loads(output)["files"]
+    assert json.loads(output)["render"] == 6
     assert "Warning: a library" in errors

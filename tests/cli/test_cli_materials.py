@@ -86,14 +86,6 @@ def test_what_is_wrong_is_exit_code_2_and_no_traceback(materials, tmp_path, argu
     assert "Traceback" not in errors
 
 
-def test_every_verb_has_help(materials):
-    code, output, _ = materials("--help")
-    assert code == 0
-    for verb in ("list", "new", "add", "remove", "mask", "preview"):
-        assert verb in output
-        assert materials(verb, "--help")[0] == 0
-
-
 def test_a_sheet_is_rendered_once(materials, tmp_path, monkeypatch, tmp_path_factory):
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path_factory.mktemp("cache")))
     for table, size in (("slots.SLOTS", 64), ("points.SIDE", 32), ("bins.COUNT", 4)):
@@ -105,9 +97,8 @@ def test_a_sheet_is_rendered_once(materials, tmp_path, monkeypatch, tmp_path_fac
     assert code == 0
     assert output.splitlines()[-1] == "3 of 3 frames are done, 3 of them rendered now."
     assert "gold/studio/element.0001" in output
-    width, height = (getattr(oiio.ImageBuf("sheet.png").spec(), side) for side in ("width", "height"))
-    assert width > 2 * 128
-    assert height > 128
+    spec = oiio.ImageBuf("sheet.png").spec()
+    assert (spec.width > 2 * 128, spec.height > 128) == (True, True)
     Path("sheet.png").unlink()
     assert materials("--sheet", "sheet.png")[1].splitlines()[-1].endswith("0 of them rendered now.")
     assert Path("sheet.png").is_file()

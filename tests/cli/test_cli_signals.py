@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from batch_case import is_alive, wait_until
 
 pytestmark = pytest.mark.both_pythons
 
@@ -39,21 +39,6 @@ sys.argv = ["lookdev", "compute"]
 main()"""
 
 
-def _running(number: int) -> bool:
-    status = Path(f"/proc/{number}/status")
-    return status.exists() and "State:\tZ" not in status.read_text()
-
-
-def _wait(condition, seconds: float) -> float:
-    """Return after how long a condition holds."""
-    started = time.monotonic()
-    while not condition():
-        if time.monotonic() > started + seconds:
-            pytest.fail(f"not within {seconds:g} s")
-        time.sleep(0.01)
-    return time.monotonic() - started
-
-
 @pytest.mark.parametrize(
     ("program", "number"),
     [
@@ -70,12 +55,12 @@ def test_children_end_with_the_program(tmp_path, program, number):
     command = [sys.executable, "-c", program.format(child=_CHILD.format(str(file)))]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
-        _wait(lambda: file.exists() and file.read_text(), 30.0)
+        wait_until(lambda: file.exists() and file.read_text())
         child = int(file.read_text())
-        assert _running(child)
+        assert is_alive(child)
         process.send_signal(number)
         assert process.wait(2.0) in (130, 128 + number)
-        _wait(lambda: not _running(child), 0.5)
+        wait_until(lambda: not is_alive(child), 0.5)
     finally:
         process.kill()
         process.wait()
@@ -104,7 +89,7 @@ main()"""
     command = [sys.executable, "-c", program]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     try:
-        _wait((tmp_path / "child").exists, 30.0)
+        wait_until((tmp_path / "child").exists)
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=2.0)[0] == "tidy\n"
         assert process.returncode == 130
@@ -119,10 +104,9 @@ def test_blender_ends_with_the_program_that_is_killed():
     program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-m', 'lookdev.cycles']); time.sleep(60)"
     reader, writer = os.pipe()
     with subprocess.Popen([sys.executable, "-c", program], stdin=reader, stdout=subprocess.PIPE) as process:
-        assert process.stdout
         assert b"ready" in process.stdout.readline()
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         process.kill()
-        _wait(lambda: not any(_running(int(child)) for child in children), 2.0)
+        wait_until(lambda: not any(is_alive(int(child)) for child in children), 2.0)
     os.close(reader)
     os.close(writer)
