@@ -34,7 +34,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import batch_case as case
-import numpy as np
+import batches
 
 import lookdev.batch.manifest
 import lookdev.batch.prepare  # noqa: F401  before it forks
@@ -42,7 +42,6 @@ from lookdev.batch import run as batch
 from lookdev.batch.runs import LEASE_VARIABLE
 from lookdev.errors import LookdevError
 from lookdev.job import Job
-from lookdev.output.exr import read_frame, read_header
 from lookdev.plan.chunks import Chunk, Division
 from lookdev.render.backends import BACKENDS
 
@@ -55,7 +54,6 @@ DISK = 3 << 20  # bytes of the small disk
 MINUTE, LONG = 60.0, 100  # seconds without writing, in storms of so many kills or more
 OTHER_CLOCKS = "libfaketime" in os.environ.get("LD_PRELOAD", "")
 ENDED = "ended: "
-OF_THE_RUN = {"time", "seconds", "host"}
 CAUSES = {
     "disk full": "No space left on device",
     "unwritable": "Operation not permitted|Permission denied|Read-only file system",
@@ -178,8 +176,7 @@ class Storm:
     """A round of a storm over the output of a job."""
 
     def __init__(self, folder: Path, rng: random.Random, figures: Figures, disk: bool, long: bool) -> None:
-        self._job, self._out = folder / "job.toml", folder / "out"
-        self._log = folder / "errors.log"
+        self._job, self._out, self._log = folder / "job.toml", folder / "out", folder / "errors.log"
         self._rng, self._figures, self._long = rng, figures, long
         self._runs: dict[int, Chunk | None] = {}
         self._done = False
@@ -188,8 +185,8 @@ class Storm:
         self._faults: dict[str, tuple[float, Callable[[], bool]]] = {
             "run killed": (10.0, self._kill_run),
             "worker killed": (6.0, self._kill_worker),
-            "run stopped": (1.0, self._stop_run),
-            "worker stopped": (1.0, self._stop_worker),
+            "run stopped": (1.0, lambda: self._stop(self._any_run())),
+            "worker stopped": (1.0, lambda: self._stop(self._any_worker())),
             "clock skewed": (3.0, self._skew),
             "unwritable": (0.5, self._make_unwritable),
             **({"disk full": (0.5, self._fill), READ_ONLY: (0.5, self._make_read_only)} if disk else {}),
@@ -287,12 +284,6 @@ class Storm:
         self._later.append((until, lambda: self._signal(process, signal.SIGCONT) and None))
         return True
 
-    def _stop_run(self) -> bool:
-        return self._stop(self._any_run())
-
-    def _stop_worker(self) -> bool:
-        return self._stop(self._any_worker())
-
     def _skew(self) -> bool:
         """Set times of signs of life, and of a frame, an hour off."""
         done = False
@@ -353,16 +344,10 @@ class Storm:
 
 
 def contents(out: Path) -> dict[str, object]:
-    """Return all files of an output: bytes; of frames pixels, and the header but for what is of the run."""
-    found: dict[str, object] = {}
-    for path in sorted(path for path in out.rglob("*") if path.is_file()):
-        name = path.relative_to(out).as_posix()
-        if path.suffix == ".exr":
-            header = {key: each for key, each in read_header(path).items() if key not in OF_THE_RUN}
-            found[name] = header, [np.asarray(each).tobytes() for each in read_frame(path)]
-        elif name != "manifest.json" and not name.startswith(".lookdev/"):
-            found[name] = path.read_bytes()
-    return found
+    """Return all files of an output: `batches.contents` of frames, and bytes of the others but state and manifest."""
+    found = batches.contents(out)
+    others = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()} - {*found, "manifest.json"}
+    return found | {name: (out / name).read_bytes() for name in sorted(others) if not name.startswith(".lookdev/")}
 
 
 def causes(log: Path) -> Counter[str]:

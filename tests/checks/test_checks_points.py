@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frames import replaced
 from numpy.typing import NDArray
 
 from lookdev.checks import points
@@ -91,10 +92,6 @@ def test_a_look_with_textures_agrees(name: str) -> None:
     ("right", "wrong"), [("f += color(", "f += 1.001 * color("), ("pdf / shares", "pdf / (1.001 * shares)")]
 )
 def test_a_fault_in_the_text_is_found(right: str, wrong: str) -> None:
-    def alter(osl: str) -> str:
-        assert right in osl
-        return osl.replace(right, wrong, 1)
-
-    finding = check_points(COATED, count=COUNT, alter=alter)
+    finding = check_points(COATED, count=COUNT, alter=replaced(right, wrong))
     assert not finding.passed
     assert finding.figures["largest_relative_error"] == pytest.approx(1e-3, rel=0.05)

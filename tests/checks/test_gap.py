@@ -28,9 +28,7 @@ def test_relmse_is_that_of_the_expectations_whatever_the_noise(off: float) -> No
 
 
 def test_only_the_asset_counts() -> None:
-    rng = np.random.default_rng(4)
-    alpha = disc()
-    exact = halves(0.5, 0.0, rng)
+    alpha, exact = disc(), halves(0.5, 0.0, np.random.default_rng(4))
     wrong = tuple(np.where(alpha[..., None] > 0.0, half, np.float32(1.0)) for half in exact)
     gap = measure_gap(exact, wrong, alpha)  # type: ignore[arg-type]
     assert gap.relmse == 0.0
@@ -39,8 +37,7 @@ def test_only_the_asset_counts() -> None:
 
 
 def test_flip_is_zero_for_the_same_picture_and_noise_is_reported() -> None:
-    rng = np.random.default_rng(5)
-    exact = halves(0.5, 0.05, rng)
+    exact = halves(0.5, 0.05, np.random.default_rng(5))
     gap = measure_gap(exact, exact, disc())
     assert gap.flip == 0.0
     assert gap.noise > 0.0

@@ -40,9 +40,9 @@ class Case:
     def brightest(self):
         return self.pixels[self.reference.value.mean(axis=-1).argmax()]
 
-    def check(self, halves=None):
+    def check(self, halves=None, truth=None):
         halves = self.halves if halves is None else halves
-        return check_frame("look", halves, self.alpha, SAMPLES, self.pixels, self.reference)
+        return check_frame("look", halves, self.alpha, SAMPLES, self.pixels, self.reference, truth)
 
 
 @pytest.mark.parametrize("tails", [False, True])
@@ -141,9 +141,8 @@ def test_black_frames_agree():
 
 
 def test_too_few_halves_are_refused():
-    case = Case()
     with pytest.raises(RenderError, match="2 independent renders"):
-        case.check(case.halves[:2])
+        Case().check(Case().halves[:2])
 
 
 def test_pixels_are_chosen_from_the_asset_and_its_rim():
@@ -166,6 +165,6 @@ def test_flip_shows_differences():
     assert seen.shape == (SIZE, SIZE)
     assert mean == pytest.approx(seen.mean(), rel=1e-4)
     assert seen[:, : SIZE // 2 - 4].mean() > 5.0 * seen[:, SIZE // 2 + 4 :].mean()
-    found = check_frame("look", case.halves, case.alpha, SAMPLES, case.pixels, case.reference, case.truth)
+    found = case.check(truth=case.truth)
     assert 0.0 < found.figures["flip"] < 1.0
     assert found.skipped == ""
