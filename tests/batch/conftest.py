@@ -1,7 +1,7 @@
 """The small job, finished once for all tests, and rendered from its file as the command line does."""
 
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,6 @@ import pytest
 from lookdev.batch.run import RunResult, render_job
 from lookdev.job import Job
 from lookdev.output import sheet
-from lookdev.output.display import Pixels
 from lookdev.render.backends import BACKENDS
 
 RenderFile = Callable[..., RunResult]
@@ -22,18 +21,11 @@ RenderFile = Callable[..., RunResult]
 
 @contextmanager
 def small_sheets() -> Iterator[None]:
-    """Let sheets have cells of at most 32 pixels: those of 256 would be half of the time of these tests."""
+    """Let sheets have cells of 32 pixels: those of 256 would be half of the time of these tests."""
     write = sheet.write_sheet
 
-    def write_small(
-        path: Path,
-        frames: Sequence[Pixels],
-        labels: Sequence[str],
-        title: str,
-        columns: int | None = None,
-        cell: int = 32,
-    ) -> None:
-        write(path, frames, labels, title, columns, min(cell, 32))
+    def write_small(*frames_and_text: Any, **_: int) -> None:
+        write(*frames_and_text[:5], cell=32)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sheet, "write_sheet", write_small)

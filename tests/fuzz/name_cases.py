@@ -34,44 +34,21 @@ _WORDS = """
 _FOREIGN = ("größe", "漢字", "ναός", "Ñandú", "имя", "ß", "ſt", "Ⅷ", "ʹa", "हिन्दी", "한글", "K", "ﬁ")
 
 
-def _long(rng: random.Random, number: int) -> str:
-    """Return a long name that differs from the others of an asset in its last character alone."""
-    return "n" * (rng.choice((55, 56, 62, 63, 64, 66, 67, 68, 127, 128, 199)) - 1) + "abcdefghijk"[number]
-
-
-def _foreign(rng: random.Random, number: int) -> str:
-    return _FOREIGN[(number + rng.randrange(3)) % len(_FOREIGN)] + "abcdefghijk"[number]
-
-
-def _composed(rng: random.Random, number: int) -> str:
-    """Return names of which two are written differently, in code points, and look alike."""
-    form = "NFC" if number % 2 else "NFD"
-    return unicodedata.normalize(form, "éàü") + "abcdef"[number // 2]
-
-
-def _long_foreign(rng: random.Random, number: int) -> str:
-    return "字" * rng.randrange(18, 70) + "ä" * number
-
-
-def _cased(rng: random.Random, number: int) -> str:
-    """Return names that differ by case alone."""
-    return "".join(letter.upper() if number >> place & 1 else letter for place, letter in enumerate("wear"))
-
-
-def _spaced(rng: random.Random, number: int) -> str:
-    """Return names in namespaces, which prims have none of."""
-    return ("a:" if number >= len(_PLAIN) - len(_PRIMVARS) else "a_") * rng.randrange(1, 30) + f"b{number}"
-
-
+_LAST = "abcdefghijk"
+# Names by their number in an asset.
 _FAMILIES: dict[str, Callable[[random.Random, int], str]] = {
-    "long": _long,
-    "foreign": _foreign,
-    "composed": _composed,
-    "long and foreign": _long_foreign,
-    "cased": _cased,
-    "in namespaces": _spaced,
-    "underscores": lambda rng, number: "_" * (number + 1),
-    "numbers": lambda rng, number: f"_{number}",
+    # They differ in their last character alone.
+    "long": lambda rng, n: "n" * (rng.choice((55, 56, 62, 63, 64, 66, 67, 68, 127, 128, 199)) - 1) + _LAST[n],
+    "foreign": lambda rng, n: _FOREIGN[(n + rng.randrange(3)) % len(_FOREIGN)] + _LAST[n],
+    # Two each are written differently, in code points, and look alike.
+    "composed": lambda rng, n: unicodedata.normalize("NFC" if n % 2 else "NFD", "éàü") + _LAST[n // 2],
+    "long and foreign": lambda rng, n: "字" * rng.randrange(18, 70) + "ä" * n,
+    # They differ by case alone.
+    "cased": lambda rng, n: "".join(c.upper() if n >> place & 1 else c for place, c in enumerate("wear")),
+    # Prims have no namespaces.
+    "in namespaces": lambda rng, n: ("a:" if _PLAIN[n] in _PRIMVARS else "a_") * rng.randrange(1, 30) + f"b{n}",
+    "underscores": lambda rng, n: "_" * (n + 1),
+    "numbers": lambda rng, n: f"_{n}",
 }
 _PLAN = (
     *((f"family {name}", name) for name in _FAMILIES for _ in range(8)),

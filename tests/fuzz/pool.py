@@ -6,8 +6,10 @@ import select
 import signal
 import subprocess
 import sys
+from collections import ChainMap
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 from cases import Outcome
@@ -59,13 +61,8 @@ def outcomes(kind: str, seed: int, numbers: Sequence[int], folder: Path, process
     """Return what became of cases, by their numbers, in a few processes."""
 
     def read_part(first: int) -> dict[int, Outcome]:
-        child = Child(folder)
-        try:
+        with closing(Child(folder)) as child:
             return child.outcomes(kind, seed, numbers[first::processes])
-        finally:
-            child.close()
 
     with ThreadPoolExecutor(processes) as threads:
-        return {
-            number: outcome for part in threads.map(read_part, range(processes)) for number, outcome in part.items()
-        }
+        return dict(ChainMap(*threads.map(read_part, range(processes))))

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,8 @@ from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
 
 @pytest.fixture(scope="module")
 def child(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Child]:
-    child = Child(tmp_path_factory.mktemp("fuzz"))
-    yield child
-    child.close()
+    with closing(Child(tmp_path_factory.mktemp("fuzz"))) as child:
+        yield child
 
 
 def assert_right(kind: str, seed: int, found: Mapping[int, Outcome]) -> None:

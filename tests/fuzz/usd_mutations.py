@@ -159,21 +159,8 @@ def declared(layer: Sdf.Layer) -> tuple[str, str] | None:
     return (data["path"], data["type"]) if data else None
 
 
-def _block(attribute: Any, rng: random.Random) -> None:
-    attribute.default = Sdf.ValueBlock()
-
-
 def _sample_default(attribute: Any, rng: random.Random) -> None:
     attribute.layer.SetTimeSample(attribute.path, rng.choice((-3.0, 0.0, 7.0)), attribute.default)
-
-
-def _interpolation(name: str) -> Change:
-    return lambda attribute, rng: attribute.SetInfo("interpolation", name)
-
-
-def _element_size(*sizes: int) -> Change:
-    """Return a change of how many elements make one value."""
-    return lambda attribute, rng: attribute.SetInfo("elementSize", rng.choice(sizes))
 
 
 def _target(path: str) -> Change:
@@ -202,18 +189,19 @@ CHANGES: dict[str, Change] = {
     "sample at the time shorter": _sampled_at(3.0, "shorter"),
     "sample at the time empty": _sampled_at(3.0, "empty"),
     "same sample": _sample_default,
-    "blocked": _block,
+    "blocked": lambda attribute, rng: setattr(attribute, "default", Sdf.ValueBlock()),
     "mistyped": _mistype,
     **{kind: _retyped(kind, value) for kind, value in _TYPES.items()},
     "hole -1": _retyped("int[]", Vt.IntArray([-1])),
     "hole 6": _retyped("int[]", Vt.IntArray([6])),
     **{f"file '{name}'": _retyped("asset", Sdf.AssetPath(name)) for name in ("nowhere.png", "./", "asset.usda", "")},
-    "interpolation foo": _interpolation("foo"),
-    "interpolation constant": _interpolation("constant"),
-    "interpolation uniform": _interpolation("uniform"),
-    "interpolation ''": _interpolation(""),
-    "elementSize": _element_size(2, 3),
-    "elementSize of none": _element_size(-1, 0, 3, 1000),
+    **{
+        f"interpolation {name}": lambda attribute, rng, name=name: attribute.SetInfo("interpolation", name.strip("'"))
+        for name in ("foo", "constant", "uniform", "''")
+    },
+    # How many elements make one value.
+    "elementSize": lambda attribute, rng: attribute.SetInfo("elementSize", rng.choice((2, 3))),
+    "elementSize of none": lambda attribute, rng: attribute.SetInfo("elementSize", rng.choice((-1, 0, 3, 1000))),
     "control": _one(lambda value, rng: "Ünknown\x1b[31m"),
     "500 letters": _one(lambda value, rng: "x" * 500),
 }
@@ -258,10 +246,7 @@ _FLOATS = f"{_NUMBERS}, float2[], float4[], {_OTHERS}"
 _INTS = f"-1, 2^31-1, -2^31, float[], float2[], {_OTHERS}"
 _SCALAR = "string, float3, token, float[], asset, bool"
 _PRIMVAR = "nan, inf, -inf, interpolation foo, interpolation constant, shorter"
-_WORD = _role(
-    refused="'foo', '', control, 500 letters, int, float3, token[], asset",
-    harmless="mistyped",
-)
+_WORD = _role(refused="'foo', '', control, 500 letters, int, float3, token[], asset", harmless="mistyped")
 
 ROLES: dict[str, tuple[Mutation, ...]] = {
     # Points of a mesh or curves that other attributes follow, and of a mesh that has none.

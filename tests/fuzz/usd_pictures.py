@@ -108,7 +108,7 @@ def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
         {
             "sound": right(lambda layer, notes: None),
             "without the property": right(lambda layer, notes: _remove(layer, spot)),
-            "without the prim": right(lambda layer, notes: _deactivate(layer, spot.prim)),
+            "without the prim": right(lambda layer, notes: setattr(layer.GetPrimAtPath(spot.prim), "active", False)),
             "as noted": right(_take),
             **operations,
         },
@@ -124,10 +124,6 @@ def _leave_out(layer: Any, spot: Spot, number: int) -> None:
     attribute = layer.GetAttributeAtPath(f"{spot.prim}.{spot.name}")
     values = list(attribute.default)
     attribute.default = type(attribute.default)(values[:number] + values[number + 1 :])
-
-
-def _deactivate(layer: Any, path: str) -> None:
-    layer.GetPrimAtPath(path).active = False
 
 
 def _take(layer: Any, notes: str) -> None:
