@@ -4,10 +4,12 @@ import os
 import signal
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import pytest
 from batch_case import is_alive, wait_until
+from looks import quick_among
 
 pytestmark = pytest.mark.both_pythons
 
@@ -39,20 +41,14 @@ sys.argv = ["lookdev", "compute"]
 main()"""
 
 
-@pytest.mark.parametrize(
-    ("program", "number"),
-    [
-        pytest.param(_WAITS, signal.SIGTERM, id="waits, terminated"),
-        pytest.param(_LOSES, signal.SIGINT, id="loses, interrupted"),
-        pytest.param(_COMPUTES, signal.SIGINT, id="computes, interrupted"),
-        pytest.param(_WAITS, signal.SIGINT, id="waits, interrupted", marks=pytest.mark.proof),
-        pytest.param(_LOSES, signal.SIGTERM, id="loses, terminated", marks=pytest.mark.proof),
-        pytest.param(_COMPUTES, signal.SIGTERM, id="computes, terminated", marks=pytest.mark.proof),
-    ],
-)
-def test_children_end_with_the_program(tmp_path, program, number):
-    file = tmp_path / "child"
-    command = [sys.executable, "-c", program.format(child=_CHILD.format(str(file)))]
+PROGRAMS = {"waits": _WAITS, "loses": _LOSES, "computes": _COMPUTES}
+QUICK = [("waits", "SIGTERM"), ("loses", "SIGINT"), ("computes", "SIGINT")]
+
+
+@pytest.mark.parametrize(("program", "name"), quick_among([*product(PROGRAMS, ("SIGTERM", "SIGINT"))], QUICK))
+def test_children_end_with_the_program(tmp_path, program, name):
+    file, number = tmp_path / "child", signal.Signals[name]
+    command = [sys.executable, "-c", PROGRAMS[program].format(child=_CHILD.format(str(file)))]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         wait_until(lambda: file.exists() and file.read_text())

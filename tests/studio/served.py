@@ -1,6 +1,7 @@
 """An explorer that is served by a process of its own, as a user starts it."""
 
 import http.client
+import json
 import os
 import re
 import signal
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from lookdev.lifetime import end_with_parent
 
@@ -55,6 +57,12 @@ class Served:
             connection.endheaders(body)
             with connection.getresponse() as answer:
                 return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
+
+    def json(self, path: str, **body: Any) -> Any:
+        """Return the answer to a request, with a JSON body if it has values."""
+        status, data, _ = self.ask(path, "POST" if body else "GET", json.dumps(body).encode() if body else None)
+        assert status == 200, data
+        return json.loads(data)
 
     def end(self, number: int = signal.SIGINT) -> int:
         """Send a signal, and return the exit code."""

@@ -4,7 +4,6 @@ is offered, or is still there. `test_design_exact.py` kills the renderer.
 ``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes ten to twenty minutes.
 """
 
-import json
 import logging
 import os
 import random
@@ -12,16 +11,19 @@ import shutil
 import signal
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from http.client import HTTPException
 from pathlib import Path
 
+import numpy as np
 import pytest
 from chromium import start_browser
 from design_page import DesignPage
 from served import Served, served
 
 from lookdev.job import load_job
+from lookdev.material import Look
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.opening import open_document
 
@@ -45,41 +47,39 @@ class Script:
     dressed: int = 0  # how often the job was asked for an assign more
     worn: int = 0  # how often it was answered
     kept: int = 0  # assigns of the job whose saving was answered
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
 
     def run(self) -> None:
         try:
             while True:
                 self.asked += 1
-                edit = {"look": 0, "layer": 0, "parameter": "roughness", "value": 0.2 + STEP * self.asked}
-                self.send("/edit", edit)
+                self.send("/edit", look=0, layer=0, parameter="roughness", value=0.2 + STEP * self.asked)
                 self.edited.append(time.monotonic())
                 if self.asked % 5 == 0:
-                    self.send("/stack", {"look": 0, "op": "rename", "layer": 1, "name": f"Flakes{self.asked}"})
+                    self.send("/stack", look=0, op="rename", layer=1, name=f"Flakes{self.asked}")
                 if self.asked % 7 == 0:
-                    self.send("/stack", {"look": 0, "op": "duplicate", "layer": 1})
-                    self.send("/history", {"redo": False})
+                    self.send("/stack", look=0, op="duplicate", layer=1)
+                    self.send("/history", redo=False)
                 if self.asked % 11 == 0:
                     self.dressed += 1
                     # Each fits the part; their number is the state of the job.
-                    wear = {"part": "/plane", "prims": [f"/plane{'*' * self.dressed}"], "material": "car_paint.usda"}
-                    self.send("/wear", wear)
+                    prims = [f"/plane{'*' * self.dressed}"]
+                    self.send("/wear", part="/plane", prims=prims, material="car_paint.usda")
                     self.worn += 1
                 if self.asked % 9 == 0:
-                    self.send("/save", {"over": False})
+                    self.send("/save", over=False)
                     self.saved, self.kept = self.asked, self.worn
         except (OSError, HTTPException):
             return
 
-    def send(self, path: str, body: object) -> None:
-        status, found, _ = self.server.ask(path, "POST", json.dumps(body).encode())
-        assert status == 200, found
-        self.counts[path] = self.counts.get(path, 0) + 1
+    def send(self, path: str, **body: object) -> None:
+        self.server.json(path, **body)
+        self.counts[path] += 1
 
 
-def state_of(layers: object) -> int:
+def state_of(look: Look) -> int:
     """Return the number of a state."""
-    return round((layers[0].inputs["roughness"] - 0.2) / STEP)  # type: ignore[index]
+    return round((look.layers[0].inputs["roughness"] - 0.2) / STEP)  # type: ignore[operator]
 
 
 def assigns_on_disk(job: Path) -> int:
@@ -89,10 +89,9 @@ def assigns_on_disk(job: Path) -> int:
 def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
     job = tmp_path / "plane.toml"
-    rng, lost, counts, offered, in_flight = random.Random(25), [], {}, 0, 0
+    rng, lost, counts, offered, in_flight = random.Random(25), [], Counter[str](), 0, 0
     shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
     for number in range(KILLS):
         look = tmp_path / "car_paint.usda"
@@ -106,51 +105,34 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
             killed = time.monotonic()
             server.end(signal.SIGKILL)
             client.join()
-        on_disk = state_of(read_look(look).layers) if script.saved or look.read_text().count("0.42") == 0 else 0
+        on_disk = state_of(read_look(look)) if script.saved or look.read_text().count("0.42") == 0 else 0
         assert script.saved <= on_disk <= script.asked, number
         assert script.kept <= assigns_on_disk(job) <= script.dressed, number
         document = open_document(None, "plane", look, recovers=True)
         if document.status()["recovery"] is not None:
             offered += 1
             document.recover(take=True)
-        found = state_of(document.looks[0].layers) if script.edited or document.unsaved(0) else 0
-        worn = (
-            assigns_on_disk(job)
-            if document.status()["job"]["new"] and job.exists()
-            else len(document.job.look[0].assign)
-        )
+        found = state_of(document.looks[0]) if script.edited or document.unsaved(0) else 0
+        on_disk_alone = document.status()["job"]["new"] and job.exists()
+        worn = assigns_on_disk(job) if on_disk_alone else len(document.job.look[0].assign)
         assert script.worn <= worn <= script.dressed, number
         answered = len(script.edited)
         assert found <= script.asked, number
         in_flight += found > answered
         lost.append(0.0 if found >= answered else killed - script.edited[found])
         assert lost[-1] <= MOST_LOST, number
-        counts = {path: counts.get(path, 0) + count for path, count in script.counts.items()} | {
-            path: count for path, count in counts.items() if path not in script.counts
-        }
+        counts += script.counts
         if document.status()["recovery"] is None and document.unsaved(0):
             document.save()
         document.close()
-    log.info(
-        "%d kills, %d offers, %s; edits lost: %d, at most %.2f s",
-        KILLS,
-        offered,
-        counts,
-        sum(map(bool, lost)),
-        max(lost),
-    )
+    log.info("%d kills, %d offers, %s; edits lost: %d", KILLS, offered, dict(counts), sum(map(bool, lost)))
+    log.info("lost at most %.2f s", max(lost))
     log.info("%d times an edit was kept whose answer did not arrive", in_flight)
 
 
-def browser_of(lifeline: int) -> int:
-    """Return the process of the browser of a driver, which `lifeline.py` has started."""
-    (driver,) = children(lifeline)
-    (found,) = children(driver)
-    return found
-
-
-def children(parent: int) -> list[int]:
-    return [int(pid) for task in Path(f"/proc/{parent}/task").glob("*/children") for pid in task.read_text().split()]
+def only_child(parent: int) -> int:
+    (child,) = [pid for task in Path(f"/proc/{parent}/task").glob("*/children") for pid in task.read_text().split()]
+    return int(child)
 
 
 @pytest.mark.browser
@@ -169,14 +151,13 @@ def test_a_browser_that_is_killed_loses_at_most_two_seconds_of_a_slider_that_is_
             )
             began = time.monotonic()
             time.sleep(rng.uniform(2.5, 8.0))
-            os.kill(browser_of(browser.service.process.pid), signal.SIGKILL)
+            driver = only_child(browser.service.process.pid)  # of `lifeline.py`
+            os.kill(only_child(driver), signal.SIGKILL)
             killed = time.monotonic()
             browser.service.stop()
             time.sleep(0.3)  # what was on its way arrives
-            rows = json.loads(server.ask("/status?whole")[1])["stacks"][0]["layers"][0]["parameters"]
+            rows = server.json("/status?whole")["stacks"][0]["layers"][0]["parameters"]
             value = next(row["value"] for row in rows if row["name"] == "roughness")
             lost.append(killed - began - 0.1 * round(value / 0.005))
             assert lost[-1] <= MOST_LOST, number
-    log.info(
-        "%d kills; lost of a held slider: median %.2f s, at most %.2f s", KILLS, sorted(lost)[KILLS // 2], max(lost)
-    )
+    log.info("%d kills; lost of a held slider: median %.2f s, at most %.2f s", KILLS, np.median(lost), max(lost))

@@ -1,4 +1,7 @@
-"""The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that survives edits, and may die."""
+"""The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that survives edits, and may die.
+
+And its turntable: a run in the background, with what is not saved, that can be cancelled.
+"""
 
 import json
 import logging
@@ -13,9 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from batch_case import wait_until
 from served import Served, served
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+
+from lookdev.output.exr import read_shown
 
 pytestmark = pytest.mark.mitsuba
 
@@ -42,7 +48,7 @@ class Talk:
 
     def __init__(self, server: Served, socket: ClientConnection) -> None:
         self.server, self.socket, self.id = server, socket, 0
-        self.camera = json.loads(server.ask("/scene")[1])["camera"]
+        self.camera = server.json("/scene")["camera"]
 
     def render(self, size: tuple[int, int] = (64, 48), **view: Any) -> None:
         self.id += 1
@@ -64,12 +70,11 @@ class Talk:
         return found
 
     def edit(self, value: float) -> None:
-        body = json.dumps({"look": 0, "layer": 0, "parameter": "roughness", "value": value}).encode()
-        assert self.server.ask("/edit", "POST", body)[0] == 200
+        self.server.json("/edit", look=0, layer=0, parameter="roughness", value=value)
 
     def roughness(self) -> float:
         """Return what the server has of an edit."""
-        base = json.loads(self.server.ask("/scene")[1])["stacks"][0]["layers"][0]
+        base = self.server.json("/scene")["stacks"][0]["layers"][0]
         return next(float(each["value"]) for each in base["parameters"] if each["name"] == "roughness")
 
 
@@ -206,22 +211,15 @@ def test_the_page_is_told_that_the_renderer_died_and_no_edit_is_lost(talk: Talk)
     assert talk.roughness() == pytest.approx(0.35, rel=1e-6)  # as the file has it, in float32
 
 
-@pytest.mark.parametrize(
-    ("view", "message"),
-    [
+def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: Served) -> None:
+    for view, message in (
         ({"camera": None}, "a view has a camera"),
         ({"element": "0"}, "finite numbers"),
         ({"size": [64]}, "2 numbers"),
         ({"size": [64, 0]}, "from 1 to 8192 pixels"),
-    ],
-    ids=lambda given: "" if isinstance(given, str) else next(iter(given)),
-)
-def test_a_view_of_no_sense_is_refused(talk: Talk, view: dict[str, Any], message: str) -> None:
-    talk.render(**view)
-    assert message in talk.next()["error"]
-
-
-def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: Served) -> None:
+    ):
+        talk.render(**view)
+        assert message in talk.next()["error"]
     for text in ("{", "[]", '{"do": "render"}', '{"do": "save", "id": 1}', b"\x00"):
         talk.socket.send(text)
         assert "error" in talk.next()
@@ -242,3 +240,32 @@ def test_ctrl_c_ends_the_renderer_too(job: Path, tmp_path: Path) -> None:
             os.kill(worker, 0)
         assert list(tmp_path.iterdir()) == []
         assert "Traceback" not in started.log
+
+
+def test_a_turntable_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server: Served, job: Path) -> None:
+    """The first run is cancelled; the second goes on, and the third has a light that is turned up."""
+
+    def ended() -> Any:
+        wait_until(lambda: server.json("/turntable")["state"] != "rendering", 120.0)
+        return server.json("/turntable")
+
+    assert server.json("/turntable")["state"] == "none"
+    server.json("/edit", look=0, layer=0, parameter="roughness", value=0.77)
+    server.json("/turntable", do="render")
+    status, data, _ = server.ask("/turntable", "POST", b'{"do": "render"}')
+    assert status == 200 or "cancel it first" in json.loads(data)["error"]
+    server.json("/turntable", do="cancel")
+    assert ended()["state"] == "cancelled"
+    pictures = []
+    for stops in (0.0, 1.0):
+        server.json("/lights", light=0, on=True, stops=stops, color=[1, 1, 1], kelvin=None)
+        server.json("/turntable", do="render")
+        state = ended()
+        assert (state["state"], state["done"], state["pictures"]) == ("done", 2, [0, 1])
+        pictures.append(read_shown(Path(state["output"]) / "element.0002.exr")[0])
+    assert Path(state["output"]) == job.parent / "out" / "designer" / "plastic" / "white"
+    assert pictures[1].sum() == pytest.approx(2.0 * pictures[0].sum(), rel=0.02)
+    status, picture, _ = server.ask(f"/turntable/{state['run']}/1.png")
+    assert (status, picture[:4]) == (200, b"\x89PNG")
+    for path in (f"/turntable/{state['run']}/2.png", "/turntable/1/0.png", f"/turntable/{state['run']}/../job.toml"):
+        assert server.ask(path)[0] == 404
