@@ -19,37 +19,32 @@ from lookdev.lifetime import end_with_parent
 end_with_parent()
 pathlib.Path({0!r}).write_text(str(os.getpid()))
 time.sleep(60)"""
-_WAITS = """import subprocess, sys
+_PROGRAM = """import contextlib, hashlib, subprocess, sys, time
 from lookdev.cli import app, main
+child = (sys.executable, "-c", {child!r})
 @app.command()
-def wait():
-    subprocess.run((sys.executable, "-c", {child!r}))
-sys.argv = ["lookdev", "wait"]
+def work():
+    {work}
+sys.argv = ["lookdev", "work"]
 main()"""
-# USD loses the exception while it is imported.
-_LOSES = _WAITS.replace(
-    "    subprocess.run(", "    import contextlib\n    with contextlib.suppress(BaseException): subprocess.run("
-)
-# A library that computes for a minute, and does not return to Python.
-_COMPUTES = """import hashlib, subprocess, sys
-from lookdev.cli import app, main
-@app.command()
-def compute():
-    subprocess.Popen((sys.executable, "-c", {child!r}))
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**8)
-sys.argv = ["lookdev", "compute"]
-main()"""
-
-
-PROGRAMS = {"waits": _WAITS, "loses": _LOSES, "computes": _COMPUTES}
+WORK = {
+    "waits": "subprocess.run(child)",
+    # USD loses the exception while it is imported.
+    "loses": "with contextlib.suppress(BaseException): subprocess.run(child)",
+    # A library that computes for a minute, and does not return to Python.
+    "computes": 'subprocess.Popen(child), hashlib.pbkdf2_hmac("sha256", b"", b"", 10**8)',
+}
 QUICK = [("waits", "SIGTERM"), ("loses", "SIGINT"), ("computes", "SIGINT")]
 
 
-@pytest.mark.parametrize(("program", "name"), quick_among([*product(PROGRAMS, ("SIGTERM", "SIGINT"))], QUICK))
-def test_children_end_with_the_program(tmp_path, program, name):
+def command(work, child=""):
+    return [sys.executable, "-c", _PROGRAM.format(work=work, child=child)]
+
+
+@pytest.mark.parametrize(("work", "name"), quick_among([*product(WORK, ("SIGTERM", "SIGINT"))], QUICK))
+def test_children_end_with_the_program(tmp_path, work, name):
     file, number = tmp_path / "child", signal.Signals[name]
-    command = [sys.executable, "-c", PROGRAMS[program].format(child=_CHILD.format(str(file)))]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command(WORK[work], _CHILD.format(str(file))), stderr=subprocess.DEVNULL)
     try:
         wait_until(lambda: file.exists() and file.read_text())
         child = int(file.read_text())
@@ -70,20 +65,12 @@ def test_a_signal_during_an_import_waits_for_its_end(tmp_path):
         "try: time.sleep(0.5)\n"
         "except BaseException: raise ImportError('initialization failed') from None\n"
     )
-    program = """import time
-from lookdev.cli import app, main
-@app.command()
-def work():
-    try:
+    work = """try:
         import library
         time.sleep(60)
     except KeyboardInterrupt:
-        print("tidy", flush=True)
-import sys
-sys.argv = ["lookdev", "work"]
-main()"""
-    command = [sys.executable, "-c", program]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+        print("tidy", flush=True)"""
+    process = subprocess.Popen(command(work), cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     try:
         wait_until((tmp_path / "child").exists)
         process.send_signal(signal.SIGINT)

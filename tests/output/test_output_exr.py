@@ -41,9 +41,7 @@ def test_round_trip_is_exact(tmp_path: Path, frame: Frame) -> None:
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def test_a_file_is_one_scanline_part_of_floats_with_further_channels_and_a_header_of_any_length(
-    tmp_path: Path, frame: Frame
-) -> None:
+def test_a_file_is_one_part_of_floats_and_has_a_header_of_any_length(tmp_path: Path, frame: Frame) -> None:
     path, note, depth = tmp_path / "a.exr", "long " * 20000, np.arange(600.0).reshape(30, 20)
     write_frame(path, *frame, {"note": note}, planes={"depth.Z": depth[:, ::-1]}, attributes={"worldToCamera": "text"})
     with OpenEXR.File(str(path), separate_channels=True) as exr:
@@ -136,9 +134,8 @@ def test_shapes_must_belong_together(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.fixture
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let what is written end in a device that takes nothing."""
+def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frame: Frame) -> None:
+    """The libraries do not report what is lost as they close a file."""
 
     @contextmanager
     def on_full(final: Path) -> Iterator[Path]:
@@ -148,10 +145,6 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
         temporary.unlink()
 
     monkeypatch.setattr("lookdev.cache._temporary", on_full)
-
-
-def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, full_disk: None, frame: Frame) -> None:
-    """The libraries do not report what is lost as they close a file."""
     with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
         write_frame(tmp_path / "a.exr", *frame, {})
     with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lookdev.output import write_frame
+from lookdev.output.lettering import write_text
 from lookdev.output.slate import burned_in, slate
 
 HEADER = {
@@ -21,13 +22,11 @@ def frame(path: Path, **changed: str) -> Path:
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     """The lines of text and their sizes."""
-    from lookdev.output.lettering import write_text
-
     lines: list[tuple[str, int]] = []
 
-    def note(canvas: object, text: str, x: int, y: int, size: int, room: int, ink: int) -> None:
+    def note(canvas: object, text: str, x: int, y: int, size: int, *given: int) -> None:
         lines.append((text, size))
-        write_text(canvas, text, x, y, size, room, ink)
+        write_text(canvas, text, x, y, size, *given)
 
     monkeypatch.setattr("lookdev.output.slate.write_text", note)
     return lines

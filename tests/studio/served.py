@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from batch_case import wait_until
 
 from lookdev.lifetime import end_with_parent
 
@@ -36,25 +37,16 @@ class Served:
     def log(self) -> str:
         return "\n".join(self.lines)
 
-    def says(self, text: str) -> bool:
-        """Return whether it writes a text, which may come a little after its answer."""
-        until = time.monotonic() + 10.0
-        while text not in self.log and time.monotonic() < until:
-            time.sleep(0.01)
-        return text in self.log
+    def wait_for(self, text: str) -> None:
+        """Wait until it has written a text, which may come a little after its answer."""
+        wait_until(lambda: text in self.log, 10.0)
 
     def ask(
         self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
     ) -> tuple[int, bytes, dict[str, str]]:
-        """Send a request with exactly these headers, beside `Host`, and return status, body and headers."""
-        named = {"Host": f"127.0.0.1:{self.port}", **headers}
+        """Send a request, whose `Host` may be another, and return status, body and headers."""
         with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)) as connection:
-            connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
-            for name, value in named.items():
-                connection.putheader(name, value)
-            if body is not None:
-                connection.putheader("Content-Length", str(len(body)))
-            connection.endheaders(body)
+            connection.request(method, path, body, {"Host": f"127.0.0.1:{self.port}", **headers})
             with connection.getresponse() as answer:
                 return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
 
@@ -91,11 +83,9 @@ def served(
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     try:
-        until = time.monotonic() + 300
-        while not (started := STARTED.search(found.log)):
-            assert process.poll() is None, found.log
-            assert time.monotonic() < until, found.log
-            time.sleep(0.02)
+        wait_until(lambda: STARTED.search(found.log) or process.poll() is not None, 300.0)
+        started = STARTED.search(found.log)
+        assert started, found.log
         found.url = started[1]
         yield found
     finally:

@@ -102,13 +102,6 @@ def test_everything_else_wears_a_look(document: Document) -> None:
     assert covers(document, "/Car/Chimney")["by"] == "look"
 
 
-def test_a_look_is_taken_off(document: Document) -> None:
-    document.wear({"part": "/Car/Body", "take": True})
-    assert covers(document, "/Car/Body")["by"] == "asset"
-    with pytest.raises(LookdevError, match="nothing is assigned"):
-        document.wear({"part": "/Car/Body", "take": True})
-
-
 def test_a_look_is_made_of_a_preset(document: Document, job: Path) -> None:
     document.wear({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": "panes.usda"})
     assert worn(document)[WINDOWS] == "Panes"
@@ -131,6 +124,7 @@ REFUSED = [
     ({"material": "/etc/passwd"}, "reads looks below"),
     ({"material": "assets/toy_car.usda", "prim": "/Car"}, "Car"),
     ({"variants": {"a": "b"}}, "variant"),
+    ({"part": "/Car/Wheels/BackLeft/Tire", "take": True}, "nothing is assigned"),
 ]
 
 

@@ -296,7 +296,7 @@ def test_unsaved_work_is_offered_after_a_crash(
                 "await answered(); return [before, layers(), at('undo').title, at('recovery')];"
             ) == [["Base", "Flakes", "Dust"], ["Base", "Dust"], "Undo: restore unsaved work (Ctrl+Z)", None]
             again.end()
-            assert again.says("unsaved edits are kept: the same command offers them")
+            again.wait_for("unsaved edits are kept: the same command offers them")
 
 
 def test_a_request_of_another_site_or_of_no_sense_is_refused(server: Served) -> None:

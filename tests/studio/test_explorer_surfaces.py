@@ -4,6 +4,7 @@ import shlex
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -105,17 +106,11 @@ def test_files_of_the_command_line_get_names(surfaces: Surfaces, tmp_path: Path)
 def test_threads_that_ask_at_once_prepare_a_measurement_once(tmp_path: Path) -> None:
     file = tmp_path / "asked.dat"
     write_anisotropic(file, np.full((2, 2, 2, 2, 3), 0.1))
-    made: list[object] = []
-
-    def make(grid: object) -> object:
-        made.append(grid)
-        time.sleep(0.1)  # in which the other threads ask
-        return object()
-
+    make = Mock(side_effect=lambda grid: time.sleep(0.1))  # in which the other threads ask
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(4) as threads:
         patch.setattr("lookdev.brdf.measured.make_proposal", make)
         list(threads.map(lambda _: read_subject(str(file)), range(4)))
-    assert len(made) == 1
+    make.assert_called_once()
 
 
 def test_numbers_beyond_float32_are_its_largest() -> None:

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -47,8 +46,5 @@ def test_a_killed_test_process_leaves_nothing(browser: object, tmp_path: Path) -
     finally:
         holder.kill()
         holder.wait()
-    until = time.monotonic() + 60.0
-    while (left := [line for pid, line in below.items() if is_alive(pid)]) and time.monotonic() < until:
-        time.sleep(0.02)  # processes that are no children end without an event for us
-    assert left == []
+    wait_until(lambda: not any(map(is_alive, below)))
     assert not folder.exists()

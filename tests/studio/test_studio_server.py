@@ -59,7 +59,7 @@ def test_another_host_is_refused(server: Served, host: str, path: str) -> None:
     method = "POST" if path.startswith("/upload") else "GET"
     status, body, _ = server.ask(path, method, b"" if method == "POST" else None, Host=host.format(port=server.port))
     assert (status, b"Host" in body) == (403, True)
-    assert server.says("refused")
+    server.wait_for("refused")
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://localhost:1"])
@@ -162,7 +162,7 @@ def test_a_thousand_messages_of_nonsense(server: Served) -> None:
         # It answers on the same socket, after all of them.
         assert answers(socket, do="describe", surface="lambert")["model"] == "lambert"
     assert is_alive(server)
-    assert server.says("refused a message")
+    server.wait_for("refused a message")
     assert "Traceback" not in server.log
 
 
