@@ -127,6 +127,7 @@ REPLACED = [
     ('builtin = "city"', 'builtin = "city"\nrotation = true', "ibl[0].rotation", "valid number"),
     ('builtin = "city"', 'builtin = "city"\nexposure = inf', "ibl[0].exposure", "finite"),
     ("frames = 4", 'frames = "4"', "turntable[0].frames", 'valid integer, not "4"'),
+    ("frames = 4", 'frames = "vierzig Stück"', "turntable[0].frames", 'valid integer, not "vierzig Stück"'),
     ("frames = 4", "frames = 10000", "turntable[0].frames", "9999"),
     ("frames = 4", "", "turntable[0].frames", "is missing"),
     ("frames = 4", "frames = 9999" + MORE_TURNTABLES, "turntable", "make 259974 frames; at most 250000"),

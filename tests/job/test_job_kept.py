@@ -61,6 +61,15 @@ def test_the_next_run_reads_what_was_refined(level, cages, calls) -> None:
     assert second.instances[0].path == "/path"
 
 
+def test_a_mesh_without_subdivision_stays_as_it_is(cages, monkeypatch) -> None:
+    monkeypatch.setattr(refinery, "_MOST_CORNERS", (4 + 1) * len(cages.meshes[0].corner_points))
+    plain = replace(cages.meshes[0], name="/b", subdivision=None)
+    both = make_asset("a", [cages.meshes[0], plain], [Instance(0, np.eye(4)), Instance(1, np.eye(4))], cages.slots)
+    refined, _ = Refinery(1, 64).refined(both, CAMERA)
+    assert same(refined.meshes[1], plain)
+    assert not same(refined.meshes[0], plain)
+
+
 @pytest.mark.parametrize("other", ["camera", "width", "cage", "detailed"])
 def test_what_differs_is_made_anew(other, cages, calls) -> None:
     Refinery("auto", 64).refined(cages, CAMERA)
