@@ -136,8 +136,7 @@ def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTa
     assert albedo.check == "albedo"
     # All pictures of the fake are white: no difference.
     assert (image.passed, image.figures["flip"]) == (True, 0.0)
-    kinds = [type(task.scene.shaders[0]) for task in rendered]
-    assert kinds == [NodeSource] * 4 + [ShaderSource] * 4
+    assert [type(task.scene.shaders[0]) for task in rendered] == [NodeSource] * 4 + [ShaderSource] * 4
     assert len({task.scene.sampling.seed for task in rendered}) == 8
     assert len({(task.scene.resolution, task.scene.sampling.samples, task.pose) for task in rendered}) == 1
 

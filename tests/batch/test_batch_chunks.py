@@ -95,8 +95,7 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file:
     with pytest.raises(LookdevError, match="no frame of the job was rendered yet"):
         keep_measured_chunks(plan, Division(2))
     render_file(only=("gold/city/element.0001",))
-    header = read_header(tmp_path / "out/gold/city/element.0001.exr")
-    assert header["seconds"] == "0.125"
+    assert read_header(tmp_path / "out/gold/city/element.0001.exr")["seconds"] == "0.125"
     # As if the first frame took as long as all others.
     slow = replace(plan.frames[0])
     slow.__dict__["files"] = (replace(plan.frames[0].files[0], seconds=1.0),)
@@ -139,8 +138,7 @@ def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render_file: Rende
     states["runs"] = {"working": 1.0, "stalled": 0.0, "dead": 0.0}
     counts = {(f"lookdev_{kind}", state): value for kind in states for state, value in states[kind].items()}
     assert metrics == counts | {("lookdev_frame_seconds", ""): 0.125, ("lookdev_left_seconds", ""): 0.25}
-    text = status_text(status)
-    assert "2 of 6 frames are done (33.3 %), 2 are rendered now, 2 wait, 0 failed" in text
+    assert "2 of 6 frames are done (33.3 %), 2 are rendered now, 2 wait, 0 failed" in status_text(status)
     assert json.loads(json.dumps(status_data(status)))["runs"][0]["run"]["process"] == active.run.process
     (tmp_path / "behaviour.json").unlink()
     render_file()

@@ -35,8 +35,7 @@ def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
 def plan_of(folder: Path, source: str = "props") -> Plan:
     """Return the small job's plan with a setup of props."""
     job = case.make_job(folder)
-    plain = case.make_plan(job)
-    task = plain.frames[0].task.scene
+    task = case.make_plan(job).frames[0].task.scene
     props = replace(task, shaders=(ShaderSource(source, f"shader {source}() {{}}", (), (), source),))
     sampling = job.render.sampling
     scene = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), task.lights[0], task.resolution)
@@ -93,11 +92,9 @@ def test_new_props_make_pictures_and_sheets_anew_and_no_frame(tmp_path: Path) ->
 
 
 def test_pictures_wait_for_props_that_failed(tmp_path: Path) -> None:
-    plan = plan_of(tmp_path)
-    assert plan.frames[0].task.files[0].parent.parent.name == "charts"
+    assert plan_of(tmp_path).frames[0].task.files[0].parent.parent.name == "charts"
     case.misbehave(tmp_path, element_0001=["failed", "failed", "ok"])
-    result = run(tmp_path)
-    assert [failure.name for failure in result.failures] == ["charts/city/element.0001"]
+    assert [failure.name for failure in run(tmp_path).failures] == ["charts/city/element.0001"]
     folder = tmp_path / "out/gold/city"
     names = ("element.0001.exr", "lighting.0002.png", "element.0001.png", "element.sheet.png")
     assert [(folder / name).exists() for name in names] == [True, True, False, False]
@@ -106,8 +103,7 @@ def test_pictures_wait_for_props_that_failed(tmp_path: Path) -> None:
 
 
 def test_a_frame_that_is_chosen_brings_its_props(tmp_path: Path) -> None:
-    result = run(tmp_path, only=["gold/city/lighting.0003"])
-    assert result.rendered == 2
+    assert run(tmp_path, only=["gold/city/lighting.0003"]).rendered == 2
     assert (tmp_path / "out/gold/city/lighting.0003.png").exists()
     assert (tmp_path / "out/charts/city/lighting.0003.exr").exists()
 

@@ -56,8 +56,7 @@ def test_a_template_elsewhere_has_paths_that_are_given(job: Path, tmp_path: Path
 
 
 def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Path) -> None:
-    exported = export_openjd(job, tmp_path / "bundle")
-    assert exported.summary().endswith(f"deadline bundle submit {tmp_path / 'bundle'}")
+    assert export_openjd(job, tmp_path / "bundle").summary().endswith(f"deadline bundle submit {tmp_path / 'bundle'}")
     assert read(tmp_path / "bundle" / "parameter_values.yaml") == {
         "parameterValues": [{"name": "Job", "value": str(job)}, {"name": "Output", "value": str(tmp_path / "out")}]
     }

@@ -167,5 +167,4 @@ def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
     pixels = oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8)
     assert (pixels[:40, :60] == 7).all()
     assert pixels.shape[0] > 40  # the list is longer than the picture
-    red = (pixels == (128, 0, 0)).all(axis=-1)
-    assert red[:, 60:].any(axis=1).sum() == 4 * 14
+    assert (pixels == (128, 0, 0)).all(axis=-1)[:, 60:].any(axis=1).sum() == 4 * 14

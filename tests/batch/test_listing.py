@@ -38,8 +38,7 @@ def test_consecutive_frames_in_one_state_are_one_line_and_a_changed_look_is_a_re
 
 def test_the_data_names_every_file(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
-    element = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n')
-    case.run(tmp_path, element)
+    case.run(tmp_path, case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n'))
     data = plan_data(case.make_plan(job), job.output)
     assert data["output"] == str(tmp_path / "out")
     assert data["render"] == 2

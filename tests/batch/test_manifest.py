@@ -132,7 +132,5 @@ def test_what_a_materialx_document_reads_is_an_input(through: str, tmp_path: Pat
     (tmp_path / "x.mtlx").write_text(mtlx("maps/color.&lt;UDIM&gt;.png"))
     (tmp_path / "look.usda").write_text('#usda 1.0\ndef "M" (references = @x.mtlx@</MaterialX/Materials/Paint>) {}\n')
     text = case.JOB.replace("gold.usda", through) + case.TURNTABLES + case.RENDER
-    job = parse_job(text, tmp_path / "job.toml")
-    inputs = {file.relative_to(tmp_path).as_posix() for file in input_files(job)}
-    named = {"job.toml", "x.mtlx", "maps/color.1001.png", "maps/color.1002.png"}
-    assert inputs == named | {through}
+    inputs = {file.relative_to(tmp_path).as_posix() for file in input_files(parse_job(text, tmp_path / "job.toml"))}
+    assert inputs == {"job.toml", "x.mtlx", "maps/color.1001.png", "maps/color.1002.png"} | {through}

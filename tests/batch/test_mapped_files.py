@@ -39,8 +39,7 @@ def studio(tmp_path: Path) -> Path:
     (folder / "parts").mkdir(parents=True)
     for name, text in FILES.items():
         (folder / name).write_text(text.replace("FOLDER", str(folder)))
-    picture = oiio.ImageBuf(np.full((4, 4, 3), 0.3, np.float32))
-    assert picture.write(str(folder / "parts/color.png"), oiio.UINT8)
+    assert oiio.ImageBuf(np.full((4, 4, 3), 0.3, np.float32)).write(str(folder / "parts/color.png"), oiio.UINT8)
     return folder
 
 

@@ -23,8 +23,7 @@ NAMES = sorted(
 
 def run(folder: Path, outputs: str = WANTED) -> dict[str, bytes]:
     """Run a job of two looks, and return its movies."""
-    job = case.make_job(folder, case.TURNTABLES + TIN, case.RENDER + outputs)
-    case.run(folder, job)
+    case.run(folder, case.make_job(folder, case.TURNTABLES + TIN, case.RENDER + outputs))
     root = folder / "out"
     files = [path for path in root.rglob("*") if path.suffix in SUFFIXES]
     return {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(files)}

@@ -57,8 +57,7 @@ def measure(job: Path) -> dict[str, object]:
             taken[event.name.rpartition("/")[0]].append(now - last)
             last = now
 
-    setups = prepare_job(job).setups
-    guessed = {f"{setup.look}/{setup.ibl}": estimate(setup.task) for setup in setups}
+    guessed = {f"{setup.look}/{setup.ibl}": estimate(setup.task) for setup in prepare_job(job).setups}
     assert render_job(job, force=True, report=report).exit_code == 0
     scenes = {
         name: {

@@ -42,8 +42,7 @@ def test_a_curve_without_a_slope_is_not_continued(curve: tuple[list[float], list
 
 
 def test_a_curve_that_rises_again_is_read_where_it_first_gets_there() -> None:
-    found = reach([1.0, 2.0, 4.0, 8.0], [1e-2, 1e-3, 5e-3, 1e-4], 1e-3)
-    assert found == Reached(pytest.approx(2.0))
+    assert reach([1.0, 2.0, 4.0, 8.0], [1e-2, 1e-3, 5e-3, 1e-4], 1e-3) == Reached(pytest.approx(2.0))
 
 
 @pytest.mark.parametrize(

@@ -59,8 +59,7 @@ def _one_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
-    renderer = Renderer()
-    trials = run_trial(7, tmp_path / "out", quiet, resolution=SIDE, opened=renderer)
+    trials = run_trial(7, tmp_path / "out", quiet, resolution=SIDE, opened=Renderer())
     assert [each.samples for each in trials] == [*SAMPLES, *SAMPLES[:2]]
     image, alpha = truth()
     relative = float((1.0 / (image[alpha > 0.0] ** 2 + EPSILON)).mean())
@@ -95,8 +94,7 @@ def test_a_cell_depends_on_seed_and_number_alone() -> None:
 
 def test_ctrl_c_keeps_the_frames_before_it(tmp_path: Path) -> None:
     # A reference of four parts, then frames.
-    trials = run_trial(5, tmp_path, quiet, resolution=SIDE, opened=Renderer(ends_after=6))
-    assert len(trials) == 2
+    assert len(run_trial(5, tmp_path, quiet, resolution=SIDE, opened=Renderer(ends_after=6))) == 2
     assert len((tmp_path / CSV_FILE).read_text().splitlines()) == 3
 
 

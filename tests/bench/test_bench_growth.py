@@ -73,8 +73,7 @@ def test_what_grows_is_in_the_scene() -> None:
     assert {len(task.scene.lights) for task in tasks("lights")} == set(growth.LIGHTS)
     # Masks are textures: none of the layers folds away.
     assert {len(task.scene.shaders[0].textures) for task in tasks("layers")} == {0, 1, 3, 7}
-    looks = tasks("looks")
-    assert len({task.scene.shaders[0].digest for task in looks}) == 1 + max(growth.LOOK_COUNTS)
+    assert len({task.scene.shaders[0].digest for task in tasks("looks")}) == 1 + max(growth.LOOK_COUNTS)
     counts = tasks("triangles")
     found = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
     assert found == [triangle_count(make_boulder(n)) for n in (1000, 4000)]

@@ -63,8 +63,7 @@ def test_skips_are_those_of_the_scene() -> None:
 
 def test_every_layer_adds_to_the_shader() -> None:
     assert len(layered(MOST_LAYERS).layers) == MOST_LAYERS
-    masks = {layer.mask.file for layer in layered(MOST_LAYERS).layers[1:]}
-    assert len(masks) == MOST_LAYERS - 1
+    assert len({layer.mask.file for layer in layered(MOST_LAYERS).layers[1:]}) == MOST_LAYERS - 1
 
 
 def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:

@@ -76,15 +76,13 @@ def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
     result = run_cell(Options(samples=(4,), repeats=3), renderer)
     (point,) = result.curves[Series("exact")]
     assert point.seconds == pytest.approx(renderer.fixed + 4 * renderer.rate)
-    errors = [row.relmse for row in result.measurements]
-    assert point.relmse == pytest.approx(sum(errors) / 3)
+    assert point.relmse == pytest.approx(sum(row.relmse for row in result.measurements) / 3)
 
 
 def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     # Two references of 8 parts, two warm-ups, and 5 renders of the 18.
     backends = FakeBackends(ends_after=16 + 2 + 5)
-    results = run_matrix(SMALL, tmp_path, quiet, opened=backends)
-    assert not results.complete
+    assert not run_matrix(SMALL, tmp_path, quiet, opened=backends).complete
     assert backends.closed == 1
     with (tmp_path / "results.csv").open(newline="") as stream:
         assert len(list(csv.DictReader(stream))) == 5
@@ -155,8 +153,7 @@ def test_samples_stop_rising_where_the_error_is_small_enough() -> None:
     # relMSE is about 0.018 / samples: 16 samples are just not enough for 1e-3, 64 are, raw and denoised.
     exact = FakeRenderer("exact", 0.1)
     limit = 1.3 * exact.relmse(16)
-    options = replace(SMALL, until=limit)
-    assert {row.samples for row in run_cell(options, exact).measurements} == {4, 16}
+    assert {row.samples for row in run_cell(replace(SMALL, until=limit), exact).measurements} == {4, 16}
     assert {row.samples for row in run_cell(SMALL, FakeRenderer("exact", 0.1)).measurements} == {4, 16, 64}
 
 

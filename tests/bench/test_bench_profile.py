@@ -11,7 +11,7 @@ from lookdev.bench.backends import POSE, shot_of
 from lookdev.bench.document import END, marker
 from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import Cell, Options, parse_options, restricted
-from lookdev.bench.profile import FEW, PARTS, run_profile, stages
+from lookdev.bench.profile import FEW, PARTS, Profile, run_profile, stages
 from lookdev.errors import LookdevError
 from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Worker
@@ -39,12 +39,15 @@ def document(tmp_path: Path) -> Path:
     return file
 
 
+def run(
+    document: Path, options: Options, processes: FakeProcesses | None = None, restricted: tuple[str, ...] = ()
+) -> Profile:
+    opened = processes or FakeProcesses(seconds_of)
+    return run_profile(options, document.parent / "out", quiet, document=document, restricted=restricted, opened=opened)
+
+
 def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tmp_path: Path) -> None:
-    chosen = options()
-    part = restricted(chosen, DEFAULTS)
-    profile = run_profile(
-        chosen, tmp_path / "out", quiet, document=document, restricted=part, opened=FakeProcesses(seconds_of)
-    )
+    profile = run(document, options(), restricted=restricted(options(), DEFAULTS))
     assert profile.complete
     (cell,) = profile.cells
     assert tuple(cell.parts) == PARTS
@@ -83,16 +86,14 @@ def test_every_stage_lacks_what_the_one_before_it_has() -> None:
     assert len({source.digest for source in sources}) == len(sources) - 1
 
 
-def test_ctrl_c_and_failures_leave_what_was_measured(document: Path, tmp_path: Path) -> None:
+def test_ctrl_c_and_failures_leave_what_was_measured(document: Path) -> None:
     per_cell = 3 * len(stages(Cell("shaderball", "studio", "metal"), 96))
     both = options(looks="metal,copper")
-    ended = FakeProcesses(seconds_of, ends_after=per_cell + 5)
-    profile = run_profile(both, tmp_path / "out", quiet, document=document, opened=ended)
+    profile = run(document, both, FakeProcesses(seconds_of, ends_after=per_cell + 5))
     assert not profile.complete
     assert [each.look for each in profile.cells] == ["metal"]
     assert "Not complete" in document.read_text()
-    failing = FakeProcesses(seconds_of, fails="metal")
-    profile = run_profile(both, tmp_path / "out", quiet, document=document, opened=failing)
+    profile = run(document, both, FakeProcesses(seconds_of, fails="metal"))
     assert profile.complete
     assert profile.failures == ["shaderball, studio, metal: no ink"]
     assert "- shaderball, studio, metal: no ink" in document.read_text()
@@ -132,8 +133,8 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
         ({"samples": str(FEW)}, f"more than {FEW}"),
     ],
 )
-def test_wrong_options_are_refused(given: dict[str, str], message: str, document: Path, tmp_path: Path) -> None:
+def test_wrong_options_are_refused(given: dict[str, str], message: str, document: Path) -> None:
     processes = FakeProcesses(seconds_of)
     with pytest.raises(LookdevError, match=message.replace("+", r"\+")):
-        run_profile(options(**given), tmp_path / "out", quiet, document=document, opened=processes)
+        run(document, options(**given), processes)
     assert processes.tasks == []

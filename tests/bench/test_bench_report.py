@@ -140,8 +140,7 @@ def test_sequence_and_growth_are_printed(results: Results) -> None:
     subject = Subject("shaderball", "plastic", ("city", "studio"), 256)
     sequence = SequenceResult(subject, 144, samples, relmse, runs, 4.0, 4.0, 4.0, skips)
     rows = GrowthRow(4096, 0.1, 0.09, 0.12, 400_000_000), GrowthRow(16384, 0.4, 0.4, 0.5, 410_000_000)
-    growth = [Growth("pixels", "exact", rows)]
-    results = replace(results, sequence=sequence, growth=growth)
+    results = replace(results, sequence=sequence, growth=[Growth("pixels", "exact", rows)])
     text = printed(results)
     assert "4.00 times" in text
     assert "9.50e-04" in text

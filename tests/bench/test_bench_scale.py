@@ -73,8 +73,7 @@ def test_both_ways_alternate_after_one_start_to_warm_up(processes: list[list[str
     ]
     assert [(each.case, each.way) for each in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
     assert all(0.0 < each.planned <= each.sample and each.memory == (3, 4) for each in results.starts)
-    stored = json.loads((tmp_path / "scale.json").read_text())
-    assert len(stored["starts"]) == 8
+    assert len(json.loads((tmp_path / "scale.json").read_text())["starts"]) == 8
 
 
 def test_a_process_that_fails_is_named(processes: list[list[str]], tmp_path: Path) -> None:

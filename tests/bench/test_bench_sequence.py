@@ -73,8 +73,7 @@ def test_insufficient_curves_are_refused(exact: list[list[CurvePoint]], message:
 def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
     error = Mock(side_effect=lambda count: float(0.5 * count**-exponent))
     right = (0.5 / 1e-3) ** (1.0 / exponent)
-    found = meet(1e-3, max(1, round(right / 3.0)), error)
-    assert error(found) == pytest.approx(1e-3, rel=0.1)
+    assert error(meet(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
     assert error.call_count <= 5
 
 

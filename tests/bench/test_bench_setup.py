@@ -23,8 +23,7 @@ def test_what_was_measured_is_written_also_after_ctrl_c(tmp_path: Path, monkeypa
     monkeypatch.setattr(setup, "_measured", measured)
     (tmp_path / "bench.md").write_text(DOCUMENT)
     said: list[str] = []
-    results = setup.run_setup(tmp_path / "out", said.append, document=tmp_path / "bench.md", repeats=3)
-    assert not results.complete
+    assert not setup.run_setup(tmp_path / "out", said.append, document=tmp_path / "bench.md", repeats=3).complete
     assert said == ["`lookdev --help`: 0.20 (0.10..0.30) s", "start: 1.00 s"]
     text = (tmp_path / "bench.md").read_text()
     assert (

@@ -52,8 +52,7 @@ def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
     document = folder / "docs" / "bench.md"
     document.parent.mkdir()
     document.write_text(f"{BEFORE}{marker('table')}\nold\n{END}{AFTER}")
-    kept = {of: growth.QUANTITIES[of] for of in ("pixels", "frames")}
-    monkeypatch.setattr(growth, "QUANTITIES", kept)
+    monkeypatch.setattr(growth, "QUANTITIES", {of: growth.QUANTITIES[of] for of in ("pixels", "frames")})
     monkeypatch.setattr(growth, "PIXELS", (16, 32))
     monkeypatch.setattr(bench_fakes, "SIDE", 32)
     for backend in run.NEEDS:
@@ -113,8 +112,7 @@ def test_estimates_stand_beside_what_they_estimate(whole: Measured) -> None:
 
 def test_only_options_make_it_a_part(whole: Measured) -> None:
     results, document = whole
-    stated = "A part of the table: scenes, looks, repeats, frames are not the defaults."
-    assert stated in document.read_text()
+    assert "A part of the table: scenes, looks, repeats, frames are not the defaults." in document.read_text()
     assert "A part of" not in table_text(replace(results, restricted=()), [])
 
 
@@ -145,23 +143,19 @@ def test_ctrl_c_leaves_a_document_that_says_so(measure: Callable[..., Measured])
     assert document.read_text() == text
 
 
-def test_a_backend_that_fails_is_in_the_document(measure: Callable[..., Measured]) -> None:
-    results, document = measure(small(looks=("plastic",)), FakeBackends(principled=60))
-    text = document.read_text()
-    assert results.complete
-    assert "principled has no more ink" in text
-    assert rows_below(text, "Raw, to 0.01")[-1][9] != "-"
-
-
-def test_a_backend_that_is_not_here_is_in_the_document_by_name(
+def test_backends_that_fail_or_are_not_here_are_in_the_document_by_name(
     measure: Callable[..., Measured], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_llvm() -> None:
         raise RenderError("no LLVM")
 
-    monkeypatch.setitem(run.NEEDS, "mitsuba-principled", no_llvm)
-    text = measure(small(looks=("plastic",)))[1].read_text()
-    assert "Without `mitsuba-principled`: no LLVM." in text
+    monkeypatch.setitem(run.NEEDS, "mitsuba", no_llvm)
+    results, document = measure(small(looks=("plastic",)), FakeBackends(principled=60))
+    text = document.read_text()
+    assert results.complete
+    assert "principled has no more ink" in text
+    assert rows_below(text, "Raw, to 0.01")[-1][-1] != "-"
+    assert "Without `mitsuba`: no LLVM." in text
     # What is missing is not what options restrict.
     assert "backends" not in text.partition("A part of the table: ")[2].partition(" are not")[0]
 

@@ -31,8 +31,7 @@ def test_other_quotients_are_no_fits() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_group_computes_the_fit(name: str) -> None:
-    rng = np.random.default_rng(1)
-    x, y = rng.uniform(0.0, 1.0, (2, 100)).astype(np.float32)
+    x, y = np.random.default_rng(1).uniform(0.0, 1.0, (2, 100)).astype(np.float32)
     tree = fit_tree(f"Lookdev Fit {name}")
     found = Interpreter((tree,)).run(tree.name, {"x": x, "y": y})["Value"]
     wanted = fit(name)(x.astype(np.float64), y.astype(np.float64))

@@ -163,8 +163,7 @@ def test_a_plain_texture_is_two_nodes(picture: Path) -> None:
 
 def test_two_channels_are_one_look_up(picture: Path, run: Any) -> None:
     red, alpha = (Texture(picture, channel, "raw", "clamp", "clamp") for channel in ("r", "a"))
-    both = Formula(parse("r - 2 * a"), {"r": red, "a": alpha}, {"r": "float", "a": "float"})
-    tree, _ = tree_of(both, FLOAT)
+    tree, _ = tree_of(Formula(parse("r - 2 * a"), {"r": red, "a": alpha}, {"r": "float", "a": "float"}), FLOAT)
     st, uv = places()
     np.testing.assert_allclose(
         run(tree, {"st": uv}), sample_texture(red, st) - 2.0 * sample_texture(alpha, st), rtol=1e-5, atol=4e-5
@@ -174,8 +173,7 @@ def test_two_channels_are_one_look_up(picture: Path, run: Any) -> None:
 
 def test_primvars_and_coordinates_are_read(run: Any) -> None:
     wear, hue = Primvar("wear", 0.25), Primvar("hue", (1.0, 0.0, 0.0))
-    coordinates = Coordinates("st", TURNED)
-    inputs = {"wear": wear, "hue": hue, "st": coordinates}
+    inputs = {"wear": wear, "hue": hue, "st": Coordinates("st", TURNED)}
     both = Formula(parse("wear * hue + st"), inputs, {"wear": "float", "hue": "color", "st": "color"})
     tree, attributes = tree_of(both, COLOR)
     st, uv = places()

@@ -198,8 +198,7 @@ def first_of(quick: int, count: int) -> list[Any]:
 @pytest.mark.parametrize("model", SHOWN)
 @pytest.mark.parametrize("seed", first_of(4, 12))
 def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
-    inputs = random_inputs(model, np.random.default_rng(seed))
-    source = check((Layer("base", model, inputs),), seed=seed)
+    source = check((Layer("base", model, random_inputs(model, np.random.default_rng(seed))),), seed=seed)
     names = [tree.name for tree in source.trees if not is_fit(tree.name)]
     assert names == ["Lookdev Frame", "Lookdev Coincident", f"Lookdev {model.title()}", "look"]
 

@@ -72,8 +72,7 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
                 return {"Fac": value, "Vector": value}
         return None
 
-    surface = Interpreter(source.trees, answer).run(source.trees[-1].name)["Surface"]
-    ((kind, _, sockets),) = surface
+    ((kind, _, sockets),) = Interpreter(source.trees, answer).run(source.trees[-1].name)["Surface"]
     assert kind == "BsdfRayPortal"
     names = ("Color", "Direction", "Position")
     color, direction, start = (np.broadcast_to(sockets[name], (COUNT, 3)).astype(np.float64) for name in names)

@@ -128,8 +128,7 @@ def compute(value: Any, symbols: dict[str, Any], done: dict[Node, Any]) -> Any:
 
 
 def test_every_operation_computes_what_numpy_does(graph: Graph) -> None:
-    rng = np.random.default_rng(1)
-    a, b = rng.uniform(0.1, 0.9, (2, 50))
+    a, b = np.random.default_rng(1).uniform(0.1, 0.9, (2, 50))
     for op in sorted(OPERATIONS):
         given = {"condition": a > 0.5, "a": a, "b": b} if op == "where" else {"a": a, "b": b}
         names = list(given)[: getattr(getattr(np, op), "nin", 3)]

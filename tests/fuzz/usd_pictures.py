@@ -116,8 +116,7 @@ def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
 
 
 def _remove(layer: Any, spot: Spot) -> None:
-    prim = layer.GetPrimAtPath(spot.prim)
-    prim.RemoveProperty(layer.GetPropertyAtPath(f"{spot.prim}.{spot.name}"))
+    layer.GetPrimAtPath(spot.prim).RemoveProperty(layer.GetPropertyAtPath(f"{spot.prim}.{spot.name}"))
 
 
 def _leave_out(layer: Any, spot: Spot, number: int) -> None:
