@@ -84,10 +84,7 @@ def _at_corners(data: Any, attribute: Any) -> Floats:
 
 
 SIDE = 0.004
-SHOWN: dict[str, tuple[str, int, float]] = {
-    "diffuse": ("BsdfDiffuse", 256, math.pi),
-    "mirror": ("BsdfGlossy", 16, 1.0),
-}
+SHOWN: dict[str, tuple[str, int, float]] = {"diffuse": ("BsdfDiffuse", 256, math.pi), "mirror": ("BsdfGlossy", 16, 1.0)}
 
 
 def measure_lamps(

@@ -55,9 +55,7 @@ def test_patches_under_a_uniform_dome_are_as_published(worker: Worker, light_of:
 @pytest.mark.parametrize(
     ("light", "samples"), [("slopes", 16), pytest.param("softbox_product", 32, marks=pytest.mark.proof)]
 )
-def test_props_agree_with_the_reference(
-    worker: Worker, light_of: Callable[[str], Dome], light: str, samples: int
-) -> None:
+def test_props_agree_with_the_reference(worker: Worker, light_of, light: str, samples: int) -> None:
     if light == "slopes":
         lights: list[object] = [light_of(light)]
     else:
@@ -98,9 +96,7 @@ def run(folder: Path, more: str = "") -> list[str]:
     return notes
 
 
-def test_a_job_with_charts_has_the_frames_of_one_without(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+def test_a_job_with_charts_has_the_frames_of_one_without(tmp_path: Path, monkeypatch, request) -> None:
     lend_workers(request, monkeypatch)
     assert run(tmp_path) == []
     frame = tmp_path / "out/paint/white/element.0001.exr"

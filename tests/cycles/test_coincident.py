@@ -10,9 +10,8 @@ import pytest
 from failed_pictures import comparison
 from looks import quick_among
 
-from lookdev.asset import Asset, Mesh, load_asset
+from lookdev.asset import Asset, Mesh, load_asset, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.store import make_asset
 from lookdev.material import Layer
 from lookdev.scene import Pose
 

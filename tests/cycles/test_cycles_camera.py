@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from agreement import assert_scene_agreement, check_scene
 from frames import render_seeds
-from stored_references import StoredReference
 
-from lookdev.asset import Asset, load_asset
+from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.asset.silhouette import outline
-from lookdev.asset.store import make_asset
 from lookdev.material import Layer, Look
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Lens, Pose, Scene, frame_fill
@@ -45,9 +43,7 @@ def cameras(asset: Asset) -> dict[str, Camera]:
         pytest.param("lens", LACE, marks=pytest.mark.proof),
     ],
 )
-def test_a_frame_agrees_with_the_reference(
-    name: str, look: Look, worker: Worker, light_of, stored_reference: StoredReference
-) -> None:
+def test_a_frame_agrees_with_the_reference(name: str, look: Look, worker: Worker, light_of, stored_reference) -> None:
     # In light that changes slowly, lace out of focus shows next to nothing of its lens.
     asset, light = load_asset(builtin="suzanne"), light_of("forest" if look is LACE else "slopes")
     camera = cameras(asset)[name]

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from warm_blender import BlenderProcess
 
-from lookdev.asset import Asset, Instance, Slot
+from lookdev.asset import Asset, Instance, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.store import make_asset
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, ShaderSource
 
 # Blender is started, but nothing is rendered.
@@ -21,11 +20,7 @@ WEAR = BALL.uvs["st"][:, 0].copy()
 
 PLAIN = ShaderSource("plain", "", (), (), "1")
 WORN = ShaderSource(
-    "worn",
-    "",
-    (),
-    (AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,))),
-    "2",
+    "worn", "", (), (AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,))), "2"
 )
 TINTED = ShaderSource(
     "tinted",

@@ -137,9 +137,7 @@ def emitting(source: Any) -> NodeSource:
 
 
 @pytest.mark.both_pythons
-def test_cycles_looks_up_what_the_reference_does(
-    blender: BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cycles_looks_up_what_the_reference_does(blender: BlenderProcess, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     file = picture(tmp_path / "picture.exr", 1)
     for seed, tile in enumerate((1001, 1002, 1012)):

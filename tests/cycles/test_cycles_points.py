@@ -201,22 +201,6 @@ def test_one_lobe_alone(layer: PointLayer, name: str) -> None:
     assert_values_close(density, pdf(bsdf, batch.wo, batch.wi))
 
 
-def test_directions_in_float64() -> None:
-    # Rounding them turns the half vector by up to 2 sqrt(3) 2^-25 / |wo + wi|. A GTR2 lobe, the steeper one, changes
-    # by 2 / alpha relative to that, at slope alpha: which float32 cannot give back, whatever the formula.
-    batch = random_batch(disney())
-    (f, density), (f_wanted, density_wanted) = evaluate_cycles(batch), evaluate_numpy(batch)
-    roughness, anisotropic, gloss = (batch.numbers[0][name] for name in ("roughness", "anisotropic", "clearcoatGloss"))
-    alpha = np.minimum(np.maximum(0.001, roughness**2 * np.sqrt(1.0 - 0.9 * anisotropic)), 0.1 - 0.099 * gloss)
-    turn = 2.0 * np.sqrt(3.0) * 2.0**-25 / np.linalg.norm(batch.wo + batch.wi, axis=-1)
-    tolerance = RELATIVE + 2.0 * turn / alpha
-    # The rule holds at the first order: where a lobe changes by less than a tenth.
-    tame = (2.0 * turn / alpha < 0.1) & (f_wanted.min(axis=-1) > VISIBLE)
-    assert np.count_nonzero(tame) > COUNT // 2
-    for got, wanted in ((f.max(axis=-1), f_wanted.max(axis=-1)), (density, density_wanted)):
-        assert (np.abs(got - wanted)[tame] <= (tolerance * wanted)[tame]).all()
-
-
 def test_normals_of_the_lobes() -> None:
     # Into the frame of a tilted normal, a direction is rounded by up to 4 units of 2^-24, whose part across the lobe
     # turns the half vector. ln D changes by 2 p sin theta_h times that, and sin^2 theta_h < 20 / p where D can be seen.

@@ -22,18 +22,11 @@ COPPER = Layer("copper", "disney", {"metallic": 1.0, "roughness": 0.35})
 PLASTIC = Layer("plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3})
 
 WIDTH, HEIGHT = 67, 45
-BOXES = [
-    (0, 0, 4, 4),
-    (WIDTH - 4, HEIGHT - 4, WIDTH, HEIGHT),
-    (21, 16, 46, 32),
-    (0, 16, WIDTH, 31),
-]
+BOXES = [(0, 0, 4, 4), (WIDTH - 4, HEIGHT - 4, WIDTH, HEIGHT), (21, 16, 46, 32), (0, 16, WIDTH, 31)]
 
 
 @pytest.mark.parametrize("backend", quick_among([("exact",), ("nodes-exact",), ("nodes",)], [("exact",)]))
-def test_a_rectangle_is_that_part_of_the_frame(
-    backend: str, blender: BlenderProcess, light_of: Callable[[str], Dome]
-) -> None:
+def test_a_rectangle_is_that_part_of_the_frame(backend: str, blender: BlenderProcess, light_of) -> None:
     asset = load_asset(builtin="shaderball")
     look = Look("copper", (COPPER,))
     camera = orbit_camera(asset.center, asset.radius)

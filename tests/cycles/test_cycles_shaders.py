@@ -158,24 +158,16 @@ def probes(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) ->
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
-def test_textures_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
-    number = list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
-    chosen = probes.tables["texture"][:, 2] == number
+def test_textures_and_slopes_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
+    chosen = probes.tables["texture"][:, 2] == list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
     st = probes.tables["texture"][chosen, :2]
-    for name, channel, components in (("texture", "rgb", slice(0, 3)), ("alpha", "a", 0)):
-        wanted = sample_texture(Texture(probes.image.file, channel, "raw", wrap_s, wrap_t), st)  # type: ignore[arg-type]
-        # A place is known to 2^-24 of up to 4, times 8 texels: the weights are off by as much.
-        np.testing.assert_allclose(probes.values[name][chosen][:, components], wanted, atol=1e-5)
-
-
-@pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
-def test_slopes_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
-    number = list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
-    chosen = probes.tables["slopes"][:, 2] == number
-    st = probes.tables["slopes"][chosen, :2]
-    wanted = sample_slopes(replace(probes.image, channel="g", wrap_s=wrap_s, wrap_t=wrap_t), st)
-    # As for textures; slopes are up to 8 times larger.
-    np.testing.assert_allclose(probes.values["slopes"][chosen][:, :2], wanted, atol=1e-4)
+    image = replace(probes.image, wrap_s=wrap_s, wrap_t=wrap_t)
+    shown = {name: probes.values[name][chosen] for name in ("texture", "alpha", "slopes")}
+    # A place is known to 2^-24 of up to 4, times 8 texels: the weights are off by as much.
+    np.testing.assert_allclose(shown["texture"], sample_texture(image, st), atol=1e-5)
+    np.testing.assert_allclose(shown["alpha"][:, 0], sample_texture(replace(image, channel="a"), st), atol=1e-5)
+    # Slopes are up to 8 times larger.
+    np.testing.assert_allclose(shown["slopes"][:, :2], sample_slopes(replace(image, channel="g"), st), atol=1e-4)
 
 
 def test_texels_are_exact(probes: Probes) -> None:
@@ -300,9 +292,7 @@ def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> Non
     assert (~right).mean(axis=0).max() <= allowed
 
 
-def test_a_shader_that_does_not_compile_is_named(
-    blender: BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_shader_that_does_not_compile_is_named(blender: BlenderProcess, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     source = ShaderSource("paint", "surface s(output color c = 0)\n{\n    c = nope;\n}\n", (), (), "")
     with pytest.raises(BlenderCallError) as caught:

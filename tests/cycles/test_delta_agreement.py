@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from shapes import Sphere
 from stored_references import Arrays, StoredReference
 
-from lookdev.asset import Asset, load_asset
-from lookdev.asset.store import make_asset
+from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.light import Emission, Light, RectLight, Turned
@@ -111,9 +110,7 @@ def check_sphere(stored: StoredReference, frames: list[Rendered], model: str, sc
         pytest.param(GLASS, 4, id="glass, 4"),
     ],
 )
-def test_a_sphere_is_its_closed_form(
-    look: Look, bounces: int, worker: Worker, light_of: Callable[[str], Light], stored_reference: StoredReference
-) -> None:
+def test_a_sphere_is_its_closed_form(look: Look, bounces: int, worker: Worker, light_of, stored_reference) -> None:
     scene = scene_of(load_asset(builtin="sphere"), look, (light_of("city"),), SIZE)
     frames = frames_of(worker, scene, bounces)
     found = check_sphere(stored_reference, frames, look.name, scene, bounces)

@@ -88,9 +88,7 @@ def _lines(file: Path, interpolation: str) -> list[str]:
         [(BUILT_IN, "nearest", False)],
     ),
 )
-def test_values_in_float32(
-    name: str, interpolation: str, arrays: bool, file_of: FileOf, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_in_float32(name: str, interpolation: str, arrays: bool, file_of: FileOf, monkeypatch) -> None:
     if not arrays:
         monkeypatch.setattr(block, "_LARGEST_ARRAY", 10_000)
     lines = _lines(file_of(name), interpolation)
@@ -118,25 +116,6 @@ def test_a_sphere_agrees_with_the_reference(
         return stored_reference(f"measured {name}", measured_pixels, name=name, **case)
 
     assert_agreement(frames, layers, "sphere", light, stored=stored)
-
-
-@pytest.mark.proof
-def test_a_file_of_a_model_renders_as_the_model(file_of: FileOf, render: RenderScene, light_of: Any) -> None:
-    light = light_of("city")
-    looks = {
-        "measured": Layer("base", "measured", {"file": str(file_of("plastic"))}),
-        "model": Layer("base", "disney", PARAMETERS["plastic"]),
-    }
-    frames = {name: render("sphere", [each], light, samples=1024, size=40) for name, each in looks.items()}
-    picture = {name: 0.5 * (frame.a.astype(np.float64) + frame.b) for name, frame in frames.items()}
-    noise = {name: 0.25 * (frame.a.astype(np.float64) - frame.b) ** 2 for name, frame in frames.items()}
-    seen = frames["model"].alpha == 1.0
-    difference = (picture["measured"] - picture["model"])[seen]
-    scale = picture["model"][seen] ** 2 + 0.01
-    # The error of interpolation is below 1 % of each pixel, but for noise.
-    excess = (difference**2 / scale).mean() - sum((noise[name][seen] / scale).mean() for name in looks)
-    assert excess < 1e-4
-    assert abs(difference.mean()) < 3e-3 * picture["model"][seen].mean()
 
 
 def measured_look(file: str) -> Look:

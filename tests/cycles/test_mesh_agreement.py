@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 from painted import embossed, image, painted, sparkling
 from stored_references import StoredReference
 
-from lookdev.asset import Asset, load_asset
-from lookdev.asset.mesh import Instance
-from lookdev.asset.store import make_asset
+from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.asset.tangents import tangents_of
 from lookdev.checks.albedo import check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.light import Light
-from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Texture, View
+from lookdev.material import Bump, Formula, Layer, Look, Texture, View
 from lookdev.material.expression import parse
 from lookdev.render.worker import Worker
 from lookdev.scene import Sampling, Scene
@@ -79,17 +77,6 @@ def test_a_reflected_instance_has_its_bitangent_on_the_other_side(assert_agrees:
     inputs = {"baseColor": (0.5, 0.5, 0.5), "roughness": 0.5, "normal": (0.0, 0.6, 0.8)}
     look = Look("leaning", (Layer("Leaning", "disney", inputs),))
     assert assert_agrees(scene_of(reflected, look, (light_of("city"),), SIZE)).figures["bias_limit"] < 0.05
-
-
-@pytest.mark.proof  # by the view of exact nodes, and by node trees that look up
-@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), ("suzanne", 1)])
-def test_a_mesh_by_exact_nodes_agrees(name: str, bounces: int, assert_agrees: Agree, light_of) -> None:
-    wave = parse("0.3 + 0.5 * smoothstep(8 * st[0] - floor(8 * st[0]), 0.4, 0.6)")
-    stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
-    inputs = {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}
-    look = Look("striped", (Layer("Striped", "disney", inputs),))
-    scene = scene_of(load_asset(builtin=name), look, (light_of("white"),), SIZE)
-    assert_agrees(scene, backend="nodes-exact", bounces=bounces)
 
 
 def tangent_pixels(asset: Asset, look: Look, light: Light) -> Mapping[str, Floats]:
@@ -197,9 +184,7 @@ Compare = Callable[[Callable[[str], str]], Finding]
 
 
 @pytest.fixture(params=[0.0, pytest.param(0.7, marks=pytest.mark.proof)], ids=["copper", "brushed copper"])
-def compare(
-    request: pytest.FixtureRequest, worker: Worker, light_of: Callable[[str], Light], stored_reference: StoredReference
-) -> Compare:
+def compare(request: pytest.FixtureRequest, worker: Worker, light_of, stored_reference: StoredReference) -> Compare:
     """Return a function that renders recesses of glossy looks by altered OSL and compares them with the reference.
 
     They have the directions that suit them, of which roulette chooses those that are traced.

@@ -9,7 +9,6 @@ import pytest
 from agreement import scene_pixels
 from frames import render_seeds, scene_of
 from numpy.typing import NDArray
-from stored_references import StoredReference
 from warm_blender import BlenderProcess
 
 from lookdev.asset import load_asset
@@ -91,9 +90,7 @@ def irradiances(lights: Mapping[str, Light], cells: int) -> Mapping[str, Floats]
     return {name: irradiance(light) for name, light in lights.items()}
 
 
-def test_a_diffuse_surface_is_lit_alike(
-    measured: Mapping[str, dict[str, Floats]], stored_reference: StoredReference
-) -> None:
+def test_a_diffuse_surface_is_lit_alike(measured: Mapping[str, dict[str, Floats]], stored_reference) -> None:
     expected = stored_reference("irradiance of lamps", irradiances, lights=CASES, cells=400)
     assert_alike(measured["diffuse"], expected)
 
@@ -132,9 +129,7 @@ RIGS: dict[str, tuple[Light, ...]] = {
     ("name", "samples"),
     [("lamps", 1024), ("two domes", 256), pytest.param("still dome", 1024, marks=pytest.mark.proof)],
 )
-def test_frames_of_rigs_agree_with_the_reference(
-    name: str, samples: int, worker: Worker, stored_reference: StoredReference
-) -> None:
+def test_frames_of_rigs_agree_with_the_reference(name: str, samples: int, worker: Worker, stored_reference) -> None:
     scene = scene_of(load_asset(builtin="sphere"), Look("white", LOOK), RIGS[name], 24)
     # Off the axis of the world, about which nothing turns.
     scene = replace(scene, camera=Camera(30.0, 20.0, (0.2, 0.1, 0.0), 4.5 * scene.asset.radius))

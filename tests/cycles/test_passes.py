@@ -8,11 +8,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from failed_pictures import comparison
-from stored_references import StoredReference
 
-from lookdev.asset import Asset, Instance, Slot
+from lookdev.asset import Asset, Instance, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.store import make_asset
 from lookdev.batch.frame_file import store
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
@@ -23,8 +21,7 @@ from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Camera, Pose, Sampling, Scene
-from lookdev.scene.rays import camera_rays
+from lookdev.scene import Camera, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.cycles
 
@@ -194,12 +191,9 @@ def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[st
 
 
 @pytest.mark.parametrize(
-    "backend",
-    [pytest.param("exact", marks=pytest.mark.both_pythons), pytest.param("nodes", marks=pytest.mark.proof)],
+    "backend", [pytest.param("exact", marks=pytest.mark.both_pythons), pytest.param("nodes", marks=pytest.mark.proof)]
 )
-def test_mattes_are_the_coverage_of_each_part(
-    backend: str, worker: Worker, tmp_path: Path, stored_reference: StoredReference
-) -> None:
+def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_path: Path, stored_reference) -> None:
     # Of 4096 samples, stratified in both dimensions, coverage at an edge is off by some 8e-4.
     size = (16, 12)
     task = task_of(balls(), ("cryptomatte",), backend, size, RED, samples=4096, bounces=0)
@@ -269,35 +263,6 @@ def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker
     assert not frame.passes["transmission"].any()
     assert frame.passes["clearcoat"].mean() > 1e-3
     assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
-
-
-@pytest.mark.proof  # by a metal, which has no diffuse light whatever its light has left before, and by a sheen
-@pytest.mark.parametrize(("name", "without"), [("diffuse", "specular"), ("specular", "diffuse")])
-def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(name: str, without: str, worker: Worker) -> None:
-    def phong(label: str, **given: object) -> Look:
-        inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0} | given
-        return Look(label, (Layer("p", "modified-phong", inputs),))
-
-    other = phong("both too")
-    # Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay as they are.
-    on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 4)["/set/ball"] == 1.0
-    assert np.count_nonzero(on_ball) > 100
-
-    def means(of: list[Rendered], part: str) -> np.ndarray:
-        """Return the means over the ball of a part of the light, by seeds."""
-        return np.array([frame.passes[part][on_ball].mean(axis=0) for frame in of])
-
-    both, single = (
-        [light_of_balls(worker, look, other, ("lobes", "direct"), "white", seed=seed) for seed in range(8)]
-        for look in (phong("both"), phong(name, **{without: (0.0, 0.0, 0.0)}))
-    )
-    shown, alone = means(both, name), means(single, name)
-    noise = np.sqrt((shown.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(shown))
-    off = np.abs(shown.mean(axis=0) - alone.mean(axis=0))
-    # Student's t of 7 degrees of freedom and more: beyond 6 by chance once in a thousand.
-    assert (off < 6.0 * noise).all(), (off, noise)
-    indirect = means(single, "indirect").mean(axis=0)
-    assert (indirect > 12.0 * noise).all(), "the test would not notice half of the indirect light"
 
 
 def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:

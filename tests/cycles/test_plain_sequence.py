@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.asset import Asset
+from lookdev.asset import Asset, make_asset, save_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.store import make_asset, save_asset
 from lookdev.bench.sequence import PLAIN_COMMAND
 
 # Blender is started, but no frame is asked for.
@@ -25,9 +24,7 @@ def sphere(*names: str) -> Asset:
 
 
 @pytest.mark.parametrize("names", [("map1", "map2"), ()])
-def test_it_builds_meshes_with_and_without_uvs(
-    names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_builds_meshes_with_and_without_uvs(names: tuple[str, ...], tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     request = {
         "asset": str(save_asset(sphere(*names))),

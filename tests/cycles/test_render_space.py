@@ -10,8 +10,7 @@ import pytest
 from test_passes import CAMERA, GREY, POSE, SIZE, balls, rendered
 
 from lookdev.batch.frame_file import store
-from lookdev.light import Dome, Emission, load_environment, prepare_light
-from lookdev.light.dome.environment import make_environment
+from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.output.exr import read_frame, read_header, read_shown, space_of

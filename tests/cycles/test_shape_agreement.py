@@ -33,10 +33,7 @@ def rendered(render: RenderScene, shape: str, look: str, light: Any, seeds: int 
     return [render(shape, LOOKS[look], light, seed=seed, size=SIZE, **options) for seed in range(seeds)]
 
 
-@pytest.mark.parametrize(
-    ("ibl", "look"),
-    quick_among(FRONT, [("studio", "coated")]),
-)
+@pytest.mark.parametrize(("ibl", "look"), quick_among(FRONT, [("studio", "coated")]))
 def test_a_sphere_agrees_within_its_own_noise(
     ibl: str, look: str, render: RenderScene, light_of, stored_reference: StoredReference
 ) -> None:
@@ -56,10 +53,7 @@ def test_a_shiny_sphere_agrees_in_white_light(look: str, render: RenderScene, li
 
 
 @pytest.mark.proof  # by a veil on a mesh, a leaf under a rectangle, and a card without directions of its own
-@pytest.mark.parametrize(
-    ("asset", "look"),
-    list(product(SHAPES, TRANSMITTING)),
-)
+@pytest.mark.parametrize(("asset", "look"), list(product(SHAPES, TRANSMITTING)))
 def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, render: RenderScene, light_of) -> None:
     # Only scattered directions find a lamp through a hole from inside: the sun makes fireflies, in the frames and in
     # the reference, whose spread is no estimate.

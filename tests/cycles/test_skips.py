@@ -76,25 +76,19 @@ def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
     same_both_ways(worker, *scenes, {"bounces", "shadow rays"})
 
 
-def test_a_constant_light_needs_no_light_samples(
-    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
-) -> None:
+def test_a_constant_light_needs_no_light_samples(worker: Worker, sphere: Asset, light_of) -> None:
     """Beside a lamp, however faint, a constant dome is part of a rig, whose light samples stay."""
     faint = SphereLight(radius=0.2, position=(1.0, -3.0, 3.0), emission=Emission((1e-5, 1e-5, 1e-5)))
     short = scene_of(sphere, COAT, light_of("white"))
     same_both_ways(worker, short, replace(short, lights=(light_of("white"), faint)), {"light samples"})
 
 
-def test_a_broad_lobe_needs_no_samples_of_its_own(
-    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
-) -> None:
+def test_a_broad_lobe_needs_no_samples_of_its_own(worker: Worker, sphere: Asset, light_of) -> None:
     scene = scene_of(sphere, CHALK, light_of("studio"))
     same_both_ways(worker, scene, scene, {"BRDF samples"}, brdf_samples=2)
 
 
-def test_a_lobe_that_constants_make_0_needs_no_code(
-    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome], tmp_path: Path
-) -> None:
+def test_a_lobe_that_constants_make_0_needs_no_code(worker: Worker, sphere: Asset, light_of, tmp_path: Path) -> None:
     """An image of zeros does not fold."""
     write_exr(tmp_path / "none.exr", "RGB", np.zeros((4, 4, 3), np.float32))
     bare = replace(COAT, inputs={**COAT.inputs, "clearcoat": 0.0})
@@ -102,9 +96,7 @@ def test_a_lobe_that_constants_make_0_needs_no_code(
     same_both_ways(worker, *(scene_of(sphere, each, light_of("studio")) for each in (bare, full)), {"1 lobe"})
 
 
-def test_lights_that_reach_nothing_are_left_out(
-    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lights_that_reach_nothing_are_left_out(worker: Worker, sphere: Asset, light_of, monkeypatch) -> None:
     """A rectangle that is turned away, a beam that passes by, a lamp that is off, and one light that is there."""
     bright = Emission((8.0, 8.0, 8.0))
     behind = RectLight(width=1.0, height=1.0, position=(0.0, 0.0, -3.0), emission=bright)  # shines down, from below

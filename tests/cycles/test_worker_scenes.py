@@ -157,11 +157,7 @@ def test_shared_programs_show_the_pictures_of_own_ones(worker: Worker, paired_sc
     ids=["Cycles", "all"],
 )
 def test_a_task_needs_only_its_contents(
-    backends: Sequence[str],
-    light_of,
-    tmp_path: Path,
-    request: pytest.FixtureRequest,
-    monkeypatch: pytest.MonkeyPatch,
+    backends: Sequence[str], light_of, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pixels = np.random.default_rng(7).integers(40, 255, (16, 16, 3)).astype(np.uint8)
     assert oiio.ImageBuf(pixels).write(str(tmp_path / "color.png"))
