@@ -26,6 +26,14 @@ def test_a_camera_below_the_ground_is_a_fault(tmp_path: Path) -> None:
         job_scenes(job)
 
 
+def test_what_its_material_loses_is_noted(tmp_path: Path) -> None:
+    surface = 'uniform token info:id = "UsdPreviewSurface"\ncolor3f inputs:emissiveColor = (1, 0, 0)\n'
+    shader = f'token outputs:surface.connect = </M/S.outputs:surface>\ndef Shader "S"\n{{\n{surface}}}\n'
+    (tmp_path / "lava.usda").write_text(f'#usda 1.0\n(\n    defaultPrim = "M"\n)\ndef Material "M"\n{{\n{shader}}}\n')
+    job = parse_job(f'{JOB}[ground]\nmaterial = "lava.usda"\n', tmp_path / "job.toml")
+    assert any("lava.usda: /M/S.inputs:emissiveColor: " in note for note in job_scenes(job).notes)
+
+
 @pytest.mark.parametrize("kind", ["catcher", "plane"])
 def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind: str) -> None:
     plain = job_scenes(parse_job(JOB, tmp_path / "job.toml")).scenes
