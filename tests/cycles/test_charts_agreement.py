@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import batches
 import numpy as np
 import pytest
 from lending import lend_workers
@@ -71,29 +72,22 @@ def test_props_agree_with_the_reference(worker: Worker, light_of, light: str, sa
     assert max(each.error.max() / each.predicted.max() for each in readings) < 0.01
 
 
-JOB = """
-output = "{out}"
-asset = {{ builtin = "sphere" }}
-look = [{{ name = "paint", material = "{material}" }}]
-ibl = [{{ name = "white", builtin = "white" }}]
-turntable = [{{ kind = "element", frames = 3 }}]
-render = {{ resolution = [112, 72], samples = 4 }}
-outputs = {{ view = "Raw" }}
-"""
-
-
 def run(folder: Path, more: str = "") -> list[str]:
+    """Render a job, with more text; return its notes."""
     material = Path(__file__).parents[2] / "materials/classic/lambert.usda"
-    job = folder / "job.toml"
-    job.write_text(JOB.format(out=folder / "out", material=material) + more)
-    notes: list[str] = []
-
-    def report(event: Event) -> None:
-        if isinstance(event, Noted):
-            notes.append(event.text)
-
-    assert render_job(job, report=report).exit_code == 0
-    return notes
+    job = batches.write_job(
+        folder,
+        more,
+        asset='{ builtin = "sphere" }',
+        look=f'[{{ name = "paint", material = "{material}" }}]',
+        ibl='[{ name = "white", builtin = "white" }]',
+        turntable='[{ kind = "element", frames = 3 }]',
+        render="{ resolution = [112, 72], samples = 4 }",
+        outputs='{ view = "Raw" }',
+    )
+    events: list[Event] = []
+    assert render_job(job, report=events.append).exit_code == 0
+    return [event.text for event in events if isinstance(event, Noted)]
 
 
 def test_a_job_with_charts_has_the_frames_of_one_without(tmp_path: Path, monkeypatch, request) -> None:

@@ -18,32 +18,24 @@ BALL = make_sphere(8, 4).meshes[0]
 CORNERS, FACES = len(BALL.corner_points), len(BALL.face_sizes)
 WEAR = BALL.uvs["st"][:, 0].copy()
 
-PLAIN = ShaderSource("plain", "", (), (), "1")
-WORN = ShaderSource(
-    "worn", "", (), (AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,))), "2"
+
+def source(name: str, *attributes: AttributeBinding) -> ShaderSource:
+    return ShaderSource(name, "", (), attributes, name)
+
+
+PLAIN = source("plain")
+WORN = source("worn", AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,)))
+TINTED = source(
+    "tinted", AttributeBinding("w", "wear", "float", (0.75,)), AttributeBinding("t", "tint", "color", (0.1, 0.2, 0.3))
 )
-TINTED = ShaderSource(
-    "tinted",
-    "",
-    (),
-    (AttributeBinding("w", "wear", "float", (0.75,)), AttributeBinding("t", "tint", "color", (0.1, 0.2, 0.3))),
-    "3",
-)
-LEANING = ShaderSource(
-    "leaning", "", (), (AttributeBinding("h", HANDEDNESS, "float"), AttributeBinding("t", TANGENT, "vector")), "4"
-)
+LEANING = source("leaning", AttributeBinding("h", HANDEDNESS, "float"), AttributeBinding("t", TANGENT, "vector"))
 SOURCES = (PLAIN, WORN, TINTED, LEANING)
 # Names that Blender cuts, or that mean something else in it; and one of both a UV set and a primvar.
 ODD_UVS, ODD_PRIMVARS = ("u" * 63, "position", "st"), ("w" * 60, "w" * 68, "größe", "material_index", "lookdev_normal")
-ODD = ShaderSource(
+ODD = source(
     "odd",
-    "",
-    (),
-    (
-        *(AttributeBinding(f"u{i}", name, "uv") for i, name in enumerate(ODD_UVS)),
-        *(AttributeBinding(f"w{i}", name, "float", (0.0,)) for i, name in enumerate((*ODD_PRIMVARS, "st"))),
-    ),
-    "5",
+    *(AttributeBinding(f"u{i}", name, "uv") for i, name in enumerate(ODD_UVS)),
+    *(AttributeBinding(f"w{i}", name, "float", (0.0,)) for i, name in enumerate((*ODD_PRIMVARS, "st"))),
 )
 
 
@@ -108,13 +100,8 @@ def built(blender: BlenderProcess) -> dict[str, Any]:
 
 def test_a_mesh_has_the_materials_of_its_own_faces(built: dict[str, Any]) -> None:
     meshes = built["balls"]["meshes"]
-    assert [meshes[f"/{i}"]["materials"] for i in range(5)] == [
-        ["plain"],
-        ["worn", "tinted"],
-        ["leaning"],
-        ["tinted"],
-        ["worn"],
-    ]
+    expected = [["plain"], ["worn", "tinted"], ["leaning"], ["tinted"], ["worn"]]
+    assert [meshes[f"/{i}"]["materials"] for i in range(5)] == expected
     np.testing.assert_array_equal(meshes["/1"]["material_index"], np.arange(FACES) >= FACES // 2)
     assert all(meshes[f"/{i}"]["material_index"] is None for i in (0, 2, 3, 4))
 

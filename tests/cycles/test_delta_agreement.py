@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from agreement import assert_scene_agreement, compute_live, coverage, estimate_of
 from frames import POSE, render_seeds, replaced, scene_of
+from light_rigs import FACING
 from numpy.typing import NDArray
 from shapes import Sphere
 from stored_references import Arrays, StoredReference
@@ -53,10 +54,7 @@ def closed_form_pixels(model: str, scene: Scene, bounces: int) -> Arrays:
                 x, y = pixels.T + (np.array([[i], [j]]) + rng.random((2, len(pixels)))) / count
                 origin, ray = camera_rays(scene.camera, POSE, size, x, y)
                 hit, place = sphere.hit(origin, ray)
-                found = CLOSED_FORMS[model](
-                    place[hit], ray[hit], lambda w: light.radiance(np.zeros_like(w), w), bounces
-                )
-                values[hit, scramble] += found
+                values[hit, scramble] += CLOSED_FORMS[model](place[hit], ray[hit], radiance, bounces)
     values /= count**2
     error = values.std(axis=1, ddof=1) / np.sqrt(scrambles)
     numbers = {"samples": np.array(count**2), "scrambles": np.array(scrambles)}
@@ -143,13 +141,8 @@ def mirrored(asset: Asset) -> Asset:
     return make_asset("mirrored", asset.meshes, instances, asset.slots)
 
 
-BESIDE = RectLight(
-    width=1.0,
-    height=1.0,
-    position=(0.0, -1.9, 0.4),
-    axes=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
-    emission=Emission((6.0, 5.0, 4.0), diffuse=2.0, specular=0.5),
-)
+SENT = Emission((6.0, 5.0, 4.0), diffuse=2.0, specular=0.5)
+BESIDE = RectLight(width=1.0, height=1.0, position=(0.0, -1.9, 0.4), axes=FACING, emission=SENT)
 
 
 @pytest.mark.parametrize(
@@ -163,17 +156,12 @@ BESIDE = RectLight(
     ],
 )
 def test_shapes_agree_with_the_reference(
-    worker: Worker,
-    light_of: Callable[[str], Light],
-    look: Look,
-    lights: tuple[Any, ...],
-    flipped: bool,
-    stored_reference: StoredReference,
+    worker: Worker, light_of, look: Look, lights: tuple[Any, ...], flipped: bool, stored_reference: StoredReference
 ) -> None:
     asset = load_asset(builtin="suzanne")
     asset = mirrored(asset) if flipped else asset
     lights = tuple(light_of(light) if isinstance(light, str) else light for light in lights)
     scene = scene_of(asset, look, lights, SIZE)
     frames = frames_of(worker, scene, 2)
-    name = f"smooth {asset.name} {look.name}"
-    assert_scene_agreement(name, frames, scene, SAMPLES, stored_reference, bounces=2, samples=256)
+    name, options = f"smooth {asset.name} {look.name}", {"bounces": 2, "samples": 256}
+    assert_scene_agreement(name, frames, scene, SAMPLES, stored_reference, **options)

@@ -13,6 +13,7 @@ from stored_references import Arrays, StoredReference
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.builtin import make_sphere
+from lookdev.errors import CodegenError
 from lookdev.light import Dome, Light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.fit import fitted
@@ -41,9 +42,8 @@ CAMERA = Camera(40.0, 22.0, (0.0, 0.0, -0.5), 6.0, axis=(0.0, 0.0))
 def scene_of(
     lights: list[Light], look: Look, under: Look, *, catcher: bool, asset: Asset | None = None, camera: Camera = CAMERA
 ) -> Scene:
-    asset = asset or make_sphere(
-        96, 48
-    )  # each part of a frame builds its geometry: of 512 x 256 facets, in half a second
+    # Each part of a frame builds its geometry: of 512 x 256 facets, in half a second.
+    asset = asset or make_sphere(96, 48)
     ground = Ground(under, 10.0, -1.0, catcher)
     both, wears = on_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
     catchers = frozenset([PATH] if catcher else [])
@@ -62,13 +62,6 @@ def ground_pixels(scene: Scene) -> Arrays:
     options = {"bounces": 2, "samples": 128, "scrambles": 8}
     found = frame_pixels(meshes, scene.lights, scene.camera, POSE, SIZE, pixels, **options)
     return {"pixels": pixels, "value": found.value, "error": found.error}
-
-
-def assert_reference(stored: StoredReference, name: str, scene: Scene, pictures: list[np.ndarray]) -> None:
-    found = stored(name, ground_pixels, scene=scene)
-    with comparison(np.mean(pictures, axis=0), found["value"], found["pixels"]):
-        values = [picture.mean(axis=-1) for picture in pictures]
-        assert_like(values, found["value"].mean(axis=-1), found["error"].mean(axis=-1), found["pixels"][:, ::-1])
 
 
 def on_own_ground(frame: Rendered) -> np.ndarray:
@@ -149,7 +142,11 @@ def test_a_frame_over_its_ground_is_that_of_the_reference(
     lights: list[Light] = [light_of("slopes")] if lit == "slopes" else rig(lit)
     scene = scene_of(lights, RED, under, catcher=True)
     frames = frames_of(worker, scene, 6, samples=32, bounces=2)
-    assert_reference(stored_reference, "ball on glossy ground", scene, [on_own_ground(frame) for frame in frames])
+    pictures = [on_own_ground(frame) for frame in frames]
+    found = stored_reference("ball on glossy ground", ground_pixels, scene=scene)
+    with comparison(np.mean(pictures, axis=0), found["value"], found["pixels"]):
+        values = [picture.mean(axis=-1) for picture in pictures]
+        assert_like(values, found["value"].mean(axis=-1), found["error"].mean(axis=-1), found["pixels"][:, ::-1])
     # There is a shadow, and light that the ball reflects onto the ground and, if it is glossy, its image.
     mean = np.mean([frame.alpha for frame in frames], axis=0)
     covered = np.mean([frame.passes["bare"].sum(axis=-1) for frame in frames], axis=0) > 0.0
@@ -204,8 +201,6 @@ def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]
 
 
 def test_a_catcher_needs_a_backend_that_has_it(light_of: Callable[[str], Dome]) -> None:
-    from lookdev.errors import CodegenError
-
     with pytest.raises(CodegenError, match="'nodes' renders no shadow catcher"):
         scene_task(scene_of([light_of("white")], RED, GREY, catcher=True), Sampling(), "nodes")
     task = scene_task(scene_of([light_of("white")], RED, GREY, catcher=False), Sampling(), "nodes")

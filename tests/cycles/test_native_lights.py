@@ -21,9 +21,9 @@ from lookdev.light import (
     Shaping,
     make_environment,
     prepare_light,
-    prepare_texture,
-)  # fmt: skip
+)
 from lookdev.light.dome import example_map
+from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose

@@ -1,19 +1,17 @@
 """Parts of the beauty that shaders record: by lights, by sheen, and how the halves of a frame share them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from test_passes import CAMERA, CENTER, COATED, GREY, POSE, SIZE, balls, covered, light_of_balls, rendered
+from test_passes import CENTER, COATED, SIZE, balls, covered, rendered, task_of
 
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.render.passes import arrays_of, light_layer
 from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
@@ -34,13 +32,8 @@ def rig() -> tuple[Light, ...]:
     return (lamp, sky, *fill)
 
 
-def frame_of(
-    worker: Worker, look: Look, lights: tuple[Light, ...], passes: tuple[str, ...], **given: object
-) -> Rendered:
-    scene = replace(Scene.of_look(balls(), look, lights[0], SIZE, CAMERA), lights=lights)
-    sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
-    name = f"{look.name} {[each.digest for each in lights]} {passes} {given}"
-    return rendered(worker, one_frame(scene_task(scene, sampling), POSE, name))
+def frame_of(worker: Worker, look: Look, lights: tuple[Light, ...], passes: tuple[str, ...], **given: Any) -> Rendered:
+    return rendered(worker, task_of(balls(), passes, ball=look, others=look, lights=lights, **{"samples": 64} | given))
 
 
 def sums(frame: Rendered, groups: tuple[str, ...]) -> None:
@@ -100,7 +93,8 @@ def test_light_belongs_to_the_lobe_of_the_first_hit(worker: Worker) -> None:
     """A ball without a diffuse lobe shows no diffuse light, whatever the lobes are that its light has left before."""
     metal = Look("metal", (Layer("m", "disney", {"metallic": 1.0, "baseColor": (0.8,) * 3, "roughness": 0.4}),))
     on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 8)["/set/ball"] == 1.0
-    frame = light_of_balls(worker, metal, GREY, ("lobes", "direct"), "white", bounces=3)
+    white = (prepare_light(load_environment(builtin="white")),)
+    frame = rendered(worker, task_of(balls(), ("lobes", "direct"), ball=metal, lights=white, samples=64, bounces=3))
     assert frame.passes["indirect"][on_ball].mean() > 1e-3
     assert frame.passes["diffuse"][~on_ball].mean() > 1e-3
     assert not frame.passes["diffuse"][on_ball].any()

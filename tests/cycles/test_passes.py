@@ -12,7 +12,7 @@ from failed_pictures import comparison
 from lookdev.asset import Asset, Instance, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.batch.frame_file import store
-from lookdev.light import load_environment, prepare_light
+from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
@@ -21,7 +21,7 @@ from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Camera, Pose, Sampling, Scene, camera_rays
+from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.cycles
 
@@ -53,16 +53,12 @@ def balls(names: tuple[str, ...] = tuple(PARTS)) -> Asset:
 
 
 def task_of(
-    asset: Asset,
-    passes: tuple[str, ...],
-    backend: str = "exact",
-    size: tuple[int, int] = SIZE,
-    ball: Look = GREY,
-    **given: object,
-) -> FrameTask:
-    light = prepare_light(load_environment(builtin="studio"))
-    scene = Scene.of_look(asset, GREY, light, size, CAMERA)
-    scene = replace(scene, wears={"/set/ball": ball, "/set/others": GREY})
+    asset: Asset, passes: tuple[str, ...], backend: str = "exact", size: tuple[int, int] = SIZE, ball: Look = GREY,
+    others: Look = GREY, lights: tuple[Light, ...] = (), **given: object,
+) -> FrameTask:  # fmt: skip
+    """Return a frame of balls; their light is by default ``studio``."""
+    lights = lights or (prepare_light(load_environment(builtin="studio")),)
+    scene = Scene(asset, {"/set/ball": ball, "/set/others": others}, lights, CAMERA, Film(size))
     sampling = Sampling(**{"samples": 16, "bounces": 1, "passes": passes} | given)
     return one_frame(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {given}")
 
@@ -184,10 +180,8 @@ def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[st
         distances.append(np.where(hit, np.linalg.norm(alone.points(places) - origin, axis=-1), np.inf))
     first = np.argmin(distances, axis=0)
     shown = np.isfinite(np.min(distances, axis=0))
-    return {
-        name: ((first == i) & shown).reshape(height, side, width, side).mean(axis=(1, 3))
-        for i, name in enumerate(names)
-    }
+    parts = {name: ((first == i) & shown).reshape(height, side, width, side) for i, name in enumerate(names)}
+    return {name: part.mean(axis=(1, 3)) for name, part in parts.items()}
 
 
 @pytest.mark.parametrize(
@@ -233,26 +227,10 @@ PARTS_OF_LIGHT = (("diffuse", "specular", "clearcoat", "transmission"), ("direct
 COATED = Look("coated", (Layer("paint", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
 
 
-def light_of_balls(
-    worker: Worker,
-    ball: Look,
-    others: Look,
-    passes: tuple[str, ...],
-    map_: str = "studio",
-    size: tuple[int, int] = SIZE,
-    **given: object,
-) -> Rendered:
-    light = prepare_light(load_environment(builtin=map_))
-    scene = Scene.of_look(balls(), ball, light, size, CAMERA)
-    scene = replace(scene, wears={"/set/ball": ball, "/set/others": others})
-    sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
-    name = f"{ball.name} {others.name} {passes} {map_} {given}"
-    return rendered(worker, one_frame(scene_task(scene, sampling), POSE, name))
-
-
 @pytest.mark.parametrize("given", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
 def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker) -> None:
-    frame = light_of_balls(worker, COATED, COATED, ("lobes", "direct"), bounces=2, **given)
+    options = {"samples": 64, "bounces": 2} | given
+    frame = rendered(worker, task_of(balls(), ("lobes", "direct"), ball=COATED, others=COATED, **options))
     beauty = 0.5 * (frame.a + frame.b)
     for parts in PARTS_OF_LIGHT:
         total = sum(frame.passes[name] for name in parts)
@@ -267,7 +245,8 @@ def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker
 
 def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
     plain, shown = (
-        light_of_balls(worker, COATED, COATED, passes, size=SMALL, samples=64) for passes in ((), ("lobes", "direct"))
+        rendered(worker, task_of(balls(), passes, size=SMALL, ball=COATED, others=COATED, samples=64))
+        for passes in ((), ("lobes", "direct"))
     )
     a, b = (0.5 * (each.a + each.b) for each in (plain, shown))
     # Other noise of indirect light.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.asset import Asset, make_asset, save_asset
+from lookdev.asset import make_asset, save_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.bench.sequence import PLAIN_COMMAND
 
@@ -15,27 +15,15 @@ from lookdev.bench.sequence import PLAIN_COMMAND
 pytestmark = pytest.mark.cycles
 
 
-def sphere(*names: str) -> Asset:
-    """Return a sphere with UV sets."""
-    asset = make_sphere(8, 4)
-    (mesh,) = asset.meshes
-    meshes = [replace(mesh, uvs=dict.fromkeys(names, mesh.uvs["st"]))]
-    return make_asset("sphere", meshes, asset.instances, asset.slots)
-
-
 @pytest.mark.parametrize("names", [("map1", "map2"), ()])
 def test_it_builds_meshes_with_and_without_uvs(names: tuple[str, ...], tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    request = {
-        "asset": str(save_asset(sphere(*names))),
-        "principled": {"Roughness": 0.5},
-        "camera": {"fov": 30.0, "distance": 5.0, "elevation": 10.0, "target": [0.0, 0.0, 0.0]},
-        "resolution": [8, 8],
-        "samples": 2,
-        "bounces": 0,
-        "seed": 0,
-        "frames": [],
-    }
+    sphere = make_sphere(8, 4)
+    meshes = [replace(mesh, uvs=dict.fromkeys(names, mesh.uvs["st"])) for mesh in sphere.meshes]
+    asset = make_asset("sphere", meshes, sphere.instances, sphere.slots)
+    camera = {"fov": 30.0, "distance": 5.0, "elevation": 10.0, "target": [0.0, 0.0, 0.0]}
+    request = {"asset": str(save_asset(asset)), "principled": {"Roughness": 0.5}, "camera": camera, "frames": []}
+    request |= {"resolution": [8, 8], "samples": 2, "bounces": 0, "seed": 0}
     file = tmp_path / "request.json"
     file.write_text(json.dumps(request))
     done = subprocess.run((*PLAIN_COMMAND, str(file)), capture_output=True, text=True, timeout=300, check=False)

@@ -36,11 +36,9 @@ WHITE = load_environment(builtin="white")
 def task(
     look: Look, space: Space, light: object, bounces: int = 0, samples: int = 16, others: Look | None = None
 ) -> FrameTask:
-    scene = Scene.of_look(balls(), look, in_space(light, space), SIZE, CAMERA)
     looks = {"/set/ball": look, "/set/others": others or look}
-    scene = replace(scene, film=Film(SIZE, space), wears=looks)
-    sampling = Sampling(samples=samples, bounces=bounces)
-    return one_frame(scene_task(scene, sampling), POSE, f"{look.name} {space} {light.digest} {bounces} {samples}")
+    scene = Scene(balls(), looks, (in_space(light, space),), CAMERA, Film(SIZE, space))
+    return one_frame(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
 
 
 def beauty(frame: Rendered) -> np.ndarray:
