@@ -93,6 +93,11 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     assert not (job.parent / "out").exists()
 
 
+def test_a_part_that_no_look_covers_is_noted(job: Path) -> None:
+    job.write_text(with_good('parts = ["/Left"]'))
+    assert prepare_job(job).notes == ("look 'good': nothing covers /Right; it is rendered neutral grey",)
+
+
 @pytest.mark.parametrize(
     ("asset", "files", "frames"),
     [('usd = "asset.usda"', [1, 1, 1], []), ('builtin = "sphere"', [3], ["2 of 3 frames"])],

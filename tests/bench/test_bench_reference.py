@@ -72,6 +72,8 @@ def test_bias_and_its_standard_error() -> None:
     assert verdict.bias_error == pytest.approx(expected, rel=0.1)
     assert abs(verdict.bias - 0.05) < 5.0 * verdict.bias_error
     assert verdict.bias > 5.0 * verdict.bias_error
+    unbiased = reference.judge(*(FakeRenderer()(SAMPLES, seed) for seed in range(40)))
+    assert abs(unbiased.bias) < 5.0 * unbiased.bias_error
 
 
 def test_a_bias_is_part_of_relmse() -> None:
