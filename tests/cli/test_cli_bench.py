@@ -25,8 +25,7 @@ def fake(monkeypatch):
     """Return a function that replaces the backends by fakes."""
 
     def use(**options: int) -> None:
-        fakes = partial(bench_run.run_matrix, opened=FakeBackends(**options))
-        monkeypatch.setattr(bench_run, "run_matrix", fakes)
+        monkeypatch.setattr(bench_run, "run_matrix", partial(bench_run.run_matrix, opened=FakeBackends(**options)))
 
     return use
 

@@ -91,8 +91,7 @@ def test_eval_maps_lines_to_lines(run_cli, provide, monkeypatch, options, backen
 
 def test_eval_of_bytes_that_are_no_text_names_the_line(run_cli, monkeypatch):
     monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"\n\xff\n")))
-    message = "lookdev: line 2: line 1, column 1: not UTF-8 text (save it as UTF-8)\n"
-    assert run_cli("eval") == (2, "", message)
+    assert run_cli("eval") == (2, "", "lookdev: line 2: line 1, column 1: not UTF-8 text (save it as UTF-8)\n")
 
 
 def test_eval_of_a_bad_line_is_exit_code_2(run_cli, provide):

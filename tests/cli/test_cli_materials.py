@@ -26,8 +26,7 @@ def materials(tmp_path, monkeypatch, run_cli):
     library = tmp_path / "materials" / "presets"
     library.mkdir(parents=True)
     for name, category, roughness in (("gold", "metal", 0.1), ("rust", "metal", 0.2), ("clay", "stone", 0.3)):
-        text = PRESET.format(name=name, category=category, roughness=roughness)
-        (library / f"{name}.usda").write_text(text)
+        (library / f"{name}.usda").write_text(PRESET.format(name=name, category=category, roughness=roughness))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LOOKDEV_LIBRARY", str(library))
     return partial(run_cli, "materials")
@@ -68,22 +67,18 @@ def test_a_stack_is_made_and_edited(materials):
     assert [layer.inputs["roughness"] for layer in read_look(Path("look.usda")).layers] == pytest.approx([0.1, 0.3])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("new", "look.usda", "gild"), "no preset 'gild' in {library} (did you mean 'gold'?)"),
+def test_what_is_wrong_is_exit_code_2_and_no_traceback(materials, tmp_path):
+    for arguments, message in (
+        (("new", "look.usda", "gild"), f"no preset 'gild' in {tmp_path}/materials/presets (did you mean 'gold'?)"),
         (("add", "none.usda", "gold"), "none.usda: no such file ('lookdev materials new' makes one)"),
         (("list", "--category", "metall"), "no preset of category 'metall' (did you mean 'metal'?)"),
         (("--library", "nowhere"), "nowhere: --library names no folder"),
         (("mask", "look.usda", "1", "a *"), "\n    a *\n       ^"),
-    ],
-)
-def test_what_is_wrong_is_exit_code_2_and_no_traceback(materials, tmp_path, arguments, message):
-    code, output, errors = materials(*arguments)
-    assert (code, output) == (2, "")
-    assert message.format(library=tmp_path / "materials" / "presets") in errors
-    assert errors.startswith("lookdev: ")
-    assert "Traceback" not in errors
+    ):
+        code, output, errors = materials(*arguments)
+        assert (code, output, message in errors) == (2, "", True), arguments
+        assert errors.startswith("lookdev: ")
+        assert "Traceback" not in errors
 
 
 def test_a_sheet_is_rendered_once(materials, tmp_path, monkeypatch, tmp_path_factory):

@@ -13,8 +13,7 @@ def test_a_plot_is_written_and_its_notes_printed(run_cli, tmp_path):
     code, out, err = run_cli("plot", "albedo", "lambert", "disney:roughness=.4", "-o", file, "--size", "4")
     assert (code, err) == (0, "")
     assert "integration error at most" in out
-    image = oiio.ImageBuf(str(file))
-    assert image.spec().width > 400
+    assert oiio.ImageBuf(str(file)).spec().width > 400
     assert tmp_path.joinpath("albedo.png").exists()
     assert len(list(tmp_path.iterdir())) == 1
 

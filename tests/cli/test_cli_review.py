@@ -5,8 +5,6 @@ import os
 import sys
 from pathlib import Path
 
-import pytest
-
 sys.path.append(str(Path(__file__).parents[1] / "output"))
 import review_case
 
@@ -53,7 +51,7 @@ def test_render_writes_a_manifest_that_is_verified(run_cli, job_file, tmp_path):
     assert run_cli("manifest", out, "--verify")[0] == 0
 
 
-@pytest.mark.parametrize("options", [(), ("--verify",)])
-def test_no_manifest_is_exit_code_1(run_cli, tmp_path, options):
-    code, _, errors = run_cli("manifest", tmp_path, *options)
-    assert (code, "'lookdev render' of the job writes" in errors) == (1, True)
+def test_no_manifest_is_exit_code_1(run_cli, tmp_path):
+    for options in ((), ("--verify",)):
+        code, _, errors = run_cli("manifest", tmp_path, *options)
+        assert (code, "'lookdev render' of the job writes" in errors) == (1, True), options

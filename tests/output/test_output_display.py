@@ -20,30 +20,10 @@ def read_png(path: Path) -> tuple[np.ndarray, oiio.ImageSpec]:
     return pixels, spec
 
 
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, written out."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-def test_un_tone_mapped_is_the_srgb_curve() -> None:
-    ramp = np.linspace(0.0, 1.0, 256)[None, :, None].repeat(3, axis=-1)
-    # OpenColorIO's fast power function may move a value over a rounding edge.
-    difference = to_display(ramp, "Un-tone-mapped").astype(int) - np.round(srgb(ramp) * 255).astype(int)
-    assert np.abs(difference).max() <= 1
-
-
 def test_raw_quantises_and_clips() -> None:
     rgb = np.array([[[-1.0, 0.5, 7.0]]])
     assert to_display(rgb, "Raw").tolist() == [[[0, 128, 255]]]
     assert rgb.tolist() == [[[-1.0, 0.5, 7.0]]]  # the input is left alone
-
-
-def test_aces_rolls_off_and_keeps_neutrals() -> None:
-    levels = np.array([0.0, 0.18, 1.0, 4.0, 1e4])[None, :, None].repeat(3, axis=-1)
-    shown = to_display(levels, "ACES 1.0 - SDR Video")[0].astype(int)
-    assert np.ptp(shown, axis=-1).max() <= 1  # white point kept
-    assert (np.diff(shown[:, 0]) > 0).all()  # 1 and 4 still differ
-    assert 80 < shown[1, 0] < 110  # ACES 1.x SDR shows 18 % grey at 10 % of white: sRGB code 89
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -219,8 +219,7 @@ def test_chromium_plays_what_the_png_shows(tmp_path: Path, tab: Any) -> None:
         difference = (shown[..., :3] - png) * inside[..., None]
         # With alpha Chromium converts by libyuv, whose factor of blue is 2 instead of 2.112: it has 8 bits.
         clipped = 0.112 * np.abs(to_planes(pictures[0], PLAIN)[1] - 128.0) * inside * (name == "a.webm")
-        allowed = 2.0 + cells(clipped[..., None] * (0.0, 0.0, 1.0))
-        excess = np.abs(cells(difference)) - allowed
+        excess = np.abs(cells(difference)) - cells(clipped[..., None] * (0.0, 0.0, 1.0)) - 2.0
         assert excess.max() <= 0.0, (name, excess.max(), np.argwhere(excess > 0.0)[:8], shown.mean(axis=(0, 1)))
         if name == "a.webm":
             assert np.abs(shown[..., 3] / 255.0 - pictures[0][..., 3]).max() <= 8.0 / 255.0

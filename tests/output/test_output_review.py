@@ -186,17 +186,14 @@ def test_noise_alone_is_rarely_beyond_3(size: int) -> None:
     a, b = (halves[0] + halves[1]) / 2, (halves[2] + halves[3]) / 2
     errors = [pooled_error(standard_error(*pair)) for pair in (halves[:2], halves[2:])]
     z = noise_ratio(a, b, *errors, size)
-    pixels = shape[0] * shape[1]
     # A square holds size^2 independent pixels: so many are beyond together.
-    assert (z > 3.0).mean() <= 0.0027 + 4.0 * np.sqrt(0.0027 / pixels) * size
+    assert (z > 3.0).mean() <= 0.0027 + 4.0 * np.sqrt(0.0027 / z.size) * size
     assert z[20, 20] <= 3.0 * (1.0 + 5.0 * spread / 50.0)  # the spike is 50 in a mean, noise five deviations
-    shifted = noise_ratio(a + 0.1 * level, b, *errors, size)
-    assert np.median(shifted) > 0.8 * size
+    assert np.median(noise_ratio(a + 0.1 * level, b, *errors, size)) > 0.8 * size
 
 
 def test_the_standard_error_is_that_of_the_mean_in_ten_bits() -> None:
-    rng = np.random.default_rng(6)
-    a, b = rng.uniform(0.0, 1e6, (2, 50, 50, 3)).astype(np.float32)
+    a, b = np.random.default_rng(6).uniform(0.0, 1e6, (2, 50, 50, 3)).astype(np.float32)
     error = standard_error(a, b)
     np.testing.assert_allclose(error, np.abs(a - b) / 2, rtol=2.0**-10)
     assert not (error.view(np.uint32) & 0x1FFF).any()

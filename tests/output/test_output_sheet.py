@@ -77,15 +77,12 @@ def test_resizing_averages_light(tmp_path: Path) -> None:
     assert abs(float(np.median(centre)) - 187) <= 4
 
 
-@pytest.mark.parametrize(
-    ("shown", "labels", "message"),
-    [
+def test_what_makes_no_sheet(tmp_path: Path) -> None:
+    for shown, labels, message in (
         ([], [], "at least one frame"),
         (frames(2), ["one"], "2 frames and 1 labels"),
         ([*frames(1), *frames(1, (10, 10))], ["", ""], "of one size"),
-    ],
-)
-def test_what_makes_no_sheet(tmp_path: Path, shown: list[np.ndarray], labels: list[str], message: str) -> None:
-    with pytest.raises(OutputError, match=message):
-        write_sheet(tmp_path / "s.png", shown, labels, "t")
+    ):
+        with pytest.raises(OutputError, match=message):
+            write_sheet(tmp_path / "s.png", shown, labels, "t")
     assert not list(tmp_path.iterdir())

@@ -36,8 +36,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the index of a page of a job against an old version, in which gold was darker."""
     folder = tmp_path_factory.mktemp("review")
     old = case.write_job(folder / "v1", seed=1)
-    new = case.write_job(folder / "v2", seed=2, gain=1.05)
-    return review(new, old, folder / "page")[0]
+    return review(case.write_job(folder / "v2", seed=2, gain=1.05), old, folder / "page")[0]
 
 
 class Shown(Page):
@@ -136,8 +135,7 @@ def test_dragging_turns_the_asset_with_mouse_and_touch(opened: Open) -> None:
     assert shown.frame().name == "lighting.0003.exr"
     shown.drag("touch", 0.8, 0.45)
     assert shown.frame().name == "lighting.0002.exr"
-    picture = to_display(read_pixels(shown.frame()).beauty, VIEWS[0])
-    assert np.abs(shown.canvas().astype(int) - picture).max() <= 2
+    assert np.abs(shown.canvas().astype(int) - to_display(read_pixels(shown.frame()).beauty, VIEWS[0])).max() <= 2
 
 
 def test_a_cell_of_the_grid_turns_under_the_pointer_and_opens(opened: Open) -> None:
@@ -277,8 +275,7 @@ def test_the_address_keeps_the_state(opened: Open) -> None:
     shown.press("2", "]", "t", Keys.ARROW_RIGHT, "w", "+")
     shown.drawn()
     state, address = shown.state, shown.browser.current_url
-    again = opened(address[address.index("#") :])
-    assert again.state == state
+    assert opened(address[address.index("#") :]).state == state
 
 
 def test_everything_that_can_be_used_has_a_name(opened: Open) -> None:

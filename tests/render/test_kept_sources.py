@@ -67,8 +67,7 @@ def test_a_kept_source_is_the_generated_one(model: str, light: Dome, counted: Co
     first, second = (kept_source(backend, look, setting, ()) for _ in range(2))
     assert first == second == expected
     assert hash(second) == hash(expected)
-    measured = any(each.file is not None for each in MODELS[model].parameters.values())
-    assert made == ["any"] * (2 if measured else 1)
+    assert made == ["any"] * (2 if any(each.file is not None for each in MODELS[model].parameters.values()) else 1)
 
 
 def test_what_a_source_depends_on_makes_another(light: Dome, counted: Counted) -> None:

@@ -15,7 +15,6 @@ from lookdev.render.worker import Worker, last_line
 pytestmark = pytest.mark.both_pythons
 
 FRAME = "element_0001"
-FAILED = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
 
 
 def ignore(progress: object) -> None:
@@ -165,17 +164,15 @@ def test_an_error_in_the_callers_progress_leaves_no_worker_behind(
     assert not is_alive(worker_pids(tmp_path)[0])
 
 
-@pytest.mark.parametrize(
-    ("program", "message"),
-    [
+def test_a_worker_that_does_not_get_ready(tmp_path: Path) -> None:
+    failed = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
+    for program, message in (
         (("/nowhere/blender",), "/nowhere/blender cannot be started"),
         ((sys.executable, "-c", "import sys; sys.exit('libXi.so.6: cannot open')"), "exit code 1"),
-        ((sys.executable, "-c", FAILED), "answered 'failed' before it was ready"),
-    ],
-)
-def test_a_worker_that_does_not_get_ready(tmp_path: Path, program: tuple[str, ...], message: str) -> None:
-    with Worker(program, tmp_path / "worker.log", tmp_path) as worker, pytest.raises(WorkerError, match=message):
-        worker.start()
+        ((sys.executable, "-c", failed), "answered 'failed' before it was ready"),
+    ):
+        with Worker(program, tmp_path / "worker.log", tmp_path) as worker, pytest.raises(WorkerError, match=message):
+            worker.start()
 
 
 def test_last_words_are_the_last_line_with_text(tmp_path: Path) -> None:

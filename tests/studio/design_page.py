@@ -34,6 +34,16 @@ const unnamed = () => [...document.querySelectorAll("input, select, button, text
   !each.labels?.length && !each.getAttribute("aria-label") && !each.textContent).map((each) => each.outerHTML);
 """
 
+# Assets in looks, of which docs/designer.md compares pictures.
+CELLS = [
+    *(
+        (asset, look)
+        for asset in ("sphere", "shaderball")
+        for look in ("car_paint", "brushed_metal", "frosted_plastic")
+    ),
+    *(("parts", look) for look in ("own_red", "racing", "workshop")),
+]
+
 DRESS = (
     "const dress = async (part, prims, look) => { typed(at('part'), part); await until(() => at('wear'));"
     " at('wear').click(); await until(() => at('dressing').open);"

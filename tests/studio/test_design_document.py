@@ -8,9 +8,6 @@ from lookdev.errors import LookdevError, ModelError
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parsed
-from lookdev.studio.designer.opening import open_document
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_a_stated_constant_is_a_uniform(document: Document) -> None:
@@ -86,14 +83,3 @@ def test_a_copy_is_a_new_file_beside_the_look(document: Document, look: Path) ->
         with pytest.raises(LookdevError):
             document.save(0, name)
         assert sorted(look.parent.parent.rglob("*")) == before, name
-
-
-def test_each_look_and_rig_of_a_job_can_be_shown() -> None:
-    document = open_document(ROOT / "jobs" / "parts.toml")
-    assert document.choices["looks"] == ["own_blue", "own_red", "racing", "workshop"]
-    document.choose("workshop", "courtyard")
-    files = [Path(stack["file"]).name for stack in document.stacks()]
-    assert {"car_paint.usda", "brushed_metal.usda"} <= set(files)
-    place = document.place(files.index("brushed_metal.usda"))
-    assert place is not None
-    assert place.variants == {"metal": "copper"}

@@ -139,8 +139,7 @@ def test_what_cannot_be_worn_is_refused_and_nothing_changes(document: Document) 
 
 def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Document, job: Path) -> None:
     document.wear({"part": "/Car/Body", "take": True})
-    text = job.read_text().replace('prims = ["/Car/Body"]', 'prims = ["/Car/Body", "/Car/Chimney"]')
-    job.write_text(text)
+    job.write_text(job.read_text().replace('prims = ["/Car/Body"]', 'prims = ["/Car/Body", "/Car/Chimney"]'))
     assert document.signs()["changed"] == [str(job)]
     with pytest.raises(ConflictError):
         document.save()
@@ -180,8 +179,7 @@ def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.Monke
     assert again.save() == [made]
     assert not again.status()["job"]["new"]
     assert f'usd = "{os.path.relpath(asset)}"' in made.read_text()
-    rendered = job_scenes(load_job(made)).scenes["own", "courtyard"]
-    assert rendered.wears[WINDOWS].name == "FrostedPlastic"
+    assert job_scenes(load_job(made)).scenes["own", "courtyard"].wears[WINDOWS].name == "FrostedPlastic"
     assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
     again.wear({"part": WINDOWS, "take": True})
     again.close()
@@ -193,6 +191,7 @@ def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.Monke
 
 def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path) -> None:
     text = job.read_text()
+    assert document.choices["looks"] == ["own_blue", "own_red", "racing", "workshop"]
     assert {"studio", "three_point"} <= {*document.choices["shipped"]}
     assert "courtyard" not in document.choices["shipped"]
     document.choose("workshop", "three_point")

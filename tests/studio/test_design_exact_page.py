@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import new_tab
-from design_page import DesignPage
+from design_page import CELLS, DesignPage
 from served import served
 
 log = logging.getLogger(__name__)
@@ -121,13 +121,6 @@ def test_a_picture_that_takes_long_always_gets_finer(page: DesignPage) -> None:
         "viewport.removeEventListener('picture', seen); return scales;"
     )
     assert scales == [16, 8, 4, 2, 1]
-
-
-LOOKS = ("car_paint", "brushed_metal", "frosted_plastic")
-CELLS = [
-    *((asset, look) for asset in ("sphere", "shaderball") for look in LOOKS),
-    *(("parts", look) for look in ("own_red", "racing", "workshop")),
-]
 
 
 @pytest.mark.proof

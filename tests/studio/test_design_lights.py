@@ -49,8 +49,7 @@ def test_numbers_change_and_no_shader_does(scene: Scene) -> None:
     described = lights.described("rig", scene)
     lights.set("rig", scene, 1, Setting(on=False))
     lights.set("rig", scene, 3, Setting(stops=1.0))
-    after = rig_functions(lights.applied("rig", scene).lights, lit, Stand())
-    assert after.text == before.text
+    assert rig_functions(lights.applied("rig", scene).lights, lit, Stand()).text == before.text
     changed = lights.described("rig", scene)
     assert [each["on"] for each in changed["lights"]] == [True, False, True, True]
     assert [each["name"] for each in changed["lights"]] == [*KINDS, "dome 4"]

@@ -80,14 +80,12 @@ def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: 
     (copied,) = read_look(file).layers
     assert copied.inputs.keys() == look_of(subject.layers, "a").layers[0].inputs.keys()
     # USD has floats in float32.
-    found = read_subject(str(file))
-    assert evaluate(found.bsdf, WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-5)
+    assert evaluate(read_subject(str(file)).bsdf, WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-5)
 
 
 def test_a_command_has_paths_and_the_options_that_are_used(surfaces: Surfaces, roots: Path) -> None:
     text = surfaces.command("retro", ["a b=scans/satin.binary", "disney"], Options(scale="log", exposure=2.0))
-    parts = shlex.split(text)
-    assert parts == [
+    assert shlex.split(text) == [
         "lookdev", "plot", "retro", f"a b={roots / 'satin.binary'}", "disney", "-o", "retro.png", "--scale", "log",
     ]  # fmt: skip
 

@@ -29,8 +29,7 @@ def test_a_worker_keeps_its_scene_and_then_takes_one_that_nobody_renders() -> No
 
 
 def test_workers_share_the_scene_that_has_most_for_each() -> None:
-    tasks = frames(2, 5)
-    shares = Shares(tasks)
+    shares = Shares(frames(2, 5))
     assert [name(shares.next_for(worker)) for worker in (1, 2, 3)] == ["a0", "b0", "b1"]
 
 
@@ -57,21 +56,16 @@ def test_frames_of_a_worker_that_has_gone_are_anyones() -> None:
     assert name(shares.next_for(2)) == "a0"
 
 
-@pytest.mark.parametrize(
-    ("workers", "idle", "left", "free", "wanted"),
-    [
+def test_another_worker_is_worth_idle_cores_free_memory_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.render.executors.capacity.cores", lambda: 2)
+    for workers, idle, left, free, wanted in (
         (1, 0.8, 100.0, 8, True),
         (1, 0.1, 100.0, 8, False),  # it keeps the cores busy
         (1, 0.8, 5.0, 8, False),  # it is done before another is there
         (1, 0.8, 100.0, 2, False),  # memory is short
         (3, 0.5, 100.0, 8, True),  # each uses half a core
-    ],
-)
-def test_another_worker_is_worth_idle_cores_free_memory_and_time(
-    monkeypatch: pytest.MonkeyPatch, workers: int, idle: float, left: float, free: int, wanted: bool
-) -> None:
-    monkeypatch.setattr("lookdev.render.executors.capacity.cores", lambda: 2)
-    assert worth_another(workers, idle, left, 2 << 30, free << 30) == wanted
+    ):
+        assert worth_another(workers, idle, left, 2 << 30, free << 30) == wanted, (workers, idle, left, free)
 
 
 def test_idle_cores_are_those_that_neither_these_processes_nor_others_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,9 +138,8 @@ def test_a_worker_starts_on_its_cores(tmp_path: Path) -> None:
     assert cores() == before
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_a_wrong_choice_states_what_would_be_right() -> None:
+    for options, message in (
         ({"executor": "dusk"}, "did you mean 'dask'"),
         ({"executor": "local:here"}, "has no address"),
         ({"executor": "warm"}, "warm:SOCKET"),
@@ -151,8 +150,6 @@ def test_a_worker_starts_on_its_cores(tmp_path: Path) -> None:
         ({"device": "cuda:"}, "should be as cuda:0"),
         ({"device": "cuda:0,x"}, "should be as cuda:0"),
         ({"executor": "dask", "device": "cuda:1"}, "write --device cuda"),
-    ],
-)
-def test_a_wrong_choice_states_what_would_be_right(options: dict[str, object], message: str) -> None:
-    with pytest.raises(LookdevError, match=message):
-        choose(**{"executor": "local", "workers": None, "device": None, "stored": False, **options})  # type: ignore[arg-type]
+    ):
+        with pytest.raises(LookdevError, match=message):
+            choose(**{"executor": "local", "workers": None, "device": None, "stored": False, **options})  # type: ignore[arg-type]

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import serve_files
+from design_page import CELLS
 from light_rigs import RIGS, row_of_three
-from looks import LOOKS
+from looks import LOOKS, quick_among
 from numpy.typing import NDArray
 from viewport_page import STATIC, ViewportPage
 
@@ -36,10 +37,6 @@ POSE = Pose(30.0, 75.0)
 # Where the look is no part of the claim: its program compiles in half of the time of others, and it has little noise.
 MATT = (Layer("Layer", "lambert", {"reflectance": (0.7, 0.5, 0.3)}),)
 LAMPS = ("cylinder", "disk", "distant", "rect", "sphere")
-CELLS = [
-    (asset, look) for asset in ("sphere", "shaderball") for look in ("car_paint", "brushed_metal", "frosted_plastic")
-]
-CELLS += [("parts", look) for look in ("own_red", "racing", "workshop")]
 MOST = 0.120
 """Seconds from a slider to the first changed frame at 512 x 512, in software, on two free cores."""
 Floats = NDArray[np.float64]
@@ -107,8 +104,7 @@ def compare(
 
 
 def dome(**changes: Any) -> Light:
-    light = LIGHT_KINDS["dome"].example()
-    return replace(light, **changes)  # type: ignore[type-var]
+    return replace(LIGHT_KINDS["dome"].example(), **changes)  # type: ignore[type-var]
 
 
 def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = False) -> Scene:
@@ -181,20 +177,13 @@ def test_shadow_is_switched_while_nothing_compiles(look: str, samples: int, page
     assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
 
 
-@pytest.mark.parametrize(
-    ("rigs", "look"),
-    [
-        (["texture", "local_dome"], "matt"),
-        (["shadow"], "matt"),
-        *(
-            pytest.param([rig], "leaf", marks=pytest.mark.proof)
-            for rig in ("texture", "local_dome", "shadow", "local grey", "response")
-        ),
-    ],
-    ids=lambda value: value if isinstance(value, str) else " ".join(value),
-)
-def test_a_rig_casts_shadow(rigs: Sequence[str], look: str, page: ViewportPage, tmp_path: Path) -> None:
-    lights = [light for rig in rigs for light in RIGS[rig](tmp_path)]
+QUICK = [("texture, local_dome", "matt"), ("shadow", "matt")]
+HEAVY = [(rig, "leaf") for rig in ("texture", "local_dome", "shadow", "local grey", "response")]
+
+
+@pytest.mark.parametrize(("rigs", "look"), quick_among(QUICK + HEAVY, QUICK))
+def test_a_rig_casts_shadow(rigs: str, look: str, page: ViewportPage, tmp_path: Path) -> None:
+    lights = [light for rig in rigs.split(", ") for light in RIGS[rig](tmp_path)]
     compare(page, monkey(lights, look), 64, 40, samples=64).assert_agrees()
 
 
