@@ -1,6 +1,7 @@
 """Faults of job files: each alone with its place and what would be right, and all of them at once."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from minimal_job import MINIMAL, faults, parse
 from lookdev.errors import JobError
 from lookdev.job import load_job
 from lookdev.output.color import VIEWS
-from lookdev.render.backends import job_backends
+from lookdev.render.backends import BACKENDS, job_backends
 
 USD = 'usd = "ball.usdc"'
 ASSIGN = '[[look.assign]]\nprims = ["/Ball"]\nmaterial = "paint.usda"'
@@ -156,6 +157,14 @@ def test_one_fault_is_reported_alone_with_its_place(tmp_path: Path, text: str, l
     ((where, (fault, hint)),) = faults(text, tmp_path).items()
     assert where == location
     assert all(part in f"{fault} ({hint})" for part in said.split(" ... "))
+
+
+def test_a_backend_without_features_denoises_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BACKENDS, "nodes", replace(BACKENDS["nodes"], features=False))
+    said = faults(f'{MINIMAL}[render]\nbackend = "nodes"\ndenoise = "measured"\n', tmp_path)["render.denoise"]
+    assert said[0] == "backend 'nodes' renders no albedos and normals to denoise by"
+    assert '"exact"' in said[1]
+    assert '"nodes"' not in said[1]
 
 
 def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp_path: Path) -> None:

@@ -271,6 +271,20 @@ def test_a_star_makes_a_look_of_each_variant_of_the_asset(make: Make) -> None:
     assert look_by_part(every, "one_matt") == OWN
 
 
+def test_a_set_without_variants_and_one_with_too_many_are_faults(
+    make: Make, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none = ASSET.replace('"finish"\n', '["finish", "none"]\n').replace(
+        "variantSet ", 'variantSet "none" = {}\nvariantSet '
+    )
+    (folder / "car.usda").write_text(none)
+    asset = f'{CAR}, prim = "/Car"'
+    assert faults(make, 'variants = { none = "*" }', asset) == ["car.usda: /Car: variant set 'none' has no variants ()"]
+    monkeypatch.setattr("lookdev.material.variants.MOST_COMBINATIONS", 1)
+    (message,) = faults(make, 'variants = { finish = "*" }', asset)
+    assert message.startswith("car.usda: /Car: '*' stands for 2 combinations of variants, at most 1")
+
+
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     star = 'variants = { finish = "*" }\n'
     two = star + '[[look]]\nname = "two"\n' + star
