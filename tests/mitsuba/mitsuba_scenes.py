@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from agreement import Arrays, StoredReference, check_frame, comparison, estimate_of, scene_pixels
-from frames import orbit_camera
+from frames import orbit_camera, scene_of
 from light_rigs import RIG_LOOKS, RIGS, grey
 from numpy.typing import NDArray
 
@@ -35,9 +35,7 @@ LIGHTS_OF_HEADS = {
 def dressed(asset: Asset | str, layers: Sequence[Layer], *lights: Light, size: int = 40) -> Scene:
     """Return a scene of one look, whose camera sees the asset whole."""
     shape = load_asset(builtin=asset) if isinstance(asset, str) else asset
-    camera = orbit_camera(shape.center, shape.radius)
-    look = Look("look", tuple(layers))
-    return Scene(shape, {slot.path: look for slot in shape.slots}, lights, camera, Film((size, size)))
+    return scene_of(shape, Look("look", tuple(layers)), lights, size)
 
 
 def looks_side_by_side(

@@ -18,56 +18,33 @@ MATERIALS = Path(__file__).parents[2] / "materials"
 CITY = 'builtin = "city"'
 LAMBERT = MATERIALS / "classic" / "lambert.usda"
 FITTED = 'usd = "rig.usda"'
-RIG = """#usda 1.0
-(
-    metersPerUnit = 1
-    upAxis = "Y"
-)
-def Xform "Rig"
-{
-    def RectLight "Key"
-    {
-        float inputs:intensity = 8
-        color3f inputs:color = (1, 0.7, 0.4)
-        float inputs:width = 2
-        float inputs:height = 1
-        double3 xformOp:translate = (1, 2, 4)
-        double xformOp:rotateX = -25
-        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
-    }
-    def DiskLight "Rim"
-    {
-        float inputs:intensity = 20
-        float inputs:radius = 0.7
-        double3 xformOp:translate = (-4, 0, -1)
-        double xformOp:rotateY = -105
-        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
-    }
-    def SphereLight "Bulb"
-    {
-        float inputs:intensity = 30
-        float inputs:radius = 0.3
-        double3 xformOp:translate = (0, 4, 1)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-        BESIDE
-    }
-    def Camera "Lens"
-    {
-        float focalLength = 50
-        float horizontalAperture = 36
-        float fStop = 2.8
-        float focusDistance = 6
-        double3 xformOp:translate = (0, 0, 6)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-}
-"""
+
+
+def prim(kind: str, place: tuple[float, ...], turn: tuple[float, ...], *lines: str) -> str:
+    order = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]'
+    moves = f"double3 xformOp:translate = {place}", f"float3 xformOp:rotateXYZ = {turn}", order
+    return "\n".join((f"def {kind}", "{", *lines, *moves, "}\n"))
+
+
+def lamp(kind: str, place: tuple[float, ...], turn: tuple[float, ...], more: str = "", **inputs: float) -> str:
+    return prim(kind, place, turn, *(f"float inputs:{name} = {value}" for name, value in inputs.items()), more)
+
+
+def rig(beside: str) -> str:
+    """Return a rig with a camera and, beside its other inputs, one of a lamp."""
+    prims = (
+        lamp('RectLight "Key"', (1, 2, 4), (-25, 0, 0), "color3f inputs:color = (1, 0.7, 0.4)", intensity=8, width=2),
+        lamp('DiskLight "Rim"', (-4, 0, -1), (0, -105, 0), intensity=20, radius=0.7),
+        lamp('SphereLight "Bulb"', (0, 4, 1), (0, 0, 0), beside, intensity=30, radius=0.3),
+        prim('Camera "Lens"', (0, 0, 6), (0, 0, 0), "float fStop = 2.8", "float focusDistance = 6"),
+    )
+    return f'#usda 1.0\n( metersPerUnit = 1\n  upAxis = "Y" )\ndef Xform "Rig"\n{{\n{"".join(prims)}}}\n'
 
 
 def write_job(
     folder: Path, light: str = "ibl", where: str = CITY, beside: str = "", material: str = "car_paint", **keys: str
 ) -> Path:
-    (folder / "rig.usda").write_text(RIG.replace("BESIDE", beside))
+    (folder / "rig.usda").write_text(rig(beside))
     given = {
         "look": f'[{{ name = "paint", material = "{MATERIALS / material}.usda" }}]',
         "turntable": '[{ kind = "lighting", frames = 4, start = 40.0 }]',

@@ -33,10 +33,8 @@ def row(*, instances: bool) -> Asset:
     far = replace(head.meshes[0], points=head.meshes[0].points + np.float32(40.0))
     placed = []
     for number, (path, sizes) in enumerate(PLACES.items()):
-        angle = 0.4 * number
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
         matrix = np.eye(4)
-        matrix[:3, :3] = turn @ np.diag(sizes)
+        matrix[:3, :3] = rotate_z(np.eye(3), np.degrees(0.4 * number)).T @ np.diag(sizes)
         matrix[:3, 3] = np.array((2.3 * number - 2.3, 0.0, 0.0)) - matrix[:3, :3] @ np.full(3, 40.0)
         placed.append(Instance(0 if instances else number, matrix, path))
     meshes = [replace(far, name=f"m{number}") for number in range(1 if instances else len(placed))]

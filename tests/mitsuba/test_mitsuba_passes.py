@@ -20,8 +20,7 @@ from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Worker
-from lookdev.scene import Film, Pose, Sampling, Scene
-from lookdev.scene.rays import camera_rays
+from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.mitsuba
 

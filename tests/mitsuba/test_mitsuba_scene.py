@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -39,24 +38,16 @@ def test_held_numbers_are_aligned_wherever_they_came_from(drjit, offset: int) ->
 def test_a_file_is_read_once_while_its_numbers_are_held(drjit) -> None:
     from lookdev.mitsuba.files import file_array
 
-    reads = []
-
-    def read(path: Path) -> np.ndarray:
-        reads.append(path)
-        return np.load(path)
-
-    def save(path: Path) -> None:
-        np.save(path, np.arange(6, dtype=np.float32).reshape(2, 3))
-
-    content = Content.written(".npy", save)
+    read = Mock(side_effect=np.load)
+    content = Content.written(".npy", lambda path: np.save(path, np.arange(6, dtype=np.float32).reshape(2, 3)))
     first = file_array(drjit.llvm.Float, content, read)
     assert file_array(drjit.llvm.Float, content, read) is first
     assert first.shape == (2, 3)
-    assert len(reads) == 1
+    assert read.call_count == 1
     del first
     again = file_array(drjit.llvm.Float, content, read)
     np.testing.assert_array_equal(np.asarray(again.array), np.arange(6))
-    assert len(reads) == 2
+    assert read.call_count == 2
 
 
 @pytest.fixture
@@ -98,9 +89,7 @@ def test_a_scene_takes_the_constants_of_another_and_no_other_programs(task_of: C
     assert np.array_equal(pictures(scene, small), pictures(MitsubaScene(mi, small), small))
 
 
-def test_a_frame_does_not_depend_on_the_speed_of_launches(
-    task_of: Callable[..., SceneTask], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_frame_does_not_depend_on_the_speed_of_launches(task_of: Callable[..., SceneTask], monkeypatch) -> None:
     """How long a launch takes decides how much the next one renders."""
     from lookdev.mitsuba import render
     from lookdev.mitsuba.load import load_mitsuba

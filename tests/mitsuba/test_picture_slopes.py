@@ -7,22 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frames import POSE, orbit_camera
+from frames import POSE, scene_of
 from light_rigs import RIG_LOOKS, RIGS
 from mitsuba_scenes import dressed
 from painted import painted
 
 from lookdev.asset import Asset, load_asset
 from lookdev.light import DiskLight, Light, RectLight
-from lookdev.material import Layer, Look
+from lookdev.material import Formula, Layer, Look, View
 from lookdev.material.change import constant_of, live_look
 from lookdev.material.expression import parse
-from lookdev.material.look import Formula, View
 from lookdev.render.scene import scene_task
 from lookdev.render.slopes import SlopeTask, live_inputs
 from lookdev.render.wire import decode_request, encode
 from lookdev.render.worker import Worker
-from lookdev.scene import Film, Sampling, Scene
+from lookdev.scene import Sampling
 
 pytestmark = pytest.mark.mitsuba
 
@@ -107,12 +106,9 @@ def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: A
     def pictures(values: Mapping[str, tuple[float, ...]], symbols: tuple[str, ...]) -> np.ndarray:
         """Return the means (2 PAIRS, 1 + P, 4) of the pixels of halves."""
         given = {bindings[key].parameter: each for key, each in values.items()}
-        halves = [
-            scene.render(
-                SlopeTask(task, POSE, given, symbols, case.samples, (2 * n, 2 * n + 1), ""), lambda done, of: None
-            )
-            for n in range(PAIRS)
-        ]
+        seeds = [(2 * n, 2 * n + 1) for n in range(PAIRS)]
+        asked = [SlopeTask(task, POSE, given, symbols, case.samples, pair, "") for pair in seeds]
+        halves = [scene.render(each, lambda done, of: None) for each in asked]
         return np.concatenate(halves).astype(float).mean(axis=(2, 3))
 
     own = {key: each.value for key, each in constants.items()}
@@ -150,10 +146,8 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     ball = load_asset(builtin="shaderball")
     look = Look("look", (COPPER,))
     live = live_look(look, {"0": constant_of(look, "roughness")})
-    wears = {slot.path: live if n == 0 else Look("grey", (Layer("Grey", "lambert", {}),))
-             for n, slot in enumerate(ball.slots)}  # fmt: skip
-    camera = orbit_camera(ball.center, ball.radius)
-    scene = Scene(ball, wears, (light_of("city"),), camera, Film((SIZE, SIZE)))
+    scene = scene_of(ball, Look("grey", (Layer("Grey", "lambert", {}),)), (light_of("city"),), SIZE)
+    scene = replace(scene, wears={**scene.wears, ball.slots[0].path: live})
     task = scene_task(scene, Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
     asked = SlopeTask(task, POSE, {binding.parameter: (0.35,)}, binding.symbols, 8, (0, 1), "one")
