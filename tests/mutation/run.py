@@ -25,6 +25,7 @@ HANGS = "a test that does not end"
 # Seconds of tests that run before others are collected: to collect all files that reach a function can take longer.
 STAGES = (2.0, 20.0)
 FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
+LONGEST = 60  # seconds of a test, of which none takes a fifth of it
 
 
 class Reached:
@@ -101,19 +102,8 @@ class Copy:
             "TMPDIR": str(scratch),
             "LOOKDEV_TEST_ORDER": str(order),
         }
-        options = (
-            "-q",
-            f"--maxfail={failures}",
-            "-n",
-            "0",
-            "-p",
-            "order",
-            "-p",
-            "no:cacheprovider",
-            "-m",
-            marker,
-            "--tb=no",
-        )
+        options = ["-q", f"--maxfail={failures}", "-n", "0", "-p", "order", "-p", "no:cacheprovider", "-m", marker]
+        options += ["--tb=no", f"--timeout={LONGEST}"]
         limit = max(LEAST, FACTOR * sum(seconds for _, seconds in tests))
         process = subprocess.Popen(
             [sys.executable, "-m", "pytest", *options, *files],
