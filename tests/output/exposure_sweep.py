@@ -18,7 +18,7 @@ STOPS = (-2, 0, 2, 4, 6)
 LABEL = 18
 
 
-def sweep(frames: list[Path]) -> np.ndarray:
+def sweep(frames: list[Path]) -> oiio.ImageBuf:
     rows = []
     for frame in frames:
         rgb, _ = read_frame(frame)
@@ -32,15 +32,10 @@ def sweep(frames: list[Path]) -> np.ndarray:
             name = VIEWS[number % 3].replace("Un-tone-mapped", "sRGB, clipped")
             baseline = number * (LABEL + height) + LABEL - 5
             write_text(page, f"{name}, {stops:+d} stops", column * width + 4, baseline, 11, width - 8, INK)
-    return np.asarray(page.get_pixels(oiio.UINT8))
+    page.specmod().attribute("Compression", "jpeg:72")
+    return page
 
 
 if __name__ == "__main__":
     picture, *frames = map(Path, sys.argv[1:])
-    pixels = sweep(frames)
-    output = oiio.ImageOutput.create(str(picture))
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8)
-    spec.attribute("Compression", "jpeg:72")
-    output.open(str(picture), spec)
-    output.write_image(pixels)
-    output.close()
+    sweep(frames).write(str(picture), oiio.UINT8)

@@ -120,11 +120,11 @@ def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkey
     assert devices_of(Choice(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
 
 
-@pytest.mark.parametrize(("of", "expected"), [(1, [4]), (2, [2, 2]), (3, [1, 1, 2]), (4, [1] * 4), (6, [1] * 6)])
-def test_cores_are_divided_whole(of: int, expected: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("expected", [[4], [2, 2], [1, 1, 2], [1] * 4, [1] * 6])
+def test_cores_are_divided_whole(expected: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda process: {1, 3, 5, 7})
-    shares = [share_of_cores(number, of) for number in range(of)]
-    assert [len(each) for each in shares] == expected
+    shares = [share_of_cores(number, len(expected)) for number in range(len(expected))]
+    assert [len(share) for share in shares] == expected
     assert frozenset().union(*shares) == {1, 3, 5, 7}
 
 
