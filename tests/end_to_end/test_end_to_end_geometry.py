@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from looks import quick_among
 from numpy.typing import NDArray
 from stage import Stage, difference
 
-from lookdev.asset import Asset, Instance, Mesh
+from lookdev.asset import Asset, Instance, Mesh, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
 from lookdev.light import EnvironmentMap, make_environment
 from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
@@ -22,10 +22,8 @@ pytestmark = pytest.mark.cycles
 
 Floats = NDArray[np.float64]
 
-BRUSHED = Look(
-    "brushed",
-    (Layer("Metal", "disney", {"baseColor": (0.8, 0.5, 0.3), "metallic": 0.7, "roughness": 0.5, "anisotropic": 0.8}),),
-)
+METAL = {"baseColor": (0.8, 0.5, 0.3), "metallic": 0.7, "roughness": 0.5, "anisotropic": 0.8}
+BRUSHED = Look("brushed", (Layer("Metal", "disney", METAL),))
 MIRROR = Look("mirror", (Layer("Metal", "disney", {"baseColor": (1.0, 1.0, 1.0), "metallic": 1.0, "roughness": 0.1}),))
 CAMERA = Camera(fov=40.0, elevation=20.0, target=(0.0, 0.0, 0.0), distance=7.0)
 STILL = Pose(0.0, 0.0)
@@ -62,8 +60,7 @@ def affine(linear: Floats, at: tuple[float, float, float]) -> Floats:
 
 
 def turned(degrees: float) -> Floats:
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return affine(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (0.0, 0.0, 0.0))
+    return affine(rotate_z(np.eye(3), degrees).T, (0.0, 0.0, 0.0))
 
 
 # Front, back, left and right differ, and one ball shades another.
@@ -146,17 +143,10 @@ PLACEMENTS = {
     "stretched": turned(30.0)[:3, :3] @ np.diag([1.3, 0.3, 0.8]),
     "all": np.diag([1.0, 1.0, -1.0]) @ SHEAR @ turned(40.0)[:3, :3] @ np.diag([0.5, 1.2, 0.8]),
 }
+CELLS = [*((name, False) for name in PLACEMENTS), ("all", True), ("sheared", True)]
 
 
-@pytest.mark.parametrize(
-    ("name", "shared"),
-    [
-        ("all", False),
-        ("all", True),
-        *(proof(name, False) for name in PLACEMENTS if name != "all"),
-        proof("sheared", True),
-    ],
-)
+@pytest.mark.parametrize(("name", "shared"), quick_among(CELLS, [("all", False), ("all", True)]))
 def test_a_placement_is_shaded_like_geometry_that_stands_there(
     stage: Stage, light: EnvironmentMap, name: str, shared: bool
 ) -> None:
@@ -174,10 +164,8 @@ def test_a_placement_is_shaded_like_geometry_that_stands_there(
 @pytest.mark.parametrize("count", [20, 200])
 def test_a_mesh_in_pieces_looks_like_the_whole(stage: Stage, light: EnvironmentMap, count: int) -> None:
     """A few pieces are objects of their own, many are joined."""
-    whole = placed(affine(np.diag([1.2, 0.6, 0.9]), (0.0, 0.0, 0.0)))
-    whole = make_asset(
-        "whole", [baked(whole.meshes[0], whole.instances[0].matrix)], [Instance(0, np.eye(4))], whole.slots
-    )
+    ball, stretch = placed(np.eye(4)), affine(np.diag([1.2, 0.6, 0.9]), (0.0, 0.0, 0.0))
+    whole = make_asset("whole", [baked(ball.meshes[0], stretch)], ball.instances, ball.slots)
     one = stage.render(whole, BRUSHED, light, CAMERA)
     assert difference(one, stage.render(in_pieces(whole, count), BRUSHED, light, CAMERA, seed=1)) < SAME
 
@@ -191,12 +179,10 @@ def test_the_camera_is_that_of_camera_rays(
 ) -> None:
     """A ball beside the middle covers the pixels whose rays meet it: what the background is looked up with."""
     camera = Camera(fov=35.0, elevation=elevation, target=(0.5, -0.3, 0.4), distance=6.0)
-    pose = Pose(element, 0.0)
-    samples = 64
+    pose, samples = Pose(element, 0.0), 64
     alpha = stage.render(placed(np.eye(4)), BRUSHED, light, camera, pose, resolution, samples).alpha
 
-    width, height = resolution
-    grid = 16
+    (width, height), grid = resolution, 16
     y, x = (np.mgrid[: height * grid, : width * grid] + 0.5) / grid
     origin, direction = camera_rays(camera, pose, resolution, x, y)
     along = direction @ -origin

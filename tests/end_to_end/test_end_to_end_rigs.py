@@ -8,7 +8,6 @@ import pytest
 
 from lookdev.batch.run import render_job
 from lookdev.light import load_environment
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.dome.files import write_exr
 from lookdev.output.exr import read_frame, read_header
 
@@ -45,31 +44,7 @@ def test_a_dome_of_a_rig_is_rendered_as_the_ibl_of_its_image(tmp_path: Path) -> 
         other = tmp_path / "out" / file.parts[-3] / "dome" / file.name
         for one, two in zip(read_frame(file), read_frame(other), strict=True):
             assert (one == two).all()
-        header = read_header(other)
-        assert header is not None
-        assert header["ibl"] == "dome"
+        assert read_header(other)["ibl"] == "dome"
         assert read_frame(file)[0].max() > 0.01
     first, second = (read_frame(tmp_path / "out" / "red" / "dome" / f"lighting.000{i}.exr")[0] for i in (1, 2))
     assert np.abs(first - second).max() > 0.01  # the rig has turned
-
-
-@pytest.mark.proof  # by the lights' own functions: light/test_rigs_shipped.py
-def test_each_shipped_rig_lights_a_grey_sphere_well(tmp_path: Path) -> None:
-    """Grey of 0.5, as the rig stands: neither black nor much above 1; and the rig turns."""
-    job = batches.write_job(
-        tmp_path,
-        asset='{ builtin = "sphere" }',
-        look='[{ name = "red", material = "red.usda" }]',
-        ibl="",
-        rig="[" + ", ".join(f'{{ name = "{name}", builtin = "{name}" }}' for name in BUILTIN_RIGS) + "]",
-        render="{ resolution = [16, 16], samples = 32, bounces = 0 }",
-    )
-    batches.write_look(tmp_path, "red", (0.5, 0.5, 0.5))
-    assert render_job(job).exit_code == 0
-    for name in BUILTIN_RIGS:
-        files = [tmp_path / "out" / "red" / name / f"lighting.000{number}.exr" for number in (1, 2)]
-        (picture, alpha), (turned, _) = map(read_frame, files)
-        seen = picture[alpha == 1.0].mean(axis=-1)
-        assert 0.15 < seen.mean() < 0.8, name
-        assert np.quantile(seen, 0.95) < 1.5, name
-        assert np.abs(picture - turned).max() > 0.05, name

@@ -31,8 +31,8 @@ SETTINGS = {
         "ibl": "",
         "rig": '[{ name = "three_point", builtin = "three_point" }]',
         "turntable": '[{ kind = "lighting", frames = 4 }]',
-        "render": """{ resolution = [32, 40], samples = 16, passes = ["depth", "normal", "albedo", "samples", "direct",
-            "cryptomatte"] }""".replace("\n            ", " "),
+        "render": "{ resolution = [32, 40], samples = 16, "
+        'passes = ["depth", "normal", "albedo", "samples", "direct", "cryptomatte"] }',
     },
     **{
         f"{backend}, {denoise}": {
@@ -98,13 +98,11 @@ def by_openjd(job: Path, out: Path, workers: int) -> None:
 
 def by_chunks(job: Path, out: Path, workers: int) -> None:
     """Render three chunks at once on one core, of which two are the same frames, and the last frame alone."""
-    options = ("render", job, "--output", out)
-    core = {min(os.sched_getaffinity(0))}
+    options, core = ("render", job, "--output", out), {min(os.sched_getaffinity(0))}
     done(*(lookdev(*options, "--chunk", chunk, cores=core) for chunk in ("2/2", "1/2", "2/2")))
     last = sorted(out.glob("*/*/*.exr"))[-1]
     last.unlink()
-    name = last.relative_to(out).with_suffix("")
-    done(lookdev(*options, "--frame", name))
+    done(lookdev(*options, "--frame", last.relative_to(out).with_suffix("")))
     done(lookdev(*options, "--outputs-only"))
 
 
