@@ -24,8 +24,8 @@ MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
 # Seconds of tests that run before others are collected: to collect all files that reach a function can take longer.
 STAGES = (2.0, 20.0)
-FACTOR, LEAST = 10.0, 30.0  # a mutant that takes this many times as long as its tests, and half a minute, hangs
-LONGEST = 60  # seconds of a test, of which none takes a fifth of it
+FACTOR, LEAST = 10.0, 300.0  # a mutant that takes this many times as long as its tests, and five minutes, hangs
+LONGEST = 120  # seconds of a test, of which none takes a tenth of it
 
 
 class Reached:
