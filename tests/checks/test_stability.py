@@ -212,15 +212,11 @@ def test_scenes_are_as_named() -> None:
     assert CASES["sun of a texel, 1e6"].light.radiance.max() == 1e6
 
 
-def _scenes(*names: str) -> list[SceneCase]:
-    return [CASES[name] for name in names]
-
-
 @pytest.mark.cycles
 def test_far_and_tiny_is_like_near_and_usual(render: Render) -> None:
     # Cycles' float32 has steps of 1/128 m there, much larger than an asset of 0.1 mm.
-    names = ("usual", "100 km away", "0.1 mm, 100 km away", "flipped normals")
-    findings = list(check_scenes(GREY, _scenes(*names), render))
+    cases = [CASES[name] for name in ("usual", "100 km away", "0.1 mm, 100 km away", "flipped normals")]
+    findings = list(check_scenes(GREY, cases, render))
     assert [finding.summary for finding in findings if not finding.passed] == []
 
 
@@ -260,15 +256,9 @@ def test_a_formula_that_cancels_is_found(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.cycles
 @pytest.mark.usefixtures("warm_points")
 def test_a_normal_bent_by_less_than_float32_resolves_gives_no_negative_light() -> None:
-    case = {
-        "model": "disney",
-        "params": {
-            "baseColor": [1.0, 0.8, 0.5],
-            "subsurface": 1.0,
-            "normal": [-0.36725595593452454, 0.2055877447128296, 0.8102683424949646],
-        },
-        "wo": [0.747011661529541, -0.6648108959197998, 9.999999682655225e-21],
-        "wi": [-0.747011661529541, 0.6648108959197998, 9.999999682655225e-21],
-    }
+    normal = [-0.36725595593452454, 0.2055877447128296, 0.8102683424949646]
+    params = {"baseColor": [1.0, 0.8, 0.5], "subsurface": 1.0, "normal": normal}
+    wo = [0.747011661529541, -0.6648108959197998, 9.999999682655225e-21]
+    case = {"model": "disney", "params": params, "wo": wo, "wi": [-wo[0], -wo[1], wo[2]]}
     (line,) = evaluate_lines([json.dumps(case)], "cycles")
     assert min(json.loads(line)["f"]) >= 0.0

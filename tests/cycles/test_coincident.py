@@ -112,7 +112,6 @@ def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backen
 def test_light_between_coincident_surfaces_is_kept(render, light_of, backend: str) -> None:
     """Indirect light passes what coincides at both of its ends."""
     single = load_asset(builtin="shaderball")
-
     options = {"backend": backend, "bounces": 2, "samples": 32, "size": 32}
 
     def mean(asset: Asset) -> float:

@@ -29,7 +29,6 @@ from lookdev.scene import Pose, Sampling
 
 pytestmark = pytest.mark.cycles
 
-
 GREY = (0.5, 0.4, 0.3)
 RenderSource = Callable[..., Rendered]
 

@@ -113,6 +113,8 @@ def test_scenes_have_the_settings_of_the_job(case: Case) -> None:
         assert scene["samples"] == [SAMPLES, False, SEED]
         assert scene["transparent"]
         assert scene["device"] == "CPU"
+        assert scene["range"] == [1, 7]
+        assert scene["markers"] == {"element": 1, "sun": 4}
 
 
 def test_nothing_but_blender_is_needed(case: Case) -> None:
@@ -125,12 +127,6 @@ def test_nothing_but_blender_is_needed(case: Case) -> None:
         assert path.startswith("//look_files/")
         assert not packed
     assert "lookdev_normal" in facts["attributes"]
-
-
-def test_the_timeline_has_both_turntables(case: Case) -> None:
-    for scene in case.facts["scenes"].values():
-        assert scene["range"] == [1, 7]
-        assert scene["markers"] == {"element": 1, "sun": 4}
 
 
 def test_every_frame_stands_at_its_pose(case: Case) -> None:
