@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from lookdev.brdf.measured.files import MERL_SIZE, write_merl
-from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.opening import open_document
 
 pytest.importorskip("starlette", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
 
@@ -34,17 +32,6 @@ def car_paint() -> Callable[[Path], Path]:
         return folder / "car_paint.usda"
 
     return copy
-
-
-@pytest.fixture
-def look(tmp_path: Path, car_paint: Callable[[Path], Path]) -> Path:
-    (tmp_path / "looks").mkdir()
-    return car_paint(tmp_path / "looks")
-
-
-@pytest.fixture
-def document(look: Path) -> Document:
-    return open_document(None, "plane", look, recovers=True)
 
 
 @pytest.fixture(scope="session")

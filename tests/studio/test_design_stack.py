@@ -1,4 +1,4 @@
-"""The stack of layers in the Designer, one history of all edits, files on disk, and unsaved work after a crash."""
+"""The Designer's document, without a page: parameters, layers, one history of all edits, files, and unsaved work."""
 
 import itertools
 import shutil
@@ -10,12 +10,12 @@ from unittest.mock import Mock
 import pytest
 from usd_text import job_toml
 
-from lookdev.errors import LookdevError
+from lookdev.errors import LookdevError, ModelError
 from lookdev.material.library import find_preset
 from lookdev.material.look import Formula, Primvar, Texture
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.edits import Edit
+from lookdev.studio.designer.edits import Edit, parsed
 from lookdev.studio.designer.history import LONGEST, History, State
 from lookdev.studio.designer.opening import open_document
 from lookdev.studio.designer.recovery import Recovery, Work
@@ -33,12 +33,98 @@ def records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "state" / "designer"
 
 
+@pytest.fixture
+def look(tmp_path: Path, car_paint: Callable[[Path], Path]) -> Path:
+    (tmp_path / "looks").mkdir()
+    return car_paint(tmp_path / "looks")
+
+
+@pytest.fixture
+def document(look: Path) -> Document:
+    return open_document(None, "plane", look, recovers=True)
+
+
 def names(document: Document) -> list[str]:
     return [layer["name"] for layer in document.stacks()[0]["layers"]]
 
 
 def do(document: Document, op: str, **body: Any) -> bool:
     return document.arrange(0, {"op": op, **body})
+
+
+def test_a_stated_constant_is_a_uniform(document: Document) -> None:
+    """So a slider of it changes no shader; stating what the look does not state does."""
+    before = document.view().data["looks"][0]
+    assert not document.edit(Edit(0, 0, "roughness", 0.9))
+    after = document.view().data["looks"][0]
+    assert [after[key] for key in ("visible", "relight")] == [before[key] for key in ("visible", "relight")]
+    assert after["numbers"]["layer0_roughness"] == pytest.approx([0.9])
+    assert document.edit(Edit(0, 0, "sheen", 0.5))
+    assert document.view().data["looks"][0]["numbers"]["layer0_sheen"] == [0.5]
+    assert not document.edit(Edit(0, 0, "sheen", 0.7))
+    assert not document.undo()
+    assert document.undo()
+    assert document.view().data["looks"][0]["relight"] == before["relight"]
+    assert document.edit(Edit(0, 0, "sheenTint", 0.5))
+
+
+def test_rows_have_the_names_ranges_and_help_of_the_models(document: Document) -> None:
+    base, flakes, dust = document.stacks()[0]["layers"]
+    assert (dust["name"], dust["enabled"]) == ("Dust", False)
+    rows = {row["name"]: row for row in base["parameters"]}
+    assert (rows["roughness"]["soft"], rows["roughness"]["uniform"]) == ((0.0, 1.0), "layer0_roughness")
+    assert rows["roughness"]["help"]
+    assert (rows["sheen"]["value"], rows["sheen"]["uniform"]) == (None, "")
+    assert "mask" not in rows
+    mask = flakes["parameters"][0]
+    assert (mask["name"], mask["varies"]) == ("mask", "texture flakes.png, r")
+
+
+def test_an_edit_that_cannot_be_is_refused(document: Document) -> None:
+    looks = document.looks
+    for edit, message in (
+        (Edit(3, 0, "roughness", 0.5), "there are 1 looks"),
+        (Edit(0, 9, "roughness", 0.5), "none of number 9"),
+        (Edit(0, 0, "rougness", 0.5), "did you mean 'roughness'"),
+        (Edit(0, 0, "roughness", 7.0), "roughness"),
+        (Edit(0, 0, "roughness", (0.1, 0.2, 0.3)), "roughness"),
+        (Edit(0, 0, "variant", "2012"), "variant"),
+        (Edit(0, 0, "mask", 0.5), "the base has no mask"),
+        (Edit(0, 1, "mask", 0.5), "texture or an expression"),
+    ):
+        with pytest.raises(LookdevError, match=message):
+            document.edit(edit)
+        assert document.looks == looks, edit
+    whole = {"look": 0, "layer": 0}
+    for body in ({}, {"look": 0}, *(whole | {"parameter": "sheen", "value": value} for value in ([1, 2], None))):
+        with pytest.raises(ModelError, match="an edit has"):
+            parsed(body)
+
+
+def test_what_is_saved_is_what_was_shown(document: Document, look: Path) -> None:
+    text = look.read_text()
+    document.edit(Edit(0, 0, "roughness", 0.25))
+    document.edit(Edit(0, 1, "baseColor", (0.5, 0.25, 0.125)))
+    (copy,) = document.save(0, "other.usda")
+    assert look.read_text() == text
+    assert document.stacks()[0]["unsaved"]
+    assert document.save() == [look]
+    assert not document.stacks()[0]["unsaved"]
+    for file in (copy, look):
+        assert read_look(file).layers == document.looks[0].layers
+    changed = [pair for pair in zip(text.splitlines(), look.read_text().splitlines(), strict=True) if len({*pair}) > 1]
+    assert [new.strip() for _, new in changed] == [
+        "float inputs:roughness = 0.25",
+        "color3f inputs:baseColor = (0.5, 0.25, 0.125)",
+    ]
+
+
+def test_a_copy_is_a_new_file_beside_the_look(document: Document, look: Path) -> None:
+    before = sorted(look.parent.parent.rglob("*"))
+    for name in ("../other.usda", "car_paint.usda", "other.txt", "", "/tmp/other.usda"):
+        with pytest.raises(LookdevError):
+            document.save(0, name)
+        assert sorted(look.parent.parent.rglob("*")) == before, name
 
 
 STEPS: dict[str, Callable[[Document], Any]] = {
@@ -97,8 +183,7 @@ def test_solo_is_of_the_view_alone(document: Document, look: Path) -> None:
     document.solo(0, 1)
     (shown,) = document.scene.wears.values()
     assert [(layer.name, layer.mask) for layer in shown.layers] == [("Flakes", 1.0)]
-    assert document.status()["undoes"] is None
-    assert not document.unsaved(0)
+    assert (document.status()["undoes"], document.unsaved(0)) == (None, False)
     (row,) = [row for row in document.stacks()[0]["layers"][1]["parameters"] if row["name"] == "roughness"]
     assert row["uniform"] == "layer0_roughness"
     assert document.view().data["looks"][0]["numbers"]["layer0_roughness"] == [row["value"]]
@@ -172,9 +257,8 @@ def test_a_file_that_others_changed_is_not_written_over(document: Document, look
         document.save()
     assert look.read_text() == theirs
     document.reload()
-    assert document.signs()["changed"] == []
+    assert (document.signs()["changed"], document.unsaved(0)) == ([], False)
     assert document.looks[0].layers[0].inputs["specular"] == 0.25
-    assert not document.unsaved(0)
     document.undo()
     assert document.looks[0].layers[0].inputs["roughness"] == pytest.approx(0.75)
     assert document.unsaved(0)
@@ -204,8 +288,7 @@ def test_unsaved_work_is_offered_and_taken_by_the_next(document: Document, look:
     assert [each["file"] for each in third.status()["recovery"]["files"]] == [str(look)]
     assert names(third)[2] == "Dust"
     third.recover(take=True)
-    assert names(third)[2] == "Grime"
-    assert third.status()["recovery"] is None
+    assert (names(third)[2], third.status()["recovery"]) == ("Grime", None)
     third.undo()
     assert names(third)[2] == "Dust"
     third.undo(1)
@@ -283,8 +366,7 @@ def test_a_variant_that_the_job_chooses_is_only_shown(look: Path) -> None:
     (row,) = document.stacks()[0]["variants"]
     assert (row["chosen"], row["by_job"]) == ("dusty", True)
     assert do(document, "variant", set="wear", choice="clean")
-    assert len(document.looks[0].layers) == 2
-    assert not document.unsaved(0)
+    assert (len(document.looks[0].layers), document.unsaved(0)) == (2, False)
     document.undo()
     assert len(document.looks[0].layers) == 3
 
@@ -313,8 +395,6 @@ def test_pictures_of_presets_are_spheres_on_nothing() -> None:
     from matplotlib.image import imread
 
     pixels = imread(thumbnail(find_preset("dust", ROOT / "materials" / "presets")))
-    assert pixels.shape == (SIZE, SIZE, 4)
-    assert pixels[0, 0, 3] == 0.0
-    assert pixels[SIZE // 2, SIZE // 2, 3] == 1.0
+    assert (pixels.shape, pixels[0, 0, 3], pixels[SIZE // 2, SIZE // 2, 3]) == ((SIZE, SIZE, 4), 0.0, 1.0)
     # Lit from above.
     assert pixels[SIZE // 4, SIZE // 2, :3].mean() > pixels[-SIZE // 8, SIZE // 2, :3].mean() > 0.0
