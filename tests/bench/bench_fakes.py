@@ -100,14 +100,14 @@ class FakeBackends:
     def __init__(self, ends_after: int | None = None, **fails_after: int) -> None:
         self.calls: list[tuple[str, int, int]] = []
         self.closed = 0
+        known = {"exact": (0.1, 0.001), "principled": (0.2, 0.0005)}  # noise and cost
+        known |= {"mitsuba": (0.1, 0.0005), "mitsuba-principled": (0.2, 0.001)}
         self._renderers = {
-            "exact": FakeRenderer("exact", 0.1, calls=self.calls, ends_after=ends_after),
-            "principled": FakeRenderer("principled", 0.2, rate=0.0005, calls=self.calls, ends_after=ends_after),
-            "mitsuba": FakeRenderer("mitsuba", 0.1, rate=0.0005, calls=self.calls, ends_after=ends_after),
-            "mitsuba-principled": FakeRenderer("mitsuba-principled", 0.2, calls=self.calls, ends_after=ends_after),
+            name: FakeRenderer(
+                name, scale, rate=rate, calls=self.calls, ends_after=ends_after, fails_after=fails_after.get(name)
+            )
+            for name, (scale, rate) in known.items()
         }
-        for name, calls in fails_after.items():
-            self._renderers[name].fails_after = calls
 
     @contextmanager
     def __call__(self, cell: Cell, options: Options) -> Iterator[list[Candidate]]:

@@ -25,11 +25,9 @@ def processes() -> FakeProcesses:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(growth, "TRIANGLES", (1000, 4000))
-    monkeypatch.setattr(growth, "LOOK_COUNTS", (1, 2, 4))
-    monkeypatch.setattr(growth, "LIGHTS", (1, 3))
-    monkeypatch.setattr(growth, "_SCENE", "sphere")
-    monkeypatch.setattr(growth, "_IBL", "white")
+    sizes = {"TRIANGLES": (1000, 4000), "LOOK_COUNTS": (1, 2, 4), "LIGHTS": (1, 3), "_SCENE": "sphere", "_IBL": "white"}
+    for name, value in sizes.items():
+        monkeypatch.setattr(growth, name, value)
 
 
 OPTIONS = Options(frames=10)

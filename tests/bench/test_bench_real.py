@@ -26,16 +26,9 @@ BACKENDS = ("exact", "principled", "mitsuba-principled")
 
 
 def test_a_small_matrix(tmp_path: Path) -> None:
-    options = Options(
-        scenes=("sphere", "suzanne"),
-        ibls=("city",),
-        looks=("plastic", "pixar"),
-        backends=BACKENDS,
-        samples=(4, 16),
-        resolution=48,
-        repeats=2,
-        reference=4,
-    )
+    lists = {"scenes": "sphere,suzanne", "ibls": "city", "looks": "plastic,pixar", "samples": "4,16"}
+    lists["backends"] = ",".join(BACKENDS)
+    options = parse_options(lists, resolution=48, repeats=2, reference=4)
     results = run_matrix(options, tmp_path / "first", quiet)
     assert results.complete
     for cell in results.cells:
@@ -89,12 +82,9 @@ def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
 
 
 def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(growth, "_REPEATS", 1)
-    monkeypatch.setattr(growth, "PIXELS", (32, 64))
-    monkeypatch.setattr(growth, "LOOK_COUNTS", (1, 3))
-    monkeypatch.setattr(growth, "LIGHTS", (1, 5))
-    monkeypatch.setattr(growth, "LAYERS", (4,))
-    monkeypatch.setattr(growth, "TRIANGLES", (1000,))
+    sizes = {"PIXELS": (32, 64), "LOOK_COUNTS": (1, 3), "LIGHTS": (1, 5), "LAYERS": (4,), "TRIANGLES": (1000,)}
+    for name, value in (sizes | {"_REPEATS": 1}).items():
+        monkeypatch.setattr(growth, name, value)
     document = tmp_path / "bench.md"
     document.write_text(f"{marker('table')}\n{END}\n")
     lists = {"scenes": "shaderball", "looks": "copper", "ibls": "city", "samples": "4,16"}

@@ -203,14 +203,8 @@ def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
     assert names == ["Lookdev Frame", "Lookdev Coincident", f"Lookdev {model.title()}", "look"]
 
 
-MODEL_STACKS = [
-    ("disney", "disney"),
-    ("disney", "disney", "disney"),
-    ("pixar", "pixar"),
-    ("disney", "pixar"),
-    ("pixar", "disney", "pixar"),
-    ("disney", "disney", "pixar", "pixar"),
-]
+MODEL_STACKS = [("disney",) * 2, ("disney",) * 3, ("pixar",) * 2, ("disney", "pixar"), ("pixar", "disney", "pixar")]
+MODEL_STACKS += [("disney", "disney", "pixar", "pixar")]
 
 
 @pytest.mark.parametrize("models", MODEL_STACKS)

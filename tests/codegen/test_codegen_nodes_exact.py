@@ -45,6 +45,10 @@ LOOKS: dict[str, tuple[Layer, ...]] = {
 }
 
 
+def generate(*layers: Layer, bounces: int = 0) -> NodeSource:
+    return generate_nodes_exact(Look("look", layers), no_textures, bounces=bounces)
+
+
 def unit(vectors: Any) -> Any:
     return (vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).astype(np.float32)
 
@@ -104,7 +108,7 @@ def given() -> dict[str, Any]:
 
 def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSource:
     """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
-    source = generate_nodes_exact(Look("look", layers), no_textures, bounces=2)
+    source = generate(*layers, bounces=2)
     weight, world = run(source, given)
     bsdf = look_bsdf(Look("look", layers), Carried(given, given["wo"]))
     wo = given["wo"].astype(np.float64)
@@ -145,7 +149,7 @@ def test_what_varies_over_the_surface_is_read(given: dict[str, Any]) -> None:
 
 def test_a_portal_opens_as_often_as_there_are_bounces(given: dict[str, Any]) -> None:
     for bounces in (0, 1, 3):
-        source = generate_nodes_exact(Look("look", (COAT,)), no_textures, bounces=bounces)
+        source = generate(COAT, bounces=bounces)
         for depth in (bounces, bounces + 1):
             weight, _ = run(source, given | {"depth": depth})
             assert (weight.max() > 0.0) == (depth == bounces)
@@ -154,7 +158,7 @@ def test_a_portal_opens_as_often_as_there_are_bounces(given: dict[str, Any]) -> 
 def test_a_direction_that_the_facet_hides_is_dark(given: dict[str, Any]) -> None:
     t, _, n = given["axes"]
     leaning = unit(n + 1.5 * t)
-    source = generate_nodes_exact(Look("look", LOOKS["painted"]), no_textures, bounces=0)
+    source = generate(*LOOKS["painted"])
     seen, world = run(source, given)
     weight, _ = run(source, given | {"facet": leaning})
     agreed = np.sign(world @ n) == np.sign(world @ leaning)
@@ -164,8 +168,8 @@ def test_a_direction_that_the_facet_hides_is_dark(given: dict[str, Any]) -> None
 
 def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(given: dict[str, Any]) -> None:
     for clear in (0.0, 0.01):
-        look = Look("look", (layer("pixar", clear=clear, diffuseNormal=(0.6, 0.0, 0.8), roughness=0.9),))
-        weight, world = run(generate_nodes_exact(look, no_textures, bounces=0), given)
+        leaning = layer("pixar", clear=clear, diffuseNormal=(0.6, 0.0, 0.8), roughness=0.9)
+        weight, world = run(generate(leaning), given)
         behind = world @ given["axes"][2] < 0.0
         assert 0.05 < behind.mean() < 0.5
         assert (weight[behind].max() > 0.0) == (clear > 0.0)
@@ -173,31 +177,25 @@ def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(given: dict[str,
 
 def test_a_black_look_sends_nothing_on(given: dict[str, Any]) -> None:
     black = layer("pixar", surfaceColor=(0.0, 0.0, 0.0), specularTint=(0.0, 0.0, 0.0))
-    weight, _ = run(generate_nodes_exact(Look("black", (black,)), no_textures, bounces=0), given)
+    weight, _ = run(generate(black), given)
     assert not weight.any()
 
 
 def test_what_folds_away_leaves_no_node() -> None:
     hidden = layer("disney", Formula(parse("x * 0"), {"x": Primvar("unread", 0.0)}, {"x": "float"}), roughness=0.1)
-    plain, layered = (
-        generate_nodes_exact(Look("look", layers), no_textures, bounces=1) for layers in ((COAT,), (COAT, hidden))
-    )
-    assert plain == layered
+    plain = generate(COAT, bounces=1)
+    assert plain == generate(COAT, hidden, bounces=1)
     assert not plain.attributes
     kinds = [node.kind for node in plain.trees[-1].nodes]
     assert kinds.count("TexWhiteNoise") == kinds.count("BsdfRayPortal") == 1
 
 
 def test_digests_of_different_looks_differ() -> None:
-    sources = [
-        generate_nodes_exact(
-            Look("look", (replace(COAT, inputs={**COAT.inputs, "roughness": x}),)), no_textures, bounces=b
-        )
-        for x, b in ((0.4, 1), (0.4, 1), (0.4, 2), (0.41, 1))
-    ]
-    digests = [source.digest for source in sources]
-    assert digests[0] == digests[1]
-    assert len(set(digests)) == 3
+    def digest(roughness: float, bounces: int) -> str:
+        return generate(replace(COAT, inputs={**COAT.inputs, "roughness": roughness}), bounces=bounces).digest
+
+    assert digest(0.4, 1) == digest(0.4, 1)
+    assert len({digest(0.4, 1), digest(0.4, 2), digest(0.41, 1)}) == 3
 
 
 @pytest.mark.parametrize(("mirrored", "directed"), [(False, True), (True, True), (False, False), (True, False)])
