@@ -243,6 +243,31 @@ def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker
     assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
 
 
+@pytest.mark.proof  # a wrong share of indirect light is found here alone
+@pytest.mark.parametrize(("name", "without"), [("diffuse", "specular"), ("specular", "diffuse")])
+def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(name: str, without: str, worker: Worker) -> None:
+    """Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay alike."""
+    inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0}
+    other = Look("both too", (Layer("p", "modified-phong", inputs),))
+    lights = (prepare_light(load_environment(builtin="white")),)
+    on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 4)["/set/ball"] == 1.0
+    assert np.count_nonzero(on_ball) > 100
+
+    def means(**changed: object) -> np.ndarray:
+        """Return the means over the ball of the lobe's and of indirect light, (2, 8, 3), by seeds."""
+        options = {"ball": Look("ball", (Layer("p", "modified-phong", inputs | changed),)), "others": other}
+        tasks = [task_of(balls(), ("lobes", "direct"), lights=lights, samples=64, seed=n, **options) for n in range(8)]
+        frames = [rendered(worker, task).passes for task in tasks]
+        return np.array([[frame[part][on_ball].mean(axis=0) for frame in frames] for part in (name, "indirect")])
+
+    (shown, _), (alone, indirect) = means(), means(**{without: (0.0, 0.0, 0.0)})
+    noise = np.sqrt((shown.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(shown))
+    off = np.abs(shown.mean(axis=0) - alone.mean(axis=0))
+    # Student's t of 7 degrees of freedom and more: beyond 6 by chance once in a thousand.
+    assert (off < 6.0 * noise).all(), (off, noise)
+    assert (indirect.mean(axis=0) > 12.0 * noise).all(), "the test would not notice half of the indirect light"
+
+
 def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
     plain, shown = (
         rendered(worker, task_of(balls(), passes, size=SMALL, ball=COATED, others=COATED, samples=64))
