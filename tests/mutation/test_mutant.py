@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from mutant import Mutant, locate, mutated_source, read_mutants, read_sources, write_mutants
+from run import failing
 
 SOURCE = """
 def albedo(x):
@@ -47,3 +48,23 @@ def test_the_list_is_of_this_code(tmp_path) -> None:
     assert len({mutant.name for mutant in mutants}) == len(mutants)
     write_mutants(mutants, tmp_path / "copy.jsonl")
     assert read_mutants(tmp_path / "copy.jsonl") == mutants
+
+
+def test_a_long_test_that_fails_once_finds_nothing() -> None:
+    class Copy:
+        """Fails the tests whose names it was given, each so many times."""
+
+        def __init__(self, **failures: int) -> None:
+            self.failures = failures
+
+        def test(self, tests: list[tuple[str, float]], marker: str) -> list[str]:
+            for name, _ in tests:
+                if self.failures.get(name, 0) > 0:
+                    self.failures[name] -= 1
+                    return [name]
+            return []
+
+    tests = [("quick", 0.1), ("long", 5.0), ("longer", 9.0)]
+    assert failing(Copy(quick=1), tests, "") == "quick"
+    assert failing(Copy(long=1, longer=2), tests, "") == "longer"
+    assert failing(Copy(long=1), tests, "") == ""
