@@ -1,6 +1,5 @@
 """What can be wrong with the files of a USD asset and how they are composed."""
 
-# ruff: noqa: E501
 import os
 import random
 import zipfile
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from cases import ANY, ANY_MEANING, NAMED, NOTED, REFUSED
 from cases import SOUND as RIGHT
-from damage import Damage, append_noise, flip_bits, replace_by_noise, truncate
+from damage import Damage, append_noise, replace_by_noise, truncate
 from pxr import Sdf, UsdUtils
 from text_changes import NO_FILES
 from usd_sound import PIXELS, SOUND, sound_layer
@@ -111,6 +110,14 @@ def _damaged(way: str, damage: Damage) -> Write:
     return write
 
 
+def _scramble(data: bytes, rng: random.Random) -> bytes:
+    """Change some bytes: of flipped bits of counts USD makes gigabytes, which only the command line refuses."""
+    changed = bytearray(data)
+    for _ in range(rng.choice((1, 8, 64))):
+        changed[rng.randrange(8, len(changed))] = rng.randrange(256)
+    return bytes(changed)
+
+
 def _zip(text: str | bytes, name: str = "a.usda", method: int = zipfile.ZIP_STORED) -> Write:
     """Return what writes a package of one file, or of none."""
 
@@ -143,6 +150,8 @@ def _nested(count: int) -> Wrong:
     return Wrong(_raw(_text("".join(f'def "P{i}"\n{{\n' for i in range(count)) + "}\n" * count)))
 
 
+_VARIANTS = 'variantSet "v" = {\n"a" {}\n"b" (references = @nowhere.usda@) {}\n}\n'
+_CHOSEN = '; variants = {string v = "a"}; prepend variantSets = "v"'
 _ROOT_REFERS = 'def "Root" (references = @{}@</Root>)\n{{\n}}'
 
 FILES: dict[str, Wrong] = {
@@ -167,19 +176,15 @@ FILES: dict[str, Wrong] = {
     "inherits in a long chain": Wrong(
         _raw(_CAGE.text + "\n".join(f'def "P{i}" (inherits = </P{i + 1}>)\n{{\n}}' for i in range(500))), RIGHT
     ),
-    "broken reference in another variant": Wrong(
-        _root(
-            _referring(
-                '    variantSet "v" = {\n        "a" {\n        }\n        "b" (references = @nowhere.usda@) {\n        }\n    }\n',
-                '; variants = {string v = "a"}; prepend variantSets = "v"',
-            )
-        ),
-        RIGHT,
-    ),
+    "broken reference in another variant": Wrong(_root(_referring(_VARIANTS, _CHOSEN)), RIGHT),
     # Files. Without a checksum, one changed number is another sound file.
     **{
         f"{name} {way}": Wrong(_damaged(way, damage), ANY_MEANING)
-        for name, damage in {"truncated": truncate, "scrambled": flip_bits(), "noise in": replace_by_noise}.items()
+        for name, damage in {
+            "truncated": truncate,
+            "scrambled": _scramble,
+            "noise in": replace_by_noise,
+        }.items()
         for way in (".usda", ".usdc", "usdz", "part.usda", "part.usdc")
     },
     **{f"bytes after {way}": Wrong(_damaged(way, append_noise), ANY) for way in (".usda", ".usdc", "usdz")},
@@ -188,6 +193,7 @@ FILES: dict[str, Wrong] = {
     **{f"empty {suffix}": Wrong(_raw("", f"asset.{suffix}")) for suffix in ("usda", "usdc", "usdz")},
     "an image": Wrong(_raw(PIXELS)),
     "an image as usdc": Wrong(_raw(PIXELS, "asset.usdc")),
+    "UTF-16": Wrong(_raw(_CAGE.text.encode("utf-16"))),
     "escapes in a string": _cage('"loop"', '"\x1b[2J\x1b]0;x\x07"'),
     "an unknown version": _cage("1.0", "9.0"),
     "an unknown suffix": Wrong(_raw(_CAGE.text, "asset.xyz")),
@@ -218,13 +224,7 @@ FILES: dict[str, Wrong] = {
     **{f"upAxis {value}": _cage('upAxis = "Y"', f"upAxis = {value}") for value in ('"X"', '"y"', '""', '"Up"', "1")},
     **{
         line: _cage('upAxis = "Y"', f'upAxis = "Y"\n    {line}', ANY)
-        for line in (
-            "startTimeCode = nan",
-            "startTimeCode = inf",
-            "startTimeCode = 1e300",
-            "timeCodesPerSecond = 0",
-            "frobnicate = 3",
-        )
+        for line in ("startTimeCode = nan", "timeCodesPerSecond = 0", "frobnicate = 3")
     },
     "startTimeCode of text": _cage('upAxis = "Y"', 'upAxis = "Y"\n    startTimeCode = "a"'),
     "defaultPrim that is not there": _cage('"Root"', '"Nowhere"', RIGHT),
@@ -233,14 +233,11 @@ FILES: dict[str, Wrong] = {
     "an unused far point": _cage("(0, 0, 5)]", "(0, 0, 5), (1e9, 1e9, 1e9)]", RIGHT),
     # Prims.
     **{
-        f"{kind} of nothing": _prim(kind, expected)
-        for kinds, expected in (
-            ("Frobnicator Volume NurbsPatch Mesh BasisCurves Points", NOTED),
-            ("NurbsCurves", NAMED),
-            ("PointInstancer", RIGHT),
-        )
-        for kind in kinds.split()
+        f"{kind} of nothing": _prim(kind, NOTED)
+        for kind in ("Frobnicator", "Volume", "NurbsPatch", "Mesh", "BasisCurves", "Points")
     },
+    "NurbsCurves of nothing": _prim("NurbsCurves", NAMED),
+    "PointInstancer of nothing": _prim("PointInstancer", RIGHT),
     "a mesh of nothing of a long name": _prim("Mesh", NOTED, "n" * 300),
     "a mesh of Greek letters, of nothing": _prim("Mesh", NOTED, "αβγ"),
     "an instanceable cycle": _prims(
