@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, evaluate, pdf
@@ -169,16 +170,11 @@ _LOBES = [(disney("2012"), "specular"), *((disney(), name) for name in ("diffuse
     (pixar(), name)
     for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction")
 ]
-_QUICK_LOBES = ("clearcoat", "specularTransmission")  # those with terms of their own for the other lobes
+# Those with terms of their own for the other lobes.
+_QUICK_LOBES = [(disney(), "clearcoat"), (pixar(), "specularTransmission")]
 
 
-@pytest.mark.parametrize(
-    ("layer", "name"),
-    [
-        pytest.param(*lobe, id=f"{lobe[0].model}-{lobe[1]}", marks=() if lobe[1] in _QUICK_LOBES else pytest.mark.proof)
-        for lobe in _LOBES
-    ],
-)
+@pytest.mark.parametrize(("layer", "name"), quick_among(_LOBES, _QUICK_LOBES))
 def test_one_lobe_alone(layer: PointLayer, name: str) -> None:
     batch = random_batch(layer)
     numbers = {**batch.numbers[0]}

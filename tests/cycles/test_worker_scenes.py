@@ -22,7 +22,7 @@ from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, SceneTask, contents, one_frame
 from lookdev.render.worker import Worker, renderer
-from lookdev.scene import Pose, Sampling, Scene
+from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
@@ -46,12 +46,7 @@ def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
     places = np.eye(4) + np.array([[[0, 0, 0, x], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]] for x in (-1.0, 0.5)])
     card = make_asset("card", plane.meshes, plane.instances, plane.slots)
     balls = make_asset("balls", ball.meshes, [Instance(0, place) for place in places], ball.slots)
-    cases: tuple[tuple[Asset, Look, str], ...] = (
-        (card, GREY, "slopes"),
-        (balls, GREY, "slopes"),
-        (balls, RED, "slopes"),
-        (balls, RED, "city"),
-    )
+    cases = [(card, GREY, "slopes"), (balls, GREY, "slopes"), (balls, RED, "slopes"), (balls, RED, "city")]
     return {
         f"{backend} {asset.name} {look.name} {light}": scene_task(
             framed(asset, look, (light_of(light),), 24), Sampling(samples=4), backend
@@ -136,9 +131,8 @@ def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTa
 
 
 def test_shared_programs_show_the_pictures_of_own_ones(worker: Worker, paired_scenes: list[SceneTask]) -> None:
-    own = [
-        replace(scene, shaders=tuple(replace(each, varying=()) for each in scene.shaders)) for scene in paired_scenes
-    ]
+    shaders = [tuple(replace(shader, varying=()) for shader in scene.shaders) for scene in paired_scenes]
+    own = [replace(scene, shaders=each) for scene, each in zip(paired_scenes, shaders, strict=True)]
     expected = [render(worker, scene) for scene in own]
     # Shown in one scene that is built once: first its own looks, then others, then its own again.
     found = [render(worker, paired_scenes[number]) for number in (0, 1, 0)]
@@ -164,9 +158,7 @@ def test_a_task_needs_only_its_contents(
     chips = Texture(tmp_path / "color.png", "rgb", "sRGB")
     look = Look("chips", (Layer("Base", "disney", {"baseColor": chips, "roughness": 0.6}),))
     scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("slopes"), (24, 24))
-    tasks = [
-        one_frame(scene_task(scene, Sampling(samples=4), backend), Pose(30.0, 75.0), backend) for backend in backends
-    ]
+    tasks = [one_frame(scene_task(scene, Sampling(samples=4), backend), POSE, backend) for backend in backends]
 
     def render_here(task: FrameTask) -> Rendered:
         worker: Worker = request.getfixturevalue(f"{'mitsuba' if task.scene.backend == 'mitsuba' else 'cycles'}_worker")

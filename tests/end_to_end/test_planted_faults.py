@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from looks import quick_among
 from usd_text import image, shader
 
 from lookdev.batch.check import DEPTHS, check_file
@@ -164,7 +165,8 @@ FAULTS = {
     "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= ", "direct += 0.97 * ")),
 }
 
-QUICK = {"a cosine too many": "points", "3 % of the light lost": "albedo"}
+CELLS = [(name, check) for name, fault in FAULTS.items() for check, work in fault.found.items() if work < inf]
+QUICK = [("a cosine too many", "points"), ("3 % of the light lost", "albedo")]
 NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
 
 
@@ -224,15 +226,7 @@ def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
 
 @pytest.mark.cycles
 @pytest.mark.usefixtures("warm")
-@pytest.mark.parametrize(
-    ("name", "check"),
-    [
-        pytest.param(name, check, marks=() if QUICK.get(name) == check else pytest.mark.proof)
-        for name, fault in FAULTS.items()
-        for check, work in fault.found.items()
-        if work < inf
-    ],
-)
+@pytest.mark.parametrize(("name", "check"), quick_among(CELLS, QUICK))
 def test_a_planted_fault_is_found(looks: Path, name: str, check: str) -> None:
     agreed, report = agrees(looks, FAULTS[name], check, int(FAULTS[name].found[check]))
     assert not agreed, report
