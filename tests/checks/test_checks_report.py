@@ -25,9 +25,8 @@ CURVES = Plot(
 )
 PICTURES = Plot("Frame", pictures=(Picture("frame", np.zeros((4, 4, 3))), Picture("t", np.eye(4), -6.0, 6.0)))
 GOOD = Finding("points", "gold", True, "40000 cases", {"cases": 4e4}, ("case 1",), (CURVES,))
-BAD = Finding(
-    "image", "<b>gold</b>, city", False, "t 9 & more", {}, ("pixel [red]1,2[/red] " + "x" * 300,), (PICTURES,)
-)
+WORST = "pixel [red]1,2[/red] " + "x" * 300
+BAD = Finding("image", "<b>gold</b>, city", False, "t 9 & more", {}, (WORST,), (PICTURES,))
 SKIPPED = Finding("albedo", "gold", True, "", skipped="no light passes through")
 
 
@@ -44,7 +43,7 @@ def test_the_table_has_every_finding_and_the_worst_cases_of_the_bad_ones() -> No
     assert "skipped: no light passes through" in text
     assert "case 1" not in text
     # To be replayed a case must be one line, with nothing taken for markup.
-    assert BAD.details[0] in text.splitlines()
+    assert WORST in text.splitlines()
 
 
 def test_the_verdict_counts() -> None:

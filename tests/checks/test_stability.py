@@ -73,22 +73,19 @@ def test_a_case_replays() -> None:
     cases = extreme_cases(STACKS["disney over pixar"], 50, rng())
     lines = [case_line(cases.batch, index, excess=2.0) for index in range(50)]
     got = [json.loads(line) for line in evaluate_lines(lines, "numpy")]
-    f, density = evaluate_numpy(cases.batch)
-    np.testing.assert_array_equal([each["f"] for each in got], f)
-    np.testing.assert_array_equal([each["pdf"] for each in got], density)
+    for name, values in zip(("f", "pdf"), evaluate_numpy(cases.batch), strict=True):
+        np.testing.assert_array_equal([each[name] for each in got], values)
     assert got[0]["excess"] == 2.0
 
 
 def test_what_a_look_fixes_stays() -> None:
     inputs = {"metallic": 0.1, "baseColor": (0.1, 0.2, 0.3), "variant": "2012"}
-    look = Look("rusty", (Layer("Metal", "disney", inputs),))
-    (layer,) = look_stack(look)
+    (layer,) = look_stack(Look("rusty", (Layer("Metal", "disney", inputs),)))
     assert layer.tokens == {"variant": "2012", "fresnel": "schlick", "metal": "none", "metalColor": "nearest"}
     assert layer.constants["metallic"] == np.float32(0.1)
     cases = extreme_cases((layer,), 100, rng())
     assert cases.batch.numbers == ({},)
-    texture = Texture(Path("none.png"), "r", "raw")
-    varied = replace(look, layers=(replace(look.layers[0], mask=1.0, inputs={"metallic": texture}),))
+    varied = Look("varied", (Layer("Metal", "disney", {"metallic": Texture(Path("none.png"), "r", "raw")}),))
     with pytest.raises(Exception, match=r"none\.png"):
         look_stack(varied)
 
@@ -201,8 +198,7 @@ def test_no_picture_is_a_finding() -> None:
 def test_scenes_are_as_named() -> None:
     for case in CASES.values():
         assert not case.like or case.like in CASES
-    mesh = CASES["degenerate triangles"].asset.meshes[0]
-    triangles = mesh.corner_points[-3 * 100 :].reshape(-1, 3)
+    triangles = CASES["degenerate triangles"].asset.meshes[0].corner_points[-3 * 100 :].reshape(-1, 3)
     assert all(len(set(triangle)) < 3 for triangle in triangles.tolist())
     flat = CASES["zero-area UVs"].asset.meshes[0]
     assert np.ptp(flat.uvs["st"]) == 0.0
