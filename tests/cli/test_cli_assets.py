@@ -14,7 +14,7 @@ LOST = 'def "Lost" (references = @./none.usda@) {}\n'
 
 def test_what_is_missing_is_listed_with_the_rest(run_cli, tmp_path):
     file = tmp_path / "card.usda"
-    file.write_text(METRES + card("Card", "rel material:binding = </Paint>") + PAINT + LOST)
+    file.write_text(METRES + card("Card", "rel material:binding = </Paint>") + card("Other") + PAINT + LOST)
     code, shown, errors = run_cli("inspect", file)
     assert (code, errors) == (0, "")
     assert [name for name in ("Card", "none.png", "none.usda") if name not in shown] == []
