@@ -33,7 +33,8 @@ def main() -> None:
     os.set_blocking(wakeup, False)
     signal.set_wakeup_fd(wakeup)
     signal.signal(signal.SIGTERM, lambda *_: None)  # it wakes `select`, and interrupts nothing of what follows
-    with tempfile.TemporaryDirectory(prefix="lookdev-lifeline-", ignore_cleanup_errors=True) as folder:
+    # No prefix: Chromium's sockets lie 46 characters below it, and no socket's path has more than 107.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         try:
             program = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL, env=os.environ | {"TMPDIR": folder})
             select.select([sys.stdin, ended, os.pidfd_open(program.pid)], [], [])

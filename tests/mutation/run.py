@@ -95,7 +95,7 @@ class Copy:
         order = self.folder / "order"
         order.write_text("\n".join(test for test, _ in tests))
         files = sorted({test.partition("::")[0] for test, _ in tests})
-        scratch = Path(tempfile.mkdtemp(dir=self.folder))
+        scratch = Path(tempfile.mkdtemp())  # not in the folder: sockets in it have short paths
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join((str(self.folder / "tree"), str(Path(__file__).parent))),
             "PYTHONPYCACHEPREFIX": str(self.folder / "compiled"),
