@@ -17,12 +17,11 @@ from scipy.ndimage import binary_erosion
 from shapes import Plane, Sphere
 from stored_references import Arrays, StoredReference
 
-from lookdev.asset import Asset
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.light import Dome, Light
-from lookdev.material import Layer, Look
+from lookdev.material import Layer
 from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
@@ -175,25 +174,6 @@ def assert_scene_agreement(
     if not finding.passed:
         with comparison(_mean(frames), reference["value"], reference["pixels"]):
             raise AssertionError("\n".join((finding.summary, *finding.details)))
-    return finding
-
-
-def assert_mesh_agreement(
-    frames: Sequence[Rendered],
-    asset: Asset,
-    layers: Sequence[Layer],
-    light: Light,
-    *,
-    samples: int,
-    bounces: int,
-) -> Finding:
-    """Compare square frames of one look at `POSE` with the reference, and find that light bounces in them."""
-    camera, size = orbit_camera(asset.center, asset.radius), frames[0].alpha.shape
-    scene = Scene.of_look(asset, Look("look", tuple(layers)), light, size, camera)
-    name = f"{asset.name} {layers[0].name}"
-    finding = assert_scene_agreement(name, frames, scene, samples, count=80, bounces=bounces)
-    # Without its indirect light the frame is another.
-    assert not check_scene(f"{name} direct", frames, scene, samples, count=80, bounces=0).passed
     return finding
 
 
