@@ -6,7 +6,7 @@ import { made, button } from "./made.js";
 const MASK = { number: "a number", texture: "an image", primvar: "a primvar of the asset", expression: "an expression", part: "a part of the asset" };
 const PARAMETER = { number: "a constant", texture: "an image", primvar: "a primvar of the asset", expression: "an expression" };
 const KNOWN = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
-const opened = new Map(); // kinds that are looked at and not yet given, by what they are of
+const drafts = new Map(); // { had, kind, text, typed, problem }: edited and not yet given, by what it is of
 
 /** The names of an expression: what is neither a function nor a constant. */
 export function namesOf(text) {
@@ -32,31 +32,41 @@ export function sourceEditor(layer, parameter, id, acts) {
 }
 
 function editor({ id, key, of, label, title, kinds, had, color = false, acts, give: given, plain }) {
-  const kind = opened.get(key) ?? had.kind;
-  const problem = made("p", { className: "problem", hidden: true, role: "alert" });
+  // A draft lasts while the list is drawn anew by other answers, until what it changes has another value.
+  const stated = JSON.stringify(had);
+  if (drafts.get(key)?.had !== stated) drafts.delete(key);
+  const draft = drafts.get(key) ?? {}, kind = draft.kind ?? had.kind;
+  const keep = (change) => drafts.set(key, { had: stated, kind, ...drafts.get(key), ...change });
+  const problem = made("p", { className: "problem", hidden: !draft.problem, textContent: draft.problem ?? "", role: "alert" });
+  problem.dataset.of = key;
   const choice = made("select", { id: `${id}-kind` }, ...Object.entries(kinds).map(([each, words]) => new Option(words, each, false, each === kind)));
   choice.setAttribute("aria-label", `What ${of} is`);
   const give = async (text, inputs = {}) => {
+    keep({ problem: "" });
     problem.hidden = true;
     const error = await given(text, inputs);
-    if (!error) opened.delete(key);
-    else Object.assign(problem, { hidden: false, textContent: error });
+    if (!error) drafts.delete(key);
+    else {
+      keep({ problem: error });
+      const shown = [...document.querySelectorAll(".mask .problem")].find((element) => element.dataset.of === key);
+      if (shown) Object.assign(shown, { hidden: false, textContent: error });
+    }
   };
   const box = made("div", { className: "mask" }, made("div", { className: "row", title }, made("span", { textContent: label }), choice));
   choice.addEventListener("change", () => {
     if (choice.value === "number") {
-      opened.delete(key);
+      drafts.delete(key);
       if (had.kind === "number") acts.again();
       else plain();
       return;
     }
-    opened.set(key, choice.value);
+    drafts.set(key, { had: stated, kind: choice.value });
     acts.again();
   });
   const current = had.kind === kind;
   if (kind === "texture") box.append(...image(id, had, current, color, give, acts));
   else if (kind === "primvar") box.append(primvar(id, had, current, give));
-  else if (kind === "expression") box.append(...expression(id, had, current, of, give, acts));
+  else if (kind === "expression") box.append(...expression(id, had, current, of, draft, keep, give, acts));
   else if (kind === "part") {
     const words = "A look does not know which part wears it. Dress the part in a look of its own, under Part, or give the asset a primvar.";
     box.append(made("p", { className: "sentence", textContent: words }));
@@ -94,22 +104,22 @@ function primvar(id, mask, current, give) {
   return field("primvar", input);
 }
 
-function expression(id, mask, current, of, give, acts) {
-  const text = made("textarea", { id: `${id}-expression`, value: current ? mask.text : "", rows: 3, spellcheck: false, placeholder: "smoothstep(dirt, .2, .6)" });
+function expression(id, mask, current, of, draft, keep, give, acts) {
+  const text = made("textarea", { id: `${id}-expression`, value: draft.text ?? (current ? mask.text : ""), rows: 3, spellcheck: false, placeholder: "smoothstep(dirt, .2, .6)" });
   text.setAttribute("aria-label", `Expression of ${of}`);
-  const sources = made("div", {}), had = current ? mask.inputs : {}, typed = {};
+  const sources = made("div", {}), had = current ? mask.inputs : {}, typed = { ...draft.typed };
   const list = made("datalist", { id: `${id}-images` });
   const show = () => {
     sources.replaceChildren(...namesOf(text.value).map((name) => {
       const input = made("input", { type: "text", value: typed[name] ?? had[name] ?? "", placeholder: "0.5, dirt.png:r, primvar:wear, uv:st", className: "wide", spellcheck: false });
       input.dataset.name = name;
       input.setAttribute("list", `${id}-images`);
-      input.addEventListener("input", () => { typed[name] = input.value; });
+      input.addEventListener("input", () => { typed[name] = input.value; keep({ typed }); });
       input.addEventListener("focus", async () => list.replaceChildren(...(await acts.images()).map((each) => new Option(each))), { once: true });
       return field(name, input);
     }));
   };
-  text.addEventListener("input", show);
+  text.addEventListener("input", () => { keep({ text: text.value }); show(); });
   text.addEventListener("keydown", (event) => {
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) apply();
     event.stopPropagation();
