@@ -156,9 +156,9 @@ def failing(copy: Copy, tests: Sequence[tuple[str, float]], marker: str) -> str:
 
     A long test counts if it fails twice: of hundreds that wait for programs, one may fail without a fault.
     """
-    names = [test for test, _ in tests]
+    names, seconds = [test for test, _ in tests], dict(tests)
     for name in copy.test(tests, marker):
-        if name not in names or tests[names.index(name)][1] < LONG or copy.test([tests[names.index(name)]], marker):
+        if seconds.get(name, 0.0) < LONG or copy.test([(name, seconds[name])], marker):
             return name
         return failing(copy, tests[names.index(name) + 1 :], marker)
     return ""

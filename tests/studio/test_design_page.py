@@ -190,7 +190,8 @@ def test_a_mask_is_an_expression_and_says_what_is_wrong_with_it(page: DesignPage
         "const source = (name) => document.querySelector(`.mask input[data-name=${name}]`);"
         "typed(source('dirt'), 'textures/dirt.png', 'input'); typed(source('edge'), '0.25', 'input');"
         # The list is drawn anew while the server answers: neither what is typed nor what is wrong is lost.
-        "at('mask-apply').click(); at('layer-0').click(); at('layer-1').click(); await until(() => document.querySelector('.problem:not([hidden])'));"
+        "at('mask-apply').click(); at('layer-0').click(); at('layer-1').click();"
+        "await until(() => document.querySelector('.problem:not([hidden])'));"
         "const wrong = document.querySelector('.problem').textContent;"
         "typed(at('mask-expression'), 'smoothstep(dirt, edge, .7)', 'input'); at('mask-apply').click();"
         "await until(() => document.querySelector('.tag')?.textContent === 'expression');"
