@@ -32,8 +32,7 @@ def answers(socket: ClientConnection, **request: Any) -> Any:
     while True:
         message = socket.recv(timeout=300)
         if isinstance(message, bytes):
-            length = int.from_bytes(message[:4], "little")
-            return json.loads(message[4 : 4 + length])
+            message = message[4 : 4 + int.from_bytes(message[:4], "little")]
         if (answer := json.loads(message)).get("id") == ASKED:
             return answer
 
