@@ -354,15 +354,17 @@ def test_frames_are_in_step_where_some_are_missing(opened: Open, tmp_path: Path)
     (new / "gold" / "city" / "element.0002.exr").unlink()
     (old / "gold" / "city" / "element.0004.exr").unlink()
     shown = opened("#mode=wipe", file=review(new, old)[0])
-    found = []
+    found, cells = [], []
     for _ in range(4):
         shown.drawn()
+        cells.append(shown.js("return [...document.querySelectorAll('.cell')].map((each) => each.dataset.number)"))
         sides = [shown.frame(side).stem.rpartition(".")[2] if shown.drawn()[side] else "" for side in (0, 1)]
         found.append((*sides, shown.find("#legend").text if not sides[1] else ""))
         shown.press(Keys.ARROW_RIGHT)
     assert found == [
         ("0001", "0001", ""), ("0003", "0003", ""), ("0004", "", "B has no frame 4"), ("0005", "0005", ""),
     ]  # fmt: skip
+    assert cells == [["0", "0"], ["1", "2"], ["2", "3"], ["3", "4"]]  # of gold, which has no second frame, and of tin
     shown.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)  # the third of gold, which has no second, is tin's fourth
     Select(shown.find("[aria-label='look of A']")).select_by_visible_text("tin")
     assert shown.frame().name == "element.0004.exr"

@@ -1,7 +1,7 @@
 """Digests: every input that affects pixels counts, in the part that bears its name; paths do not."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
@@ -11,12 +11,13 @@ from lookdev.codegen import NodeSource, PrincipledSource
 from lookdev.plan.digest import frame_digest, part_digests, pose_digest
 from lookdev.render import backends
 from lookdev.render.task import SceneTask
-from lookdev.scene import Pose
+from lookdev.scene import Camera, Lens, Pose, Sampling
 
 POSE = Pose(30.0, 60.0)
-CAMERA = {"fov": 40.0, "elevation": 11.0, "distance": 4.0, "target": (0.0, 0.0, 0.0)}
+CAMERA = {"fov": 40.0, "elevation": 11.0, "distance": 4.0, "target": (0.0, 0.0, 0.0), "azimuth": 1.0, "roll": 1.0}
+CAMERA |= {"axis": (0.0, 0.0), "shift": (0.1, 0.0), "lens": Lens(0.01, 3.7)}
 SAMPLING = {"samples": 128, "passes": ("depth",), "error": 1e-3, "brdf_samples": 3, "ibl_samples": 3}
-SAMPLING |= {"bounces": 3, "seed": 1}
+SAMPLING |= {"bounces": 3, "seed": 1, "denoise": "measured"}
 Change = Callable[[SceneTask], SceneTask]
 
 
@@ -27,6 +28,10 @@ def changed_parts(before: dict[str, str], after: dict[str, str]) -> set[str]:
     return changed
 
 
+def scene_with(name: str, value: Callable[[SceneTask], Any]) -> Change:
+    return lambda scene: replace(scene, **{name: value(scene)})
+
+
 def sampling(**values: Any) -> Change:
     return lambda scene: replace(scene, sampling=replace(scene.sampling, **values))
 
@@ -35,22 +40,38 @@ def camera(**values: Any) -> Change:
     return lambda scene: replace(scene, camera=replace(scene.camera, **values))
 
 
+SCENE: dict[str, tuple[Callable[[SceneTask], Any], str]] = {
+    "asset": (lambda scene: Content("b", ".npz"), "asset"),
+    "shaders": (lambda scene: (replace(scene.shaders[0], digest="1"),), "look"),
+    "worn": (lambda scene: (0, 0), "look"),
+    "lights": (lambda scene: (replace(scene.lights[0], map_digest="1"),), "ibl"),
+    "lit": (lambda scene: ((0,),), "ibl"),
+    "groups": (lambda scene: (1,), "ibl"),
+    "resolution": (lambda scene: (48, 64), "render"),
+    "device": (lambda scene: "cuda", "render"),
+    "space": (lambda scene: "acescg", "render"),
+}
+
+
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        (lambda scene: replace(scene, asset=Content("b", ".npz")), "asset"),
-        (lambda scene: replace(scene, shaders=(replace(scene.shaders[0], digest="1"),)), "look"),
-        (lambda scene: replace(scene, worn=(0, 0)), "look"),
-        (lambda scene: replace(scene, lights=(replace(scene.lights[0], map_digest="1"),)), "ibl"),
+        *((scene_with(name, value), part) for name, (value, part) in SCENE.items()),
         *((camera(**{name: value}), "camera") for name, value in CAMERA.items()),
-        (lambda scene: replace(scene, resolution=(48, 64)), "render"),
-        (lambda scene: replace(scene, device="cuda"), "render"),
         *((sampling(**{name: value}), "render") for name, value in SAMPLING.items()),
     ],
 )
 def test_a_scene_change_changes_its_part_only(scene: SceneTask, change: Change, part: str) -> None:
     before = part_digests(scene, POSE, 0.0)
     assert changed_parts(before, part_digests(change(scene), POSE, 0.0)) == {part}
+
+
+def test_no_field_is_left_out() -> None:
+    """The others have a test below: sources of each backend, and what only passes show."""
+    elsewhere = {"backend", "prims", "light_groups"}
+    assert {*SCENE, "camera", "sampling"} | elsewhere == {field.name for field in fields(SceneTask)}
+    assert CAMERA.keys() == {field.name for field in fields(Camera)}
+    assert SAMPLING.keys() == {field.name for field in fields(Sampling)}
 
 
 def test_pose_exposure_and_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:

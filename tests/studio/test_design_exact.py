@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import random
+import re
 import shutil
 import signal
 import time
@@ -240,6 +241,18 @@ def test_ctrl_c_ends_the_renderer_too(job: Path, tmp_path: Path) -> None:
             os.kill(worker, 0)
         assert list(tmp_path.iterdir()) == []
         assert "Traceback" not in started.log
+
+
+def test_buffers_are_kept_of_the_last_two_scenes_alone(server: Served) -> None:
+    def buffers_in(light: str) -> set[str]:
+        server.json("/choose", look="plastic", rig=light)
+        return set(re.findall(r'"buffer": "(\w+)"', json.dumps(server.json("/scene"))))
+
+    first, second, third = map(buffers_in, ("white", "three_point", "softbox_product"))
+    assert [server.ask(f"/buffers/{min(each)}")[0] for each in (first - second - third, second - third, third)] == [
+        404, 200, 200,
+    ]  # fmt: skip
+    buffers_in("white")
 
 
 def test_a_turntable_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server: Served, job: Path) -> None:

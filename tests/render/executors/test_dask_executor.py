@@ -128,6 +128,21 @@ def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Pla
     case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))), 20.0)
 
 
+def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    idle = "from lookdev.render.executors import dask_worker; dask_worker.IDLE = "
+    executor._client.run(exec, f"{idle}0.1", {})
+    try:
+        assert stems(render(executor, plan), Finished) == ALL
+        first = case.worker_pids(tmp_path)
+        case.wait_until(lambda: not any(map(case.is_alive, first)), 20.0)
+        assert stems(render(executor, plan), Finished) == ALL
+        assert set(case.worker_pids(tmp_path)) > set(first)
+    finally:
+        executor._client.run(exec, f"{idle}300.0", {})
+
+
 def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
     with make(cluster.scheduler_address, tmp_path, store=store) as executor:
