@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Self
 
 from lookdev.cache import atomic_path, process_name
-from lookdev.errors import OutputError
+from lookdev.errors import OutputError, WorkerError
 from lookdev.text import TextError, parse_json, read_text, stated_limit
 
 STATE_FOLDER = ".lookdev"
@@ -151,9 +151,18 @@ class Run:
         self._pulse.start()
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         self._ended.set()
         self._pulse.join()
+        try:
+            # Others remove the temporary files of a run that they take for dead: what fails then is a consequence.
+            if isinstance(error, OutputError | WorkerError | FileNotFoundError):
+                self.check()
+        finally:
+            self._leave()
+
+    def _leave(self) -> None:
+        """Remove what this run has in the state folder, and the folder's parts for runs if it is the last."""
         with suppress(OSError):  # what remains is void: the process ends
             for key in list(self._held):
                 self.release(key)

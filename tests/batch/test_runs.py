@@ -2,7 +2,8 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import batch_case as case
@@ -59,15 +60,24 @@ def _short_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.batch.runs.lease", lambda: 0.5)
 
 
+@contextmanager
+def dead_for_others(output: Path) -> Iterator[None]:
+    with Run(output) as run:
+        run._file.unlink()
+        yield
+
+
 @pytest.mark.usefixtures("_short_lease")
 def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path) -> None:
     with case.hold_frame(tmp_path, FRAME) as other, Run(tmp_path) as run:
         other.send_signal(signal.SIGSTOP)
         case.wait_until(lambda: run.claim(FRAME))
-        with Run(tmp_path) as late:
-            late._file.unlink()
-            with pytest.raises(OutputError, match=r"stood still for more than 0\.5 s"):
-                late.check()
+        for failed in (OutputError("scratch-0: a frame cannot be written"), FileNotFoundError("scratch-0/frame.npz")):
+            # Its scratch files are gone, too: that it stood still is why they are.
+            with pytest.raises(OutputError, match=r"stood still for more than 0\.5 s"), dead_for_others(tmp_path):
+                raise failed
+        with pytest.raises(OutputError, match="disk full"), Run(tmp_path):
+            raise OutputError("disk full")
         other.send_signal(signal.SIGCONT)
         other.communicate()
     assert state(tmp_path) == []
