@@ -62,7 +62,9 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
         JobGround(height=camera.position[2] + 0.1).under(sphere, None, camera)
     ground = JobGround(height=-3.0).under(sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
-    assert on_ground(sphere, wears, ground, (0.0, 0.0))[0].revolved
+    grounded = on_ground(sphere, wears, ground, (0.0, 0.0))[0]
+    assert grounded.revolved
+    assert {*map(tuple, grounded.meshes[-1].tangents.tolist())} == {(1.0, 0.0, 0.0)}
     assert not on_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
 
 

@@ -49,6 +49,20 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
         apart = (b.left - a.left - a.width, b.top - a.top - a.height)[strip.upright]
         assert apart > 0.0
     assert len(strip.measured) == 25
+    chart = strip.props[2]
+    assert chart.width / 6 == pytest.approx(chart.height / 4)
+
+
+def test_a_chart_has_four_rows_of_six_patches_of_one_size() -> None:
+    seen = props_camera(frame_camera((0.3, -0.2, 0.5), 1.4, (320, 240)), (0.0, 0.0, 0.5))
+    (mesh,) = asset_of_props(Strip("bottom", 0.2, (320, 240)), seen, ["chart"]).meshes
+    faces = mesh.points[mesh.corner_points].reshape(9, 13, 4, 3)  # patches and borders, from the lower left
+    areas = np.linalg.norm(np.cross(faces[..., 1, :] - faces[..., 0, :], faces[..., 3, :] - faces[..., 0, :]), axis=-1)
+    patches = (slice(1, None, 2), slice(1, None, 2))
+    np.testing.assert_allclose(areas[patches] / areas.sum(), 0.76**2 / 24, rtol=1e-4)
+    colors = mesh.primvars["reflectance"].reshape(9, 13, 4, 3)[patches]
+    np.testing.assert_allclose(colors[::-1], np.tile(patch_colors().reshape(4, 6, 1, 3), (1, 1, 4, 1)), rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=-1), 1.0, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -65,6 +79,11 @@ def test_rays_through_a_prop_meet_it(camera: Camera) -> None:
     assert seen.pivot == camera.pivot  # lights turn about it
     assert seen.lens is None
     np.testing.assert_allclose(seen.frame, camera.frame, atol=1e-12)
+    # They are as far as the asset's middle, in the middle of the frame, and a pixel there is as large.
+    right, up, depth = camera.frame @ (np.array(seen.target) - camera.position) * (1.0, 1.0, -1.0)
+    assert depth == pytest.approx((camera.position - (*camera.pivot, 0.7)) @ camera.frame[2])
+    np.testing.assert_allclose(np.array([right, up]) / (2.0 * camera.reach * depth), camera.shift, atol=1e-8)
+    assert seen.reach * seen.distance == pytest.approx(camera.reach * depth)
     grey = Look("grey", (Layer("a", "lambert"),))
     for name, box in zip(("chrome", "grey", "chart"), strip.props, strict=True):
         scene = MeshScene(asset_of_props(strip, seen, [name]), [grey])

@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from lookdev.asset.silhouette import outline, turning_axis
 from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
+from lookdev.scene.framing import _touched, _turn
 
 Floats = NDArray[np.float64]
 
@@ -89,6 +91,8 @@ def test_margin_scales_the_distance_and_elevation_passes_through() -> None:
     loose = frame_camera((0.0, 0.0, 0.0), 1.0, (64, 64), elevation=30.0, margin=1.5)
     assert loose.distance == pytest.approx(1.5 * tight.distance, rel=1e-15)
     assert loose.elevation == 30.0
+    usual = frame_camera((0.0, 0.0, 0.0), 1.0, (64, 64), elevation=30.0)
+    assert usual.distance == pytest.approx(1.1 * tight.distance, rel=1e-15)
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
@@ -126,6 +130,18 @@ def test_only_the_angles_that_are_shown_count(name: str, arcs: list[tuple[float,
     assert np.abs(most + least).max() < 2.0 * LOST * max(resolution)
 
 
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.3, -0.2, 0.9), (-1.0, 0.0, 0.0)])
+@pytest.mark.parametrize("arcs", [[(0, 360)], [(30, 90), (200, 20)]])
+def test_the_farthest_point_is_one_of_the_turned_asset(direction: tuple[float, ...], arcs: list[Any]) -> None:
+    points, w = points_of("angle off centre"), np.array(direction)
+    turned = np.concatenate(
+        [points @ _turn(math.radians(start + t)).T for start, sweep in arcs for t in range(sweep + 1)]
+    )
+    farthest = _touched(points, arcs)(w)
+    assert farthest @ w == pytest.approx((turned @ w).max(), rel=1e-3)
+    assert np.linalg.norm(turned - farthest, axis=-1).min() < 0.01 * np.linalg.norm(farthest)
+
+
 def test_framing_scales_and_moves_with_the_asset() -> None:
     points = points_of("angle off centre")
     camera = frame_fill(points, (640, 480))
@@ -135,8 +151,9 @@ def test_framing_scales_and_moves_with_the_asset() -> None:
     assert camera.pivot == pytest.approx(turning_axis(points))
 
 
-def test_a_camera_that_sees_a_needle_along_its_length_stays_outside() -> None:
-    needle = BOX * [1e-6, 1e-6, 2.0]
+@pytest.mark.parametrize("width", [1e-6, 1e-9, 0.0])
+def test_a_camera_that_sees_a_needle_along_its_length_stays_outside(width: float) -> None:
+    needle = BOX * [width, width, 2.0]
     camera = frame_fill(needle, (512, 512), elevation=90.0)
     depths = (camera.position - needle) @ camera.frame[2]
     near, far = camera.clip

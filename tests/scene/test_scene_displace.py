@@ -13,7 +13,7 @@ from lookdev.errors import AssetError
 from lookdev.material import Displacement, Layer, Look, Primvar, View
 from lookdev.material.expression import parse
 from lookdev.material.look import Coordinates, Formula
-from lookdev.scene.displace import displace
+from lookdev.scene.displace import as_cage, displace
 
 RINGS = 256
 
@@ -148,3 +148,13 @@ def test_faults_are_named(sphere: Asset, displacement: Displacement, message: st
     asset = with_primvar(sphere, np.ones(len(sphere.meshes[0].points)))
     with pytest.raises(AssetError, match=f"/sphere.*{message}|{message}.*/sphere"):
         displaced(asset, displacement)
+
+
+def test_a_refined_polygon_mesh_is_displaced_along_its_own_normals() -> None:
+    asset = box()
+    up = np.broadcast_to(np.array([0, 0, 1], np.float32), (24, 3))
+    # What refines it gives it normals of its faces; those that it had are carried.
+    refined = replace(as_cage(replace(asset.meshes[0], normals=up)), normals=asset.meshes[0].normals, subdivision=None)
+    (mesh,) = displaced(replace(asset, meshes=(refined,)), Displacement(0.25)).meshes
+    np.testing.assert_allclose(mesh.points - asset.meshes[0].points, np.broadcast_to([0.0, 0.0, 0.25], (8, 3)))
+    assert not mesh.primvars

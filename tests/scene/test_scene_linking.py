@@ -9,7 +9,7 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, Emission, Light, LocalDome, load_environment, prepare_light
+from lookdev.light import LIGHT_KINDS, Emission, Light, LocalDome, RectLight, load_environment, prepare_light
 from lookdev.light.link import MOST_GROUPS, Link
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
@@ -88,6 +88,7 @@ def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
 def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
     asset = three()
     scene = Scene.of_look(asset, GREY, light(linked=False), (8, 8))
+    assert scene.grouped == (0,) * len(asset.slots)
     groups = {slot.path: MOST_GROUPS + 1 for slot in asset.slots}
     with pytest.raises(EnvironmentMapError, match=r"into 82 groups .* at most 81"):
         scene_task(replace(scene, groups=groups), Sampling())
@@ -114,3 +115,14 @@ def test_looks_are_in_the_order_of_the_slots() -> None:
     assert (scene.looks, scene.camera, scene.film) == ((RED, RED), camera, film)
     with pytest.raises(ValueError, match=f"shaderball: no look for {base}$"):
         Scene(asset, {body: RED}, (white,), camera, film)
+
+
+def test_a_light_is_kept_that_reaches_the_asset_in_any_pose() -> None:
+    """At 180 degrees about an axis 3 m beside it, the asset is where the light shines, of which it has the back now."""
+    asset = load_asset(builtin="sphere")
+    facing_x = ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))
+    lights = (light(linked=False), RectLight(width=0.1, height=0.1, position=(4.0, 0.0, 0.0), axes=facing_x))
+    scene = Scene.of_look(asset, GREY, lights[0], (8, 8))
+    for axis, kept in (((3.0, 0.0), lights), ((0.0, 0.0), lights[:1])):
+        turning = replace(scene, lights=lights, camera=replace(scene.camera, axis=axis))
+        assert turning.without_idle_lights().lights == kept
