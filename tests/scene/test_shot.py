@@ -1,5 +1,6 @@
 """Cameras of shots: they see what USD's own frustum sees, and orbit the axis of the asset."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,7 @@ def test_its_rays_are_those_of_the_aperture(frame: np.ndarray) -> None:
 def test_it_orbits_the_axis_of_the_asset_and_sees_all_of_it() -> None:
     camera = shot_camera(SHOT, POINTS)
     assert camera.pivot == pytest.approx((1.0, 1.0))
+    assert camera.distance == pytest.approx(0.1 * max(math.dist(point, SHOT.position) for point in POINTS))
     near, far = camera.clip
     for angle in range(0, 360, 30):
         orbited = camera.orbited(angle)
