@@ -1,13 +1,19 @@
 """Domes that are turned and coloured, and local ones."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from light_cases import overcast, sunny
+import pytest
+from light_cases import make_tables_small, overcast, sunny
 
 from lookdev.light import Emission, LocalDome
+from lookdev.light.dome.local import towards_ball
+from lookdev.light.fit import with_emission
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
+from lookdev.light.space import in_space
+from lookdev.space import to_space
 
 PLACE = np.array([0.3, -0.2, 0.5])
 MIRRORED: Axes = ((0.0, 0.8, 0.6), (1.0, 0.0, 0.0), (0.0, -0.6, 0.8))
@@ -47,11 +53,30 @@ def test_a_local_dome_shows_what_its_sphere_has_there() -> None:
         np.testing.assert_allclose(light.radiance(place, wi), light.dome.radiance(place, onto), rtol=1e-9)
 
 
+def test_a_place_on_the_sphere_has_a_direction_to_where_it_is() -> None:
+    assert towards_ball(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 2.0).tolist() == [0.0, 0.0, 1.0]
+
+
+def test_a_local_dome_in_another_space_sends_the_same_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_tables_small(monkeypatch)
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
+    emission = Emission((2.0, 1.0, 0.5), diffuse=0.5, group="sky")
+    light = with_emission(local(), emission)
+    moved = in_space(light, "acescg")
+    assert replace(moved.emission, color=emission.color) == emission
+    u = np.random.default_rng(2).random((100, 2))
+    places = np.broadcast_to(PLACE, (100, 3))
+    wi = light.sample(places, u)
+    wanted = to_space(light.radiance(places, wi), "acescg")
+    np.testing.assert_allclose(moved.radiance(places, wi), wanted, rtol=1e-6)
+
+
 def test_a_local_dome_ends_softly() -> None:
     light, direction = local(edge=0.5, dome=overcast()), np.array([0.0, 0.0, 1.0])
     full = local().radiance
     for away, share in ((0.9, 1.0), (1.25, 1.0 - 0.15625), (1.5, 0.5), (1.75, 0.15625), (2.0, 0.0), (3.0, 0.0)):
         place = np.array(light.position) + np.array((away, 0.0, 0.0))
         np.testing.assert_allclose(light.radiance(place, direction), share * full(place, direction), rtol=1e-9)
-        assert (light.pdf(place, direction) > 0.0) == (away < 2.0)
+        pdf = light.pdf(place, direction)
+        assert pdf > 0.0 if away < 2.0 else pdf == 0.0
         assert np.isfinite(light.distance(place, direction)) == (away < 2.0)

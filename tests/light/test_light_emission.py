@@ -9,12 +9,14 @@ from closed_forms import Floats, by_sampling
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, LocalDome, RectLight, SphereLight
-from lookdev.light.dome import example_dome
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
+from lookdev.light.dome import example_dome, example_map
+from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, azimuth, emitted_color
 from lookdev.light.link import Link
+from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import placement
 
 BELOW, UP = np.array([0.0, 0.0, -3.0]), np.array([0.0, 0.0, 1.0])
+PLACED = (RectLight, DiskLight, SphereLight, CylinderLight)
 
 
 def off_axis(degrees: float, azimuth: float = 0.0) -> Floats:
@@ -46,6 +48,24 @@ def test_size_factors_are_those_of_usdlux() -> None:
     for angle, wanted in ((60.0, 0.25), (180.0, 1.0), (300.0, 1.75), (360.0, 2.0)):
         assert DistantLight(angle=angle).size_factor == pytest.approx(wanted * np.pi)
     assert DistantLight(angle=0.0).size_factor == 1.0
+
+
+@pytest.mark.parametrize("kind", PLACED)
+def test_an_example_is_warm(kind: type[PlacedLight]) -> None:
+    red, green, blue = kind.example().emission.color  # type: ignore[attr-defined]
+    assert red > green > blue
+
+
+def test_the_example_of_a_dome_is_a_dim_sky_a_sun_and_a_black_ground() -> None:
+    zenith, sun, ground = (example_map().radiance[rows] for rows in (slice(3), slice(3, 6), slice(12, None)))
+    assert (np.argsort(zenith) == (0, 1, 2)).all()  # it is blue
+    assert zenith.max() < 0.1 * sun.max()
+    assert not ground.any()
+
+
+def test_the_azimuth_is_from_x_to_y() -> None:
+    for degrees in (0.0, 30.0, 135.0, 225.0, 300.0):
+        assert azimuth(off_axis(60.0, degrees)) == pytest.approx(degrees, abs=1e-9)
 
 
 def test_the_cone_cuts_off_and_softens() -> None:
@@ -127,7 +147,6 @@ def local_dome(**fields: Any) -> LocalDome:
     return LocalDome(**{"dome": example_dome(), "position": (0.0, 0.0, 0.0), "radius": 1.0, "edge": 0.0, **fields})
 
 
-PLACED = (RectLight, DiskLight, SphereLight, CylinderLight)
 WRONG = [
     (lambda: RectLight(width=0.0, height=1.0), "width 0: a number that is more than 0 would be right"),
     (lambda: RectLight(width=1.0, height=float("nan")), "height nan"),
@@ -154,6 +173,7 @@ WRONG = [
     (lambda: local_dome(position=(0.0, float("nan"), 0.0)), "position"),
     (lambda: Falloff(start=3.0, end=3.0), "falloff end 3: more than its start, 3, would be right"),
     (lambda: Falloff(exponent=-1.0), "falloff exponent -1"),
+    (lambda: Falloff(start=-1.0), "falloff start -1: a number that is at least 0"),
     (lambda: Shaping(cone_angle=-1.0), "cone angle -1"),
     (lambda: Shadow(falloff_gamma=-1.0), "shadow falloff gamma -1"),
 ]

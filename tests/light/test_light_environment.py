@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 from light_cases import write_exr
 
 from lookdev.errors import EnvironmentMapError
+from lookdev.images import PIXELS_VARIABLE
 from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
-from lookdev.light.dome.environment import Repairs
+from lookdev.light.dome.environment import LEAST, MOST, Repairs, check_exposed
 
 pytestmark = pytest.mark.both_pythons
 
@@ -38,8 +40,10 @@ def test_channels_are_half_floats_packed_or_grey(tmp_path: Path, pixels: np.ndar
     radiance = load_environment(write_exr(tmp_path / "h.exr", RGBA=rgba)).radiance
     np.testing.assert_array_equal(radiance, pixels.astype(np.float16))
     grey = np.ascontiguousarray(pixels[..., 0])
-    radiance = load_environment(write_exr(tmp_path / "y.exr", Y=grey)).radiance
-    np.testing.assert_array_equal(radiance, np.repeat(grey[..., None], 3, axis=-1))
+    # Readers put G before Y.
+    for name, beside in (("y.exr", {}), ("gy.exr", {"G": np.zeros_like(grey)})):
+        radiance = load_environment(write_exr(tmp_path / name, Y=grey, **beside)).radiance
+        np.testing.assert_array_equal(radiance, np.repeat(grey[..., None], 3, axis=-1))
 
 
 def test_colour_in_a_later_part(tmp_path: Path, pixels: np.ndarray) -> None:
@@ -48,6 +52,18 @@ def test_colour_in_a_later_part(tmp_path: Path, pixels: np.ndarray) -> None:
     with OpenEXR.File([depth, color]) as exr:
         exr.write(str(tmp_path / "parts.exr"))
     np.testing.assert_array_equal(load_environment(tmp_path / "parts.exr").radiance, pixels)
+
+
+def test_a_later_part_is_no_larger_than_images_may_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PIXELS_VARIABLE, "40")
+    begin, end, below = (np.array(corner, np.int32) for corner in ((0, 0), (7, 3), (7, 5)))
+    small = OpenEXR.Part({"displayWindow": (begin, end)}, {"Z": np.zeros((4, 8), np.float32)}, "depth")
+    windows = {"displayWindow": (begin, end), "dataWindow": (begin, below)}
+    large = OpenEXR.Part(windows, {"Y": np.ones((6, 8), np.float32)}, "grey")
+    with OpenEXR.File([small, large]) as exr:
+        exr.write(str(tmp_path / "parts.exr"))
+    with pytest.raises(EnvironmentMapError, match=rf"is 8 x 6 pixels large; at most {PIXELS_VARIABLE} = 40"):
+        load_environment(tmp_path / "parts.exr")
 
 
 def test_hdr(tmp_path: Path, pixels: np.ndarray) -> None:
@@ -82,6 +98,7 @@ def test_nan_takes_the_mean_of_what_is_beside_it(tmp_path: Path) -> None:
     pixels[1, 0] = 4.0
     env = load_environment(write_map(tmp_path / "nan.exr", pixels))
     assert env.repairs == Repairs(nan=4)
+    assert env.repairs
     # Texel (1, 1) has itself and three more NaN; of the other five one is 4.
     np.testing.assert_allclose(env.radiance[1, 1], 4.0 / 5.0)
     # Texel (0, 1): the row above is row 0 again, so columns 0 are 0, 0 and 4, and all else NaN.
@@ -118,6 +135,20 @@ def test_white() -> None:
     env = load_environment(builtin="white")
     assert env.is_constant
     assert (env.radiance == 1.0).all()
+    height, width, _ = env.radiance.shape
+    assert width == 2 * height  # as far around as twice from pole to pole
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_a_builtin_light_that_is_not_there_is_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, installed: bool
+) -> None:
+    spec = ModuleSpec("bpy", None, is_package=True)
+    spec.submodule_search_locations = [str(tmp_path)]
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: spec if installed else None)
+    missing = f"not under {tmp_path}" if installed else "bpy is not installed"
+    with pytest.raises(EnvironmentMapError, match=f"'city' comes with Blender's bpy wheel: {missing}$"):
+        load_environment(builtin="city")
 
 
 def test_blender_is_not_imported() -> None:
@@ -205,3 +236,8 @@ def test_radiance_that_shaders_cannot_compute_with_is_refused(level: float, expo
 @pytest.mark.parametrize("level", [0.0, 1e-17, 1e17])
 def test_other_radiance_is_taken(level: float) -> None:
     make_environment("map", np.full((4, 8, 3), level)).check_exposed(3.0)
+
+
+@pytest.mark.parametrize("level", [LEAST, MOST])
+def test_the_ends_of_the_range_are_taken(level: float) -> None:
+    check_exposed(level, 0.0, "map")

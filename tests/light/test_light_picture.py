@@ -6,7 +6,7 @@ from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.light import RectLight, make_environment, prepare_texture
-from lookdev.light.picture import look_up, luminance_tree
+from lookdev.light.picture import draw_cell, look_up, luminance_tree
 
 Floats = NDArray[np.float64]
 
@@ -74,6 +74,14 @@ def test_a_small_bright_spot_costs_little(place: tuple[float, float, float], lea
     both = np.sqrt((by_luminance.var() + by_solid_angle.var()) / count)
     assert abs(by_luminance.mean() - by_solid_angle.mean()) < 5.0 * both
     assert by_luminance.var() * least < by_solid_angle.var()
+
+
+def test_a_point_is_where_its_fractions_are() -> None:
+    width, height, place = 2.0, 1.0, np.tile((0.3, 0.1, -1.0), (100, 1))
+    u = np.random.default_rng(5).random((100, 2))
+    point = draw_cell(textured(spotted()).means, 0, place, width, height, u)
+    np.testing.assert_allclose((point.s - 0.5) * width - 0.3, point.x, atol=1e-12)
+    np.testing.assert_allclose((point.t - 0.5) * height - 0.1, point.y, atol=1e-12)
 
 
 def test_a_black_texture_sends_nothing_and_is_sampled_all_the_same() -> None:

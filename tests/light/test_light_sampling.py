@@ -13,7 +13,7 @@ from lookdev.light.cylinder import covering
 from lookdev.light.placed import PlacedLight
 from lookdev.light.plane import seen_part, towards_plane
 from lookdev.light.sphere import sphere_versine
-from lookdev.light.spherical_rectangle import Point, density, draw
+from lookdev.light.spherical_rectangle import Point, density, draw, seen_rectangle
 
 Floats = NDArray[Any]
 
@@ -84,6 +84,9 @@ def test_the_solid_angle_of_round_lights_is_right_from_close_to_far(above: float
 
     away = 1.0 + above
     sphere = 2.0 * np.pi / away**2 / (1.0 + np.sqrt(above * (2.0 + above)) / away)
+    assert SphereLight(radius=1.0).distance(np.array([0.0, away, 0.0]), np.array([0.0, -1.0, 0.0])) == pytest.approx(
+        above, rel=1e-9
+    )
     # Rounding of a direction loses half of an edge that is 1e-16 of it wide.
     assert covered(SphereLight(radius=1.0), (0.0, away, 0.0)) == pytest.approx(sphere, rel=1e-6)
 
@@ -130,6 +133,32 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
         wanted = (np.maximum(right_wi @ normals.T, 0.0) / right_pdf[:, None]).mean(axis=0)
         lit = wanted > 1e-3 * wanted.max()
         np.testing.assert_allclose(got[lit], wanted[lit], rtol=1e-4)
+
+
+@pytest.mark.parametrize("scale", [2.0**-10, 2.0**10])
+def test_a_rectangle_of_any_size_is_sampled_alike(scale: float) -> None:
+    """In float32: a power of two changes no digit."""
+    grid = strata(16)
+    for place in np.array([(-0.3, 0.2, -1e-6), (4.0, -0.1, -1e-3), (0.5, 0.5, -0.3)]):
+        point, scaled = (
+            draw(seen_part(places, width, height), u)
+            for places, width, height, u in (
+                single(np.tile(factor * place, (len(grid), 1)), factor * 10.0, factor * 3.0, grid)
+                for factor in (1.0, scale)
+            )
+        )
+        for size, one, other in zip((1.0, 1.0, scale, scale), point, scaled, strict=True):
+            np.testing.assert_allclose(size * one, other, rtol=1e-6)
+
+
+def test_directions_to_a_rectangle_from_behind_are_along_its_z() -> None:
+    place = np.array([(0.3, -0.2, 2.0), (0.3, -0.2, 0.0)])
+    towards = towards_plane(place, draw(seen_part(place, 2.0, 1.0), np.full((2, 2), 0.25)))
+    np.testing.assert_array_equal(towards, np.broadcast_to((0.0, 0.0, 1.0), (2, 3)))
+
+
+def test_a_rectangle_of_no_size_is_seen_at_no_angle() -> None:
+    assert seen_rectangle(*np.array([0.0, 0.0, 0.0, 0.0, 1.0])).solid_angle == 0.0
 
 
 def test_a_cylinder_is_covered_from_a_grid_of_places() -> None:

@@ -12,7 +12,7 @@ from pxr import UsdLux, UsdUtils
 from rig_files import DIM, Y_UP_CM, Z_UP, light, rig, write_image, write_rig
 from usd_text import translate
 
-from lookdev.light import Dome, Emission, Falloff, Shadow, lights_code
+from lookdev.light import Dome, Emission, Falloff, Shadow, lights_code, load_profile
 from lookdev.light.rig import load_rig
 from lookdev.stage import Composition, StageError, compose
 
@@ -193,6 +193,7 @@ def test_texture_and_profile_come_from_a_package(tmp_path: Path) -> None:
     assert {"box.exr", "lamp.ies"} <= {Path(name).name for name in zipfile.ZipFile(tmp_path / "rig.usdz").namelist()}
     packed, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
     assert packed == plain
+    assert packed[0].emission.shaping.profile == load_profile(tmp_path / "lamp.ies")
     assert packed[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
 
 
