@@ -107,4 +107,5 @@ def _lacking(mesh: Mesh, binding: AttributeBinding) -> tuple[str, str] | None:
     is_color = name in mesh.primvars and mesh.primvars[name].ndim == 2
     if name not in mesh.primvars or is_color == (binding.kind == "color"):
         return None
-    return f"primvar '{name}' is a {'colour' if is_color else 'float'}, the look reads a {binding.kind}", ""
+    stored, read = ("colour", "float") if is_color else ("float", "colour")
+    return f"primvar '{name}' is a {stored}, the look reads a {read}", ""

@@ -19,6 +19,7 @@ from sphere_quadrature import CELLS, HalfVectorGrid, Integral, half_vector_view,
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, Lobe, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS
+from lookdev.brdf.classic.lafortune import LARGEST
 from lookdev.brdf.classic.parts import sample_power_cosine
 from lookdev.brdf.frames import ZENITH, Upright
 from lookdev.brdf.lobes import Directions
@@ -120,6 +121,24 @@ def test_half_vectors_are_drawn_by_the_published_equations() -> None:
     ):
         np.testing.assert_allclose(wm[:, 2] ** 2, cos2, rtol=1e-8, atol=1e-10)
         np.testing.assert_allclose(np.arctan2(wm[:, 1], wm[:, 0]) / (2.0 * np.pi) % 1.0, turns, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "exponent", "wo"),
+    [((-4.0, -4.0, 4.0), 100.0, (0.6, 0.0, 0.8)), ((-1.02, -1.02, 1.0), 1e5, (np.sqrt(0.99), 0.0, 0.1))],
+)
+def test_the_pdf_of_a_lafortune_lobe_is_half_where_its_plateau_ends(
+    coefficients: tuple[float, float, float], exponent: float, wo: tuple[float, float, float]
+) -> None:
+    inputs = {"weight1": (1.0, 1.0, 1.0), "coefficients1": coefficients, "exponent1": exponent}
+    lobe = MODELS["lafortune"].bsdf(MODELS["lafortune"].complete(inputs)).lobes(np.array(wo))[1]
+    direction = np.multiply(coefficients, wo)
+    length = np.linalg.norm(direction)
+    # There the power of the length and the cosine is the largest.
+    cosine = LARGEST ** (1.0 / exponent) / length
+    end = cosine * direction / length + np.sqrt(1.0 - cosine**2) * np.array([0.0, 1.0, 0.0])
+    at_peak, at_end = (lobe.pdf(Directions.of(np.array(wo), wi)) for wi in (direction / length, end))
+    assert at_end / at_peak == pytest.approx(0.5, rel=1e-9)
 
 
 def _tan2_gtr(a2: Floats, gamma: float, u: Floats) -> Floats:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, model_named, reflectance, stack_bsdf
-from lookdev.brdf.frames import Upright
+from lookdev.brdf.frames import ZENITH, Upright
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.quadrature import half_vector_grid
-from lookdev.brdf.reflectance import DATA
+from lookdev.brdf.reflectance import DATA, ggx_albedo
 from lookdev.closures.setups import view_at
 from lookdev.errors import ModelError
 
@@ -33,6 +33,15 @@ def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float,
     albedo = ((np.asarray(lobe.evaluate(Directions.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
     largest = sum(entry["residual"]["largest"] for entry in json.loads(DATA.read_text()).values())
     assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015 if given is EXACT else largest + 0.002)
+
+
+def test_no_coat_withholds_more_than_all() -> None:
+    whole, typical = ggx_albedo(*np.meshgrid(np.linspace(0.0, 1.0, 21), np.linspace(0.01, 1.0, 100)))
+    for share in (whole, typical):
+        assert (share >= 0.0).all()
+        assert (share <= 1.0).all()
+    # Nearly a mirror, along its normal: the fit overshoots.
+    assert reflectance(coat(roughness=0.2, baseColor=(1.0, 1.0, 1.0)), ZENITH) == 1.0
 
 
 def test_it_is_that_of_the_lobes_own_normal() -> None:

@@ -20,7 +20,7 @@ from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, T
 from lookdev.material.expression import parse
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.plan.plan import find_skips
-from lookdev.plan.skips import same_all_around
+from lookdev.plan.skips import same_all_around, scene_skips
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Sampling, Scene
@@ -194,6 +194,15 @@ def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: Sce
     broad = replace(source, directions=(0, 4))
     assert changed((broad, broad)) == ["BRDF samples (every lobe is broad)"]
     assert changed((broad, source)) == []
+
+
+@pytest.mark.parametrize(
+    ("lights", "skips"), [(1, []), (2, [("1 light", "reaches no part")]), (3, [("2 lights", "reach no part")])]
+)
+def test_lights_that_a_scene_does_not_have_are_counted(
+    bare: SceneTask, lights: int, skips: list[tuple[str, str]]
+) -> None:
+    assert list(scene_skips(bare, [look(PLAIN)], bare.sampling, lights)) == skips
 
 
 def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any]) -> None:
