@@ -11,11 +11,13 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
+from lookdev.asset.usd_camera import read_camera
 from lookdev.errors import FaultsError
 from lookdev.job import Job, parse_job
 from lookdev.job.cameras import element_arcs, job_cameras
 from lookdev.job.scenes import job_scenes
 from lookdev.scene import Camera, frame_camera, frame_fill
+from lookdev.stage import open_stage
 
 TURNTABLE = '[{ kind = "element", frames = 8 }]'
 KEYS = {"asset": '{ usd = "asset.usda" }', "render": "{ resolution = [160, 90] }", "turntable": TURNTABLE}
@@ -69,9 +71,12 @@ def test_all_looks_share_a_camera_that_frames_what_any_shows_or_each_has_its_own
 
 
 def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
+    wide = cameras(folder, 'framing = "each"\nmargin = 1.2\nfov = 70\nelevation = 5')
     separate = cameras(folder, 'framing = "each"\nmargin = 1.2')
     for look, asset in SHOWN.items():
-        assert separate[look] == frame_camera(asset.center, asset.radius, (160, 90), margin=1.2)
+        sphere = asset.center, asset.radius
+        assert separate[look] == frame_camera(*sphere, (160, 90), margin=1.2)
+        assert wide[look] == frame_camera(*sphere, (160, 90), fov=70.0, elevation=5.0, margin=1.2)
     one = cameras(folder, "margin = 1.2")
     assert one["small"] == one["large"]
     points = np.concatenate([outline(asset) for asset in SHOWN.values()])
@@ -100,6 +105,25 @@ def test_a_camera_of_a_file_is_read(folder: Path) -> None:
     assert "/Shot: its frame is 1 times as wide as high" in prepared.notes[-1]
     with pytest.raises(FaultsError, match=r"asset\.usda: /Shto: there is no such prim \(did you mean '/Shot'\?\)"):
         job_scenes(job_of(folder, 'usd = "/Shto"'))
+
+
+def test_props_that_hide_what_a_camera_of_a_file_sees_are_noted(folder: Path) -> None:
+    """The camera is above the asset: far away, it shows all of it in the middle of the frame; near it, nothing else."""
+    shot = read_camera(open_stage(folder / "asset.usda"), "/Shot")
+    job = job_of(folder, 'usd = "/Shot"\n[charts]\nplace = "left"')
+    for scale, hides in ((1.0, False), (4.0, True)):
+        _, notes = job_cameras(job, {"one": moved(scale)}, shot)
+        assert [note.partition(",")[0] for note in notes] == [
+            "[charts] hides a part of the asset at the left edge of the frame"
+        ] * hides
+
+
+def test_props_too_small_to_measure_are_noted_and_an_asset_behind_the_camera_is_a_fault(folder: Path) -> None:
+    (note,) = job_scenes(job_of(folder, 'usd = "/Shot"\n[charts]')).notes
+    assert note.startswith("[charts] is not measured: ")
+    (folder / "asset.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, -0.5)"))
+    with pytest.raises(FaultsError, match=r"job\.toml: charts: the middle of the asset is behind the camera"):
+        job_scenes(job_of(folder, 'usd = "/Shot"\n[charts]'))
 
 
 def test_equal_assets_share_a_camera(folder: Path) -> None:

@@ -142,6 +142,24 @@ def test_edits_make_the_data_that_they_mean_and_keep_every_comment(text: str, se
     assert edited.count("\n") == edited.count("\r\n") if "\r\n" in text else "\r" not in edited
 
 
+def test_tables_without_keys_and_tables_of_others_stay() -> None:
+    first = '[[look.assign]]\nprims = ["/A"]\nmaterial = "a.usda"\n[look.assign.variants]\n'
+    second = '[[look.assign]]\nprims = ["/B"]\nmaterial = "b.usda"\n'
+    look, render = '[[look]]\nname = "a"\n', "[render]\nsamples = 4\n"
+    assert unassign(look + first + second, 0, ["/A"]) == look + second
+    assert assign(look + render + first, 0, ["/B"], Wear("b.usda")) == f"{look}{render}{first}\n{second}"
+
+
+def test_characters_are_written_as_they_are() -> None:
+    assert 'material = "größe 🎨.usda"' in assign(PARTS, 0, ["/Car/Body"], Wear("größe 🎨.usda"))
+
+
+def test_a_layout_that_an_edit_breaks_is_refused() -> None:
+    text = NESTED.replace('prims = ["/C"]', 'prims = ["/C"]\nlists = [\n["a"]\n]')
+    with pytest.raises(LookdevError, match=r"the layout of the job's \[\[look\]\] is not one that is edited here"):
+        assign(text, 0, ["/C"], GOLD, 1)
+
+
 @pytest.mark.parametrize("text", ["look = 3", "", '[look]\nname = "a"'])
 def test_what_is_no_list_of_looks_is_refused(text: str) -> None:
     with pytest.raises(LookdevError, match="look"):

@@ -118,6 +118,9 @@ REPLACED = [
     ('"out"', '"job.toml/../paint.usda"', "output", "is not a folder"),
     ('"out"', '"paint.usda/deep/out"', "output", "paint.usda is not a folder"),
     ('"out"', "3", "output", "should be a path in quotes"),
+    ('output = "out"', 'output = ""', "output", "should be a path in quotes"),
+    ('"out"', r'"a\u0000b"', "output", "should be a path in quotes"),
+    ('"out"', f'"{"x" * 300}"', "output", "cannot be a folder: File name too long"),
     ('builtin = "sphere"', "", "asset.builtin", "exactly one of 'usd' and 'builtin'"),
     ('builtin = "sphere"', 'usd = "sky.exr"', "asset.usd", "'sky.exr' is of no known kind"),
     ("[asset]", "[[asset]]", "asset", "should be a table"),
@@ -165,6 +168,13 @@ def test_a_backend_without_features_denoises_nothing(tmp_path: Path, monkeypatch
     assert said[0] == "backend 'nodes' renders no albedos and normals to denoise by"
     assert '"exact"' in said[1]
     assert '"nodes"' not in said[1]
+
+
+def test_an_output_whose_module_is_not_installed_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.job.outputs.find_spec", lambda module: None)
+    assert not parse(f"{MINIMAL}[outputs]\nmovie = false\n", tmp_path).outputs.movie
+    said = ("needs the module 'av', which is not installed", "pip install 'lookdev[movie]'")
+    assert faults(f"{MINIMAL}[outputs]\nmovie = true\n", tmp_path) == {"outputs.movie": said}
 
 
 def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from lookdev.job.kept import kept_outline
 from lookdev.job.refinery import Refinery
 from lookdev.scene import Camera
 
-CAMERA = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0)
+CAMERA = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0, axis=(1.0, 2.0))
 
 
 @pytest.fixture
@@ -70,14 +70,14 @@ def test_a_mesh_without_subdivision_stays_as_it_is(cages, monkeypatch) -> None:
     assert not same(refined.meshes[0], plain)
 
 
-@pytest.mark.parametrize("other", ["camera", "width", "cage", "detailed"])
+@pytest.mark.parametrize("other", ["camera", "axis", "width", "cage", "detailed"])
 def test_what_differs_is_made_anew(other, cages, calls) -> None:
     Refinery("auto", 64).refined(cages, CAMERA)
     calls.clear()
     if other == "cage":
         mesh = replace(cages.meshes[0], subdivision=Subdivision("bilinear"))
         cages = make_asset("a", [mesh], cages.instances, cages.slots)
-    camera = replace(CAMERA, distance=9.0) if other == "camera" else CAMERA
+    camera = {"camera": replace(CAMERA, distance=9.0), "axis": replace(CAMERA, axis=(2.0, 1.0))}.get(other, CAMERA)
     Refinery("auto", 80 if other == "width" else 64).refined(cages, camera, (0,) if other == "detailed" else ())
     assert "refinement_levels" in calls
 

@@ -2,16 +2,20 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from usd_text import METRES, image, job_toml, material, shader
 
+from lookdev.asset import load_asset
 from lookdev.asset.silhouette import outline
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job
+from lookdev.job.rendered import rendered
 from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.job.wear import NEUTRAL, Dressed
 from lookdev.scene import Pose, Scene
 
 CUBE = f"""{METRES}
@@ -145,6 +149,14 @@ def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp
     (fault,) = caught.value.faults
     assert (fault.file, fault.where) == (str(tmp_path / "job.toml"), "look[1]")
     assert "'st'; it has: map1, map2" in fault.what
+
+
+def test_an_asset_that_no_camera_frames_is_a_fault_of_the_camera(make: Make, tmp_path: Path) -> None:
+    job = parse_job(f"{job_toml('paint = paint.usda')}camera.margin = 1.1\n", tmp_path / "job.toml")
+    point = replace(load_asset(builtin="plane"), radius=0.0)
+    dressed = {"paint": Dressed(point, dict.fromkeys([slot.path for slot in point.slots], NEUTRAL), frozenset(), ())}
+    with pytest.raises(FaultsError, match=r"job\.toml: camera: the asset's bounding radius is 0\.0 m"):
+        rendered(job, dressed, None, {"paint": "look[0]"}, [])
 
 
 def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:

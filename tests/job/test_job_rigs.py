@@ -14,6 +14,7 @@ from lookdev.job.scenes import job_scenes
 from lookdev.light import Dome, RectLight, load_environment, prepare_light
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.placed import PlacedLight
+from lookdev.scene.ground import PATH
 
 LOOK = "#usda 1.0\n" + material()
 SCALED = 'over "Body" {{\nfloat3 xformOp:scale = ({0}, {0}, {0})\n}}'
@@ -154,6 +155,22 @@ def test_faults_of_a_rig_are_those_of_its_file(folder: Path, old: str, new: str,
     with pytest.raises(FaultsError) as raised:
         job_scenes(parse(JOB, folder))
     assert str(raised.value).startswith(fault.format(rig=folder / "rig.usda"))
+
+
+def test_faults_of_a_light_have_its_place(folder: Path) -> None:
+    (folder / "sky.exr").write_text("no EXR")
+    with pytest.raises(FaultsError) as raised:
+        job_scenes(parse(JOB.replace('builtin = "white"', 'file = "sky.exr"'), folder))
+    (fault,) = raised.value.faults
+    assert (fault.file, fault.where) == (str(folder / "job.toml"), "ibl[0]")
+    assert str(folder / "sky.exr") in fault.what
+
+
+def test_a_light_may_be_linked_to_the_ground(folder: Path) -> None:
+    (folder / "rig.usda").write_text(RIG.replace("/Car/Bdoy", PATH))
+    (note,) = job_scenes(parse(JOB, folder)).notes
+    assert note == f"rig 'studio': /Rig/Key is linked to {PATH}, but the asset has no such part"
+    assert job_scenes(parse(f"{JOB}[ground]\n", folder)).notes == ()
 
 
 def test_a_prim_that_is_not_there_is_a_fault_with_what_there_is(folder: Path) -> None:

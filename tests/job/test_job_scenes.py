@@ -264,6 +264,20 @@ def test_a_layer_that_overrides_nothing_is_noted(make: Make, folder: Path) -> No
     assert any("/Car/Lfet: overrides a prim that is not there" in note for note in make('layer = "looks.usda"').notes)
 
 
+def test_an_asset_without_a_surface_is_a_fault_of_its_layer_or_of_itself(make: Make, folder: Path) -> None:
+    folder.joinpath("looks.usda").write_text('#usda 1.0\nover "Car" ( active = false ) {\n}\n')
+    (fault,) = faults(make, 'layer = "looks.usda"')
+    assert fault.startswith("job.toml: look[0].layer: ")
+    (fault,) = faults(make, asset=f'{CAR}, prim = "/Car/Paint"')
+    assert fault.startswith("job.toml: asset: ")
+
+
+def test_a_fault_of_a_material_that_the_asset_binds_is_that_of_its_file(make: Make, folder: Path) -> None:
+    (folder / "car.usda").write_text(ASSET.replace(ROUGH.format(0.75), ROUGH.format(2.0)))
+    (fault,) = faults(make)
+    assert fault.startswith("car.usda: /Car/Rubber/Base.inputs:roughness: ")
+
+
 def test_a_star_makes_a_look_of_each_variant_of_the_asset(make: Make) -> None:
     every = make('variants = { finish = "*" }')
     assert [look.name for look in every.job.look] == ["one_gloss", "one_matt"]

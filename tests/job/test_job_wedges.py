@@ -8,9 +8,10 @@ from usd_text import METRES, card, job_toml, shader
 
 from lookdev.batch.prepare import plan_job, prepare_job, read_setups
 from lookdev.codegen import ShaderSource
-from lookdev.errors import FaultsError
+from lookdev.errors import Fault, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.job.wedges import expand_wedges
 
 STACK = (
     "token inputs:base.connect = </Paint/Base.outputs:layer>",
@@ -128,9 +129,14 @@ BY = '\nby = { parameter = "exposure", values = [1] }'
         ('parameter = "Base.roughness"\nvalues = [0.5, 0.5]\n', "wedge[0].values", "0.5 is there twice"),
         ('parameter = "Base.roughness"\n', "wedge[0].range", "exactly one of 'values' and 'range'"),
         ('parameter = "Base.roughness"\nrange = [0, 1, 1]\n', "wedge[0].range[2]", "greater than or equal to 2"),
-        ('parameter = "Base.roughness"\nlook = "pant"\nvalues = [0.1]', "wedge[0].look", "did you mean 'paint'"),
+        (
+            'parameter = "Base.roughness"\nlook = "pant"\nvalues = [0.1]',
+            "wedge[0].look",
+            "the job has no look 'pant' (did you mean 'paint'?)",
+        ),
         ('parameter = "exposure"\nrig = "tree"\nvalues = [0.1]', "wedge[0].rig", "did you mean 'three'"),
         ('parameter = "exposure"\nvalues = [99]', "wedge[0]", "exposure cannot be 99"),
+        ('parameter = "rotation"\nvalues = ["90"]', "wedge[0]", "rotation cannot be '90'"),
         ('parameter = "light:kye.intensity"' + THREE, "light:kye.intensity", "did you mean 'key'"),
         ('parameter = "light:key.intnsity"' + THREE, "light:", "did you mean 'intensity'"),
         ('parameter = "light:key.color"' + THREE, "light:", "it is a color3f"),
@@ -141,16 +147,30 @@ BY = '\nby = { parameter = "exposure", values = [1] }'
 def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, said: str) -> None:
     with pytest.raises(FaultsError) as caught:
         scenes(tmp_path, wedge(text))
-    messages = [f"{fault.what} {fault.hint}" for fault in caught.value.faults if fault.where.startswith(where)]
+    messages = [f"{fault.what} ({fault.hint})" for fault in caught.value.faults if fault.where.startswith(where)]
     assert any(said in fault for fault in messages), caught.value
 
 
 def test_two_wedges_of_one_name(tmp_path: Path) -> None:
     other = ROUGHNESS.replace("0.1", "0.2")
-    with pytest.raises(FaultsError, match=r"another wedge is called 'Base\.roughness'"):
-        scenes(tmp_path, ROUGHNESS + other)
+    (tmp_path / "paint.usda").write_text(LOOK)
+    reported: list[Fault] = []
+    expand_wedges(parse_job(JOB + ROUGHNESS + other, tmp_path / "job.toml"), reported)
+    what, hint = "another wedge is called 'Base.roughness'", "give each wedge its own name"
+    assert reported == [Fault(str(tmp_path / "job.toml"), "wedge[1]", what, hint)]
     shown = scenes(tmp_path, ROUGHNESS + other.replace("values", 'name = "fine"\nvalues'))
     assert {sheet.name for sheet in shown.sheets} == {"Base.roughness", "fine"}
+
+
+def test_the_frames_of_wedges_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "paint.usda").write_text(LOOK)
+    text = JOB.replace("frames = 1", "frames = 3") + ROUGHNESS
+    job = parse_job(text, tmp_path / "job.toml")
+    monkeypatch.setattr("lookdev.job.scenes.MOST_FRAMES", 24)
+    assert len(job_scenes(job).scenes) == 8
+    monkeypatch.setattr("lookdev.job.scenes.MOST_FRAMES", 23)
+    with pytest.raises(FaultsError, match=r"wedge: wedges make 24 frames of the job; at most 23 .*\(write several"):
+        job_scenes(job)
 
 
 def test_a_look_without_a_material_of_its_own_has_nothing_to_vary(tmp_path: Path) -> None:
