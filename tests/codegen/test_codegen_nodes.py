@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from node_interpreter import Interpreter, shape_input
 
-from lookdev.brdf.vectors import dot, mix, mix_color, normalize
+from lookdev.brdf.vectors import cross, dot, mix, mix_color, normalize, vector
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, Link, NodeTree
 from lookdev.codegen.trace.graph import Graph
@@ -83,6 +83,10 @@ def checked(result: Any, low: float = 0.1, high: float = 2.0) -> Counter[str]:
         lambda u, v, **_: dot(u, v) + u[..., 1],
         lambda a, u, v, **_: np.where(np.expand_dims(a > 1.0, -1), u, v) / np.maximum(u, 0.5),
         lambda u, v, w, **_: normalize(u - w) + normalize(v),
+        # Two components of a vector that one node computes, and a third that is none of it.
+        lambda u, v, w, **_: vector(cross(u, v)[..., 0], cross(u, v)[..., 1], cross(u, w)[..., 2]),
+        lambda u, v, **_: vector(*(u[..., i] * (1.0 / np.sqrt(dot(w, w))) for i, w in enumerate((u, u, v)))),
+        lambda u, **_: vector(normalize(u)[..., 0], normalize(u)[..., 1], u[..., 2] / (1.0 / np.sqrt(dot(u, u)))),
     ],
 )
 def test_nodes_compute_what_was_traced(result: Any) -> None:
@@ -112,6 +116,9 @@ def test_expm1_keeps_small_numbers() -> None:
         (lambda u, v, **_: dot(u, v), {"DOT_PRODUCT": 1}),
         (lambda u, **_: dot(u, np.array([0.3, 0.6, 0.1])), {"DOT_PRODUCT": 1}),
         (lambda u, **_: (u[..., 0] + u[..., 1] + u[..., 2]) * (1.0 / 3.0), {"DOT_PRODUCT": 1}),
+        (lambda u, **_: np.sum(u, axis=-1) * (1.0 / 3.0), {"DOT_PRODUCT": 1}),
+        (lambda u, v, **_: cross(u, v), {"CROSS_PRODUCT": 1}),
+        (lambda u, **_: cross(u, np.array([0.3, 0.6, 0.1])), {"CROSS_PRODUCT": 1}),
         (lambda u, **_: normalize(u), {"NORMALIZE": 1}),
         (lambda a, **_: np.stack([a, a, a], axis=-1), {}),
         (lambda u, **_: u[..., 1], {"SeparateXYZ": 1}),

@@ -8,12 +8,13 @@ import pytest
 from random_parameters import directions
 
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import Delta, Directions
+from lookdev.brdf.table import Table, look_up
 from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node
-from lookdev.codegen.trace.lobes import present_lobes
-from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, depends_on, in_order, reachable
+from lookdev.codegen.trace.lobes import INSIDE, present_deltas, present_lobes, trace_mixture
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
 
 
@@ -85,6 +86,31 @@ def test_constants_that_compare_equal_stay_apart(graph: Graph, a: float, b: floa
     assert graph.apply("arctan2", graph.symbol("x"), a) is not graph.apply("arctan2", graph.symbol("x"), b)
 
 
+def test_what_is_computed_from_uniforms_and_constants_is_uniform(graph: Graph) -> None:
+    varied = uniforms(graph, [0.3, 0.7]) * 5.0
+    assert np.array_equal(varied, [1.5, 3.5])
+    assert [type(element) for element in elements_of(varied)] == [Uniform, Uniform]
+    assert type(graph.apply("multiply", 0.3, 5.0)) is float
+
+
+def test_a_node_depends_on_the_symbols_under_it_alone(graph: Graph) -> None:
+    a, b = graph.symbol("a"), graph.symbol("b")
+    first, second = graph.apply("sin", a), graph.apply("sin", b)
+    both = graph.apply("add", first, second)
+    assert depends_on([both], frozenset({"a"})) == {a, first, both}
+
+
+def test_nodes_come_once_and_after_their_operands(graph: Graph) -> None:
+    a = graph.symbol("a")
+    sine, cosine = graph.apply("sin", a), graph.apply("cos", a)
+    both = graph.apply("add", sine, cosine)
+    assert list(in_order([sine, both, 1.0, a])) == [a, sine, cosine, both]
+    assert list(in_order([both], stop=lambda node: node is sine)) == [a, cosine, both]
+    assert list(in_order([both], stop=lambda node: node is both)) == []
+    assert reachable([both, a, a]).keys() == {both, cosine, a, sine}
+    assert reachable([both], stop=[sine, cosine]).keys() == {both, sine, cosine}
+
+
 def test_shapes_are_those_of_numpy(x: SymbolicArray, v: SymbolicArray) -> None:
     assert (x.shape, x.ndim, v.shape, v.ndim) == ((), 0, (3,), 1)
     assert np.stack([x, x * 2.0], axis=-1).shape == (2,)
@@ -135,6 +161,43 @@ def test_every_operation_computes_what_numpy_does(graph: Graph) -> None:
         traced = graph.apply(op, *(graph.symbol(name) for name in names))
         wanted = getattr(np, op)(*(given[name] for name in names))
         np.testing.assert_array_equal(compute(traced, given, {}), wanted, err_msg=op)
+
+
+def test_colors_of_a_table_are_the_last_axis(graph: Graph) -> None:
+    table, columns = Table(np.arange(24.0).reshape(2, 4, 3)), {"a": 3.0, "b": 0.0}
+    traced = look_up(table, 1.0, symbols(graph, list(columns)))  # type: ignore[arg-type]
+    assert traced.shape == (2, 3)
+    assert [compute(element, columns, {}) for element in elements_of(traced)] == [21.0, 22.0, 23.0, 12.0, 13.0, 14.0]
+
+
+@pytest.mark.parametrize("name", ["mirror", "glass"])
+def test_traced_directions_are_those_of_numpy_from_outside_and_inside(graph: Graph, name: str) -> None:
+    bsdf, wo = MODELS[name].bsdf(MODELS[name].complete({})), directions(np.random.default_rng(3), 40)
+    inside = np.arange(40) % 2
+    numbers = dict(zip((*WO, INSIDE), [*wo.T, inside], strict=True))
+    for delta, wanted in zip(present_deltas(graph, bsdf), bsdf.deltas(wo, inside > 0), strict=True):
+        for part, expected in ((delta.direction, wanted.direction), (delta.value, wanted.value)):
+            columns = [np.broadcast_to(compute(element, numbers, {}), 40) for element in elements_of(part)]
+            np.testing.assert_allclose(np.stack(columns, axis=-1), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("color", "present"), [((0.0, 0.0, 0.0), False), ((0.0, 0.0, 0.5), True)])
+def test_a_single_direction_without_light_vanishes(
+    graph: Graph, v: SymbolicArray, color: tuple[float, ...], present: bool
+) -> None:
+    bsdf = Bsdf(lambda _: (), deltas=lambda wo, inside: (Delta("model", "name", wo, np.array(color)),))
+    assert bool(present_deltas(graph, bsdf)) == present
+    textured = Bsdf(lambda _: (), deltas=lambda wo, inside: (Delta("model", "name", wo, v * np.array(color)),))
+    assert bool(present_deltas(graph, textured)) == present
+
+
+def test_the_viewer_is_above_the_horizon_and_each_lobe_has_a_share(graph: Graph) -> None:
+    model = CONTINUOUS["disney"]
+    bsdf = model.bsdf(model.complete({}) | {name: symbol(graph, name) for name in ("metallic", "clearcoat")})
+    mixture = trace_mixture(graph, present_lobes(graph, bsdf))
+    assert len(mixture.lobes) > 2
+    for value in (mixture.wo[..., 2], mixture.total, *(lobe.share for lobe in mixture.lobes)):
+        assert elements_of(value > 0.0) == [True]
 
 
 def test_every_operation_that_stays_has_code() -> None:
