@@ -201,8 +201,12 @@ def _likely(wi: Floats, grid: HalfVectorGrid, density: Integral) -> float:
     """Return the p-value of samples `wi` against a pdf by bins; below the horizon is one more bin."""
     above = wi[:, 2] > 0.0
     counts = np.bincount(grid.bin_of(wi[above]), minlength=density.bins.size)
-    expected = np.append(density.bins, max(1.0 - density.total, 0.0)) * len(wi)
-    return p_value(np.append(counts, np.count_nonzero(~above)), expected)
+    return p_value(np.append(counts, np.count_nonzero(~above)), _shares(density) * len(wi))
+
+
+def _shares(density: Integral) -> Floats:
+    """Return the share of samples in each bin, and below the horizon."""
+    return np.append(density.bins, max(1.0 - density.total, 0.0))
 
 
 @lru_cache(maxsize=8)
@@ -212,7 +216,8 @@ def _grid(wo: tuple[float, ...], fineness: float = 1.0) -> HalfVectorGrid:
 
 def _distance(coarse: Integral, fine: Integral) -> float:
     """Return the chi-square statistic between two densities; bins of less than one sample are pooled with others."""
-    return ((coarse.bins - fine.bins) ** 2 / np.maximum(fine.bins, 1.0 / _SAMPLES)).sum() * _SAMPLES
+    change, shares = _shares(coarse) - _shares(fine), _shares(fine)
+    return (change**2 / np.maximum(shares, 1.0 / _SAMPLES)).sum() * _SAMPLES
 
 
 def _resolved(bsdf: Bsdf, wo: Floats, view: tuple[float, ...]) -> tuple[HalfVectorGrid, HalfVectorGrid]:
@@ -222,7 +227,7 @@ def _resolved(bsdf: Bsdf, wo: Floats, view: tuple[float, ...]) -> tuple[HalfVect
         return _grid(view, fineness).integrate(lambda _, i: pdf(bsdf, wo, i))
 
     fineness, coarse, fine = 1.0, integrate(0.5), integrate(1.0)
-    while fineness < 8.0 and _distance(coarse, fine) > 0.05 * fine.bins.size:
+    while fineness < 8.0 and _distance(coarse, fine) > 0.01 * fine.bins.size:
         fineness, coarse, fine = 2.0 * fineness, fine, integrate(2.0 * fineness)
     return _grid(view, fineness), _grid(view, 0.5 * fineness)
 
