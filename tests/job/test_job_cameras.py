@@ -121,9 +121,9 @@ def test_props_that_hide_what_a_camera_of_a_file_sees_are_noted(folder: Path) ->
 def test_props_too_small_to_measure_are_noted_and_an_asset_behind_the_camera_is_a_fault(folder: Path) -> None:
     (note,) = job_scenes(job_of(folder, 'usd = "/Shot"\n[charts]')).notes
     assert note.startswith("[charts] is not measured: ")
-    (folder / "asset.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, -0.5)"))
+    (folder / "behind.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, -0.5)"))
     with pytest.raises(FaultsError, match=r"job\.toml: charts: the middle of the asset is behind the camera"):
-        job_scenes(job_of(folder, 'usd = "/Shot"\n[charts]'))
+        job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "behind.usda"\n[charts]'))
 
 
 def test_equal_assets_share_a_camera(folder: Path) -> None:
