@@ -69,7 +69,9 @@ class HalfVectorGrid:
         # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
         area = (density * weights)[:, :, None] * weights * (2.0 * np.pi / (self._cells[0] * self._cells[1]))
         wi = 2.0 * cos_d[..., None] * wm - self.wo
-        return wi.reshape(len(corner), -1, 3), (4.0 * np.maximum(cos_d, 0.0) * area).reshape(len(corner), -1)
+        # The horizon may go between cells: then none has an edge.
+        flat = (len(corner), len(nodes) ** 2)
+        return wi.reshape(*flat, 3), (4.0 * np.maximum(cos_d, 0.0) * area).reshape(flat)
 
     def integrate(self, function: Callable[[Floats, Floats], Floats]) -> Integral:
         """Integrate ``function(wo, wi)``, zero below the horizon, over solid angle."""
