@@ -216,8 +216,8 @@ def _grid(wo: tuple[float, ...], fineness: float = 1.0) -> HalfVectorGrid:
 
 def _distance(coarse: Integral, fine: Integral) -> float:
     """Return the chi-square statistic between two densities; bins of less than one sample are pooled with others."""
-    change, shares = _shares(coarse) - _shares(fine), _shares(fine)
-    return (change**2 / np.maximum(shares, 1.0 / _SAMPLES)).sum() * _SAMPLES
+    shares = _shares(fine)
+    return ((_shares(coarse) - shares) ** 2 / np.maximum(shares, 1.0 / _SAMPLES)).sum() * _SAMPLES
 
 
 def _resolved(bsdf: Bsdf, wo: Floats, view: tuple[float, ...]) -> tuple[HalfVectorGrid, HalfVectorGrid]:

@@ -175,10 +175,10 @@ def test_traced_directions_are_those_of_numpy_from_outside_and_inside(graph: Gra
     bsdf, wo = MODELS[name].bsdf(MODELS[name].complete({})), directions(np.random.default_rng(3), 40)
     inside = np.arange(40) % 2
     numbers = dict(zip((*WO, INSIDE), [*wo.T, inside], strict=True))
-    for delta, wanted in zip(present_deltas(graph, bsdf), bsdf.deltas(wo, inside > 0), strict=True):
-        for part, expected in ((delta.direction, wanted.direction), (delta.value, wanted.value)):
+    for delta, expected in zip(present_deltas(graph, bsdf), bsdf.deltas(wo, inside > 0), strict=True):
+        for part, values in ((delta.direction, expected.direction), (delta.value, expected.value)):
             columns = [np.broadcast_to(compute(element, numbers, {}), 40) for element in elements_of(part)]
-            np.testing.assert_allclose(np.stack(columns, axis=-1), expected, rtol=1e-12)
+            np.testing.assert_allclose(np.stack(columns, axis=-1), values, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("color", "present"), [((0.0, 0.0, 0.0), False), ((0.0, 0.0, 0.5), True)])

@@ -156,8 +156,8 @@ def test_two_wedges_of_one_name(tmp_path: Path) -> None:
     (tmp_path / "paint.usda").write_text(LOOK)
     reported: list[Fault] = []
     expand_wedges(parse_job(JOB + ROUGHNESS + other, tmp_path / "job.toml"), reported)
-    what, hint = "another wedge is called 'Base.roughness'", "give each wedge its own name"
-    assert reported == [Fault(str(tmp_path / "job.toml"), "wedge[1]", what, hint)]
+    message, hint = "another wedge is called 'Base.roughness'", "give each wedge its own name"
+    assert reported == [Fault(str(tmp_path / "job.toml"), "wedge[1]", message, hint)]
     shown = scenes(tmp_path, ROUGHNESS + other.replace("values", 'name = "fine"\nvalues'))
     assert {sheet.name for sheet in shown.sheets} == {"Base.roughness", "fine"}
 

@@ -67,8 +67,8 @@ def test_a_local_dome_in_another_space_sends_the_same_light(tmp_path: Path, monk
     u = np.random.default_rng(2).random((100, 2))
     places = np.broadcast_to(PLACE, (100, 3))
     wi = light.sample(places, u)
-    wanted = to_space(light.radiance(places, wi), "acescg")
-    np.testing.assert_allclose(moved.radiance(places, wi), wanted, rtol=1e-6)
+    expected = to_space(light.radiance(places, wi), "acescg")
+    np.testing.assert_allclose(moved.radiance(places, wi), expected, rtol=1e-6)
 
 
 def test_a_local_dome_ends_softly() -> None:

@@ -77,9 +77,9 @@ def test_a_small_bright_spot_costs_little(place: tuple[float, float, float], lea
 
 
 def test_a_point_is_where_its_fractions_are() -> None:
-    width, height, place = 2.0, 1.0, np.tile((0.3, 0.1, -1.0), (100, 1))
+    width, height, position = 2.0, 1.0, np.tile((0.3, 0.1, -1.0), (100, 1))
     u = np.random.default_rng(5).random((100, 2))
-    point = draw_cell(textured(spotted()).means, 0, place, width, height, u)
+    point = draw_cell(textured(spotted()).means, 0, position, width, height, u)
     np.testing.assert_allclose((point.s - 0.5) * width - 0.3, point.x, atol=1e-12)
     np.testing.assert_allclose((point.t - 0.5) * height - 0.1, point.y, atol=1e-12)
 

@@ -139,11 +139,11 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
 def test_a_rectangle_of_any_size_is_sampled_alike(scale: float) -> None:
     """In float32: a power of two changes no digit."""
     grid = strata(16)
-    for place in np.array([(-0.3, 0.2, -1e-6), (4.0, -0.1, -1e-3), (0.5, 0.5, -0.3)]):
+    for position in np.array([(-0.3, 0.2, -1e-6), (4.0, -0.1, -1e-3), (0.5, 0.5, -0.3)]):
         point, scaled = (
             draw(seen_part(places, width, height), u)
             for places, width, height, u in (
-                single(np.tile(factor * place, (len(grid), 1)), factor * 10.0, factor * 3.0, grid)
+                single(np.tile(factor * position, (len(grid), 1)), factor * 10.0, factor * 3.0, grid)
                 for factor in (1.0, scale)
             )
         )
@@ -152,8 +152,8 @@ def test_a_rectangle_of_any_size_is_sampled_alike(scale: float) -> None:
 
 
 def test_directions_to_a_rectangle_from_behind_are_along_its_z() -> None:
-    place = np.array([(0.3, -0.2, 2.0), (0.3, -0.2, 0.0)])
-    towards = towards_plane(place, draw(seen_part(place, 2.0, 1.0), np.full((2, 2), 0.25)))
+    positions = np.array([(0.3, -0.2, 2.0), (0.3, -0.2, 0.0)])
+    towards = towards_plane(positions, draw(seen_part(positions, 2.0, 1.0), np.full((2, 2), 0.25)))
     np.testing.assert_array_equal(towards, np.broadcast_to((0.0, 0.0, 1.0), (2, 3)))
 
 

@@ -123,6 +123,6 @@ def test_a_light_is_kept_that_reaches_the_asset_in_any_pose() -> None:
     facing_x = ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))
     lights = (light(linked=False), RectLight(width=0.1, height=0.1, position=(4.0, 0.0, 0.0), axes=facing_x))
     scene = Scene.of_look(asset, GREY, lights[0], (8, 8))
-    for axis, kept in (((3.0, 0.0), lights), ((0.0, 0.0), lights[:1])):
+    for axis, remaining in (((3.0, 0.0), lights), ((0.0, 0.0), lights[:1])):
         turning = replace(scene, lights=lights, camera=replace(scene.camera, axis=axis))
-        assert turning.without_idle_lights().lights == kept
+        assert turning.without_idle_lights().lights == remaining

@@ -249,7 +249,7 @@ def test_buffers_are_kept_of_the_last_two_scenes_alone(server: Served) -> None:
         return set(re.findall(r'"buffer": "(\w+)"', json.dumps(server.json("/scene"))))
 
     first, second, third = map(buffers_in, ("white", "three_point", "softbox_product"))
-    assert [server.ask(f"/buffers/{min(each)}")[0] for each in (first - second - third, second - third, third)] == [
+    assert [server.ask(f"/buffers/{min(names)}")[0] for names in (first - second - third, second - third, third)] == [
         404, 200, 200,
     ]  # fmt: skip
     buffers_in("white")

@@ -48,8 +48,8 @@ function editor({ id, key, of, label, title, kinds, had, color = false, acts, gi
     if (!error) drafts.delete(key);
     else {
       keep({ problem: error });
-      const shown = [...document.querySelectorAll(".mask .problem")].find((element) => element.dataset.of === key);
-      if (shown) Object.assign(shown, { hidden: false, textContent: error });
+      const paragraph = [...document.querySelectorAll(".mask .problem")].find((element) => element.dataset.of === key);
+      if (paragraph) Object.assign(paragraph, { hidden: false, textContent: error });
     }
   };
   const box = made("div", { className: "mask" }, made("div", { className: "row", title }, made("span", { textContent: label }), choice));
