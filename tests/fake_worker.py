@@ -1,8 +1,8 @@
 """A render worker of the real protocol without a renderer, with faults that tests choose.
 
 Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps a frame's first file name to the behaviour at each try; the
-last is that of all further tries, and other frames are rendered. FOLDER/requests.txt lists every request and
-FOLDER/pids.txt every start.
+last is that of all further tries, and other frames are rendered. FOLDER/requests.txt lists every request,
+FOLDER/pids.txt every start, and FOLDER/hangs.txt has the process that hangs.
 """
 
 import json
@@ -94,6 +94,7 @@ def act(task: dict, how: str) -> None:
         case "ready":
             send(type="ready", blender="0.0")
         case "hang":
+            (folder / "hangs.txt").write_text(str(os.getpid()))
             time.sleep(60)
         case "child":
             child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])

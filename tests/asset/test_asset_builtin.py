@@ -46,6 +46,14 @@ def test_it_is_watertight(assets, name):
         assert (np.diff(forth) > 0).all()
 
 
+def test_a_triangle_at_a_pole_has_the_u_of_its_middle_there():
+    (mesh,) = make_sphere(8, 4).meshes
+    u, v = mesh.uvs["st"][np.repeat(mesh.face_sizes == 3, mesh.face_sizes)].reshape(-1, 3, 2).transpose(2, 0, 1)
+    at_pole = (v == 0.0) | (v == 1.0)
+    assert at_pole.sum() == 2 * 8
+    np.testing.assert_allclose(u[at_pole], np.where(at_pole, 0.0, u).sum(axis=1) / 2.0, atol=1e-7)
+
+
 def test_the_plane_is_a_card_that_faces_the_camera(assets):
     asset = assets["plane"]
     assert (asset.center, asset.radius) == ((0.0, 0.0, 0.0), pytest.approx(np.sqrt(2.0)))

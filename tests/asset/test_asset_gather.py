@@ -89,6 +89,7 @@ def test_many_small_meshes_are_one() -> None:
     joined = gathered(asset)
     assert len(joined.meshes) == len(joined.instances) == 1
     assert joined.meshes[0].corner_points.dtype == np.int32
+    assert joined.meshes[0].name == "/0 and 79 others"
     assert joined.slots == asset.slots
     assert_same_surface(asset, joined)
 

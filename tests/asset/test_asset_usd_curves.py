@@ -96,6 +96,14 @@ def test_a_periodic_spline_is_a_ring_without_ends_or_seam():
     assert (st.min(), st.max()) == (0.0, 1.0)
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-8])
+def test_a_spline_that_returns_to_its_start_is_closed_at_any_scale(scale):
+    loop = np.concatenate([CIRCLE, CIRCLE[:3]])
+    for points, ends in ((loop, 0), (loop[:-1], 2)):
+        shape = shape_of(curves(points * scale, widths=[0.2 * scale]))
+        assert (shape.face_sizes == SIDES).sum() == ends
+
+
 def bezier(points, t):
     p = np.asarray(points, float)
     pieces = (len(p) - 1) // 3

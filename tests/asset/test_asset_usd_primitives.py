@@ -52,6 +52,7 @@ CASES = [
     ("Capsule_1", {"radiusBottom": 1.0, "radiusTop": 0.25, "height": 2.0}, capsule(1.0, 0.25, 2.0)),
     ("Capsule_1", {"radiusBottom": 0.25, "radiusTop": 1.0, "height": 2.0}, capsule(0.25, 1.0, 2.0)),
     ("Capsule_1", {"radiusBottom": 0.0, "radiusTop": 1.0, "height": 2.0}, capsule(0.0, 1.0, 2.0)),
+    ("Capsule_1", {"radiusBottom": 1.0, "radiusTop": 0.9, "height": 0.5}, capsule(1.0, 0.9, 0.5)),
     ("Capsule_1", {"radiusBottom": 1.0, "radiusTop": 0.25, "height": 0.5}, (4.0 * np.pi, 4.0 / 3.0 * np.pi)),
 ]
 
@@ -108,6 +109,12 @@ def test_the_normals_of_a_cylinder_are_sharp_at_its_rims(axis, bottom, top):
     away = side & (np.linalg.norm(points[:, across], axis=1) > 0.0)  # not at an apex
     radial = points[np.ix_(away, across)] / np.linalg.norm(points[away][:, across], axis=1, keepdims=True)
     np.testing.assert_allclose(normals[np.ix_(away, across)], np.sqrt(1.0 - slope**2) * radial, atol=1e-12)
+
+
+@pytest.mark.parametrize(("bottom", "top", "center"), [(1.0, 0.25, -0.25), (0.25, 1.0, 0.25)])
+def test_a_capsule_whose_spheres_contain_each_other_is_the_larger_one(bottom, top, center):
+    heights = shape_of("Capsule_1", radiusBottom=bottom, radiusTop=top, height=0.5).points[:, 2]
+    np.testing.assert_allclose([heights.min(), heights.max()], [center - 1.0, center + 1.0])
 
 
 def test_a_tapered_capsule_is_tangent_to_both_spheres():

@@ -10,7 +10,7 @@ import MaterialX as mx
 import numpy as np
 import pytest
 from look_files import faults_of, rotated, write_gray
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS
 from lookdev.errors import OutputError
@@ -52,9 +52,14 @@ def document(folder: Path, *inputs: str, nodes="", material=MATERIAL, attributes
 
 
 def as_look(imported: Imported) -> Layer:
-    """Write what was imported, read it as a look and return its one layer."""
+    """Write what was imported, read it as a look and return its one layer; connections join what is of one type."""
     usda = imported.file.with_suffix(".usda")
     write_usda(imported, usda, replace=True)
+    stage = Usd.Stage.Open(str(usda))
+    for prim in stage.Traverse():
+        for target in UsdShade.ConnectableAPI(prim).GetInputs():
+            for source in target.GetValueProducingAttributes():
+                assert source.GetTypeName().type == target.GetTypeName().type
     (layer,) = read_look(usda).layers
     return layer
 

@@ -106,16 +106,13 @@ def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
     case.misbehave(tmp_path, element_0002=["hang", "ok"])
-    found, killed = [], False
-    for each in render(executor, plan):
-        found.append(each)
-        if not killed and "element.0002.exr" in case.requests(tmp_path):
-            # The renderer that hangs is that of a chunk in flight; its parent is the worker of Dask.
-            for pid in case.worker_pids(tmp_path):
-                if case.is_alive(pid):
-                    parent = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
-                    os.kill(parent, signal.SIGKILL)
-                    killed = True
+    found, killed, hangs = [], False, tmp_path / "hangs.txt"
+    for happening in render(executor, plan):
+        found.append(happening)
+        if not killed and hangs.exists() and (renderer := hangs.read_text()):
+            worker = int(Path(f"/proc/{renderer}/stat").read_text().rpartition(")")[2].split()[1])
+            os.kill(worker, signal.SIGKILL)  # of Dask: the renderer's parent
+            killed = True
     assert killed
     assert stems(found, Finished) == ALL
 
