@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from numpy.typing import NDArray
 from usd_text import card, shader, translate, variant_set
 
 from lookdev.batch.inspect import MOST_LINES, Inspection, inspect_file
@@ -161,10 +162,36 @@ def test_parts_of_many_share_colours_by_group(paths: list[str], names: list[str]
 
 
 def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
-    file = tmp_path / "legend.png"
     picture = np.full((40, 60, 3), 7, np.uint8)
-    write_legend(file, picture, "robot", [(f"part {i}", (0.5, 0.0, 0.0)) for i in range(4)], "Raw")
-    pixels = oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8)
+
+    def written(title: str, *names: str) -> NDArray[np.uint8]:
+        file = tmp_path / "legend.png"
+        write_legend(file, picture, title, [(name, (0.5, 0.0, 0.0)) for name in names], "Raw")
+        return np.asarray(oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8))
+
+    names = [f"part {number}" for number in range(4)]
+    pixels = written("robot", *names)
     assert (pixels[:40, :60] == 7).all()
     assert pixels.shape[0] > 40  # the list is longer than the picture
-    assert (pixels == (128, 0, 0)).all(axis=-1)[:, 60:].any(axis=1).sum() == 4 * 14
+    squares = (pixels == (128, 0, 0)).all(axis=-1)
+    assert squares[:, 60:].any(axis=1).sum() == 4 * 14
+    right = 60 + np.flatnonzero(squares[:, 60:].any(axis=0)).max()
+    tops = np.flatnonzero(np.diff(squares.any(axis=1).astype(int)) == 1) + 1
+
+    def changed(other: NDArray[np.uint8]) -> tuple[int, int, int]:
+        """Return the first and last row, and the first column, in which pictures differ."""
+        rows, columns = np.nonzero((other != pixels).any(axis=-1))
+        return rows.min(), rows.max(), columns.min()
+
+    # The title is above the list, and each name beside its square.
+    first, last, left = changed(written("lamp", *names))
+    assert 0 < first < last < tops[0]
+    assert left > 60
+    for number, top in enumerate(tops):
+        first, last, left = changed(written("robot", *names[:number], "gqX", *names[number + 1 :]))
+        assert top - 4 <= first < last <= top + 18
+        assert left > right
+    # A name that is too long is cut, and stays in the picture.
+    long = written("robot" * 20, "part" * 40, *names[1:])
+    assert long.shape == pixels.shape
+    assert (long[:, -4:] == long[0, -1]).all()

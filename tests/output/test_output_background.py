@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lookdev.light import Turned, make_environment, prepare_light
+from lookdev.light import Emission, SphereLight, Turned, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
+from lookdev.output import background as background_module
 from lookdev.output.background import environment_background
 from lookdev.render.task import FrameTask, SceneTask, one_frame
 from lookdev.scene import Camera, Lens, Pose, camera_rays
@@ -53,3 +54,33 @@ def test_a_small_aperture_blurs_nothing(frame_of: FrameOf) -> None:
     assert blurred.shape == sharp.shape
     assert blurred.min() >= 0.0
     assert np.abs(blurred / sharp - 1.0).max() > 0.3
+
+
+@pytest.mark.parametrize("lens", [None, Lens(0.5, 2.5)])
+def test_lamps_that_the_camera_sees_are_behind_the_asset(lens: Lens | None, frame_of: FrameOf) -> None:
+    frame, count = frame_of(replace(CAMERA, lens=lens)), 100000
+    seen, unseen = (
+        SphereLight(radius=0.4, position=position, emission=Emission((6.0, 4.0, 2.0), camera=camera))
+        for position, camera in (((0.4, 0.3, -0.2), True), ((-0.4, 0.0, 0.2), False))
+    )
+    background = environment_background(replace(frame, scene=replace(frame.scene, lights=(seen, unseen))))
+    u = np.random.default_rng(0).random((count, 4))
+    places = u[:, :2] * SIZE
+    origin, direction = camera_rays(frame.scene.camera, POSE, SIZE, *places.T, u[:, 2:] if lens else None)
+    radiance = Turned(seen, POSE.lighting - POSE.element).radiance(origin, direction)
+    # How much light, and where: the mean, and those of columns and rows, within four standard errors.
+    weights, grid = np.c_[np.ones(count), places], np.moveaxis(np.mgrid[: SIZE[1], : SIZE[0]][::-1] + 0.5, 0, -1)
+    moments = weights[:, :, None] * radiance[:, None]
+    found = np.einsum("yxk,yxc->kc", np.insert(grid, 0, 1.0, axis=-1), background) / (SIZE[0] * SIZE[1])
+    assert (np.abs(found - moments.mean(axis=0)) < 4.0 * moments.std(axis=0) / math.sqrt(count)).all()
+    assert background.max() > 0.0
+
+
+def test_a_disc_of_confusion_is_centred_and_of_the_lenss_size() -> None:
+    camera = replace(CAMERA, lens=Lens(2.0, 2.5))
+    disc = background_module._disc_of_confusion(camera, SIZE[0])
+    steps = np.arange(len(disc)) - len(disc) // 2
+    radius = 0.5 * 2.0 / 2.5 / math.tan(math.radians(20.0)) * SIZE[0] / 2.0
+    np.testing.assert_allclose([disc.sum(), steps @ disc.sum(axis=0), steps @ disc.sum(axis=1)], [1, 0, 0], atol=1e-12)
+    # The mean square of a coordinate over a disc is a quarter of its radius's.
+    assert steps**2 @ disc.sum(axis=0) == pytest.approx(radius**2 / 4.0, rel=0.01)
