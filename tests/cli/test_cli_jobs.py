@@ -127,7 +127,7 @@ def test_example_lists_and_names_the_next_command(run_cli, tmp_path, monkeypatch
     assert code == 0
     for example, line in zip(list_examples(), output.splitlines(), strict=False):
         assert re.fullmatch(rf"{example.name} .*{re.escape(example.title)}", line)
-        assert re.search(r" \d+ (s|min) ", line)
+        assert f" {re.search(r'# About (.*) on two cores', example.file.read_text())[1]} " in line
     code, output, errors = run_cli("example", "first", "--to", "my jobs")
     assert (code, errors) == (0, "")
     assert output.endswith("next: lookdev render 'my jobs/jobs/first.toml'\n")

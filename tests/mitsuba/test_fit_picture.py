@@ -137,6 +137,7 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
     (value,), (error,) = made.found.values["Base.roughness"], made.found.errors["Base.roughness"]
     assert error < 0.02
     assert abs(value - 0.35) < 5.0 * error
+    assert " ± " in made.text()
     (layer,) = read_look(tmp_path / "found.usda").layers
     assert layer.inputs["roughness"] == pytest.approx(value)
     assert layer.inputs["metallic"] == 1.0

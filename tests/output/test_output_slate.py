@@ -1,4 +1,7 @@
+from itertools import groupby, pairwise
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -19,17 +22,41 @@ def frame(path: Path, **changed: str) -> Path:
     return path
 
 
-@pytest.fixture
-def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """The lines of text and their sizes."""
-    lines: list[tuple[str, int]] = []
+class Line(NamedTuple):
+    """A line of text, as it is given to `write_text`."""
 
-    def note(canvas: object, text: str, x: int, y: int, size: int, *given: int) -> None:
-        lines.append((text, size))
-        write_text(canvas, text, x, y, size, *given)
+    text: str
+    x: int
+    baseline: int
+    size: int
+    room: int
+    ink: int
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[Line]:
+    """The lines of text."""
+    lines: list[Line] = []
+
+    def note(canvas: object, *line: object) -> None:
+        lines.append(Line(*line))
+        write_text(canvas, *line)
 
     monkeypatch.setattr("lookdev.output.slate.write_text", note)
     return lines
+
+
+def check_rows(lines: list[Line], width: int) -> None:
+    """Check that texts side by side leave each other room, use what there is, and that rows do not overlap."""
+    rows = [
+        sorted(row, key=attrgetter("x"))
+        for _, row in groupby(sorted(lines, key=attrgetter("baseline")), key=attrgetter("baseline"))
+    ]
+    for row in rows:
+        assert all(one.x + one.room < other.x for one, other in pairwise(row))
+        assert width - 3 * row[-1].size < row[-1].x + row[-1].room <= width
+        assert all(line.x > 0 and 0 < line.ink <= 255 for line in row)
+    assert all(one[0].baseline + one[0].size < other[0].baseline for one, other in pairwise(rows))
 
 
 def test_a_burn_in_says_what_the_frame_is(tmp_path: Path, written: list) -> None:
@@ -38,11 +65,13 @@ def test_a_burn_in_says_what_the_frame_is(tmp_path: Path, written: list) -> None
     given = codes.copy()
     burned = burned_in(codes, file, "gold / sunset / element", "0007", "lookdev (sRGB - Display)")
     np.testing.assert_array_equal(codes, given)
-    text = " ".join(line for line, _ in written)
+    text = " ".join(line.text for line in written)
     for fact in ("robot", "gold", "sunset", "element", "0007", "2026-03-01", "lookdev 0.1.0", "Blender 4.5.15",
                  "relMSE 1.2e-03", "128 samples", "8 x 6", "lookdev (sRGB - Display)"):  # fmt: skip
         assert fact in text
-    assert {size for _, size in written} == {16}  # readable at 480 lines: ascenders of 12 pixels
+    check_rows(written[:2], 640)  # of the upper band,
+    check_rows(written[2:], 640)  # and of the lower one
+    assert {line.size for line in written} == {16}  # readable at 480 lines: ascenders of 12 pixels
     changed = np.flatnonzero((burned != codes).any(axis=(1, 2)))
     assert changed.max() == 479
     assert len(changed) < 0.2 * 480
@@ -67,6 +96,7 @@ def test_alpha_covers_the_text(tmp_path: Path) -> None:
     ink = burned[..., 0] > 0.9
     assert ink.sum() > 100
     assert (burned[..., 3][ink] > 0.9).all()
+    assert (burned[:8, :, 3] > 0.5).all()
     assert (burned[100:400, :, 3] == 0.0).all()
 
 
@@ -83,7 +113,7 @@ def test_a_slate_says_what_the_movie_is_of(tmp_path: Path, written: list) -> Non
         frame(tmp_path / "3.exr", look="tin"),
     ]
     page = slate(files, "sunset / element", "lookdev (sRGB - Display)", 23.976, (480, 640), 3)
-    shown = dict(zip([line for line, _ in written[::2]], [line for line, _ in written[1::2]], strict=True))
+    shown = {key.text: value.text for key, value in zip(written[::2], written[1::2], strict=True)}
     assert shown == {
         "job": "robot", "shows": "sunset / element", "look": "gold, tin", "rig": "sunset",
         "frames": "3 at 23.976 a second", "rendered": "2026-03-01 to 2026-03-02",
@@ -91,6 +121,7 @@ def test_a_slate_says_what_the_movie_is_of(tmp_path: Path, written: list) -> Non
         "resolution": "8 x 6", "view": "lookdev (sRGB - Display)",
     }  # fmt: skip
     assert page.shape == (480, 640, 3)
-    assert {size for _, size in written} == {20}
+    check_rows(written, 640)
+    assert {line.size for line in written} == {20}
     assert np.flatnonzero((page > 0.5).any(axis=(1, 2))).max() < 470  # every line is on the page
     assert (slate(files, "t", "v", 24.0, (48, 64), 4)[..., 3] == 1.0).all()
