@@ -11,7 +11,7 @@ from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
 from lookdev.cache import take_notes
 from lookdev.job import refinery
-from lookdev.job.kept import kept_outline
+from lookdev.job.kept import kept_outline, key_of
 from lookdev.job.refinery import Refinery
 from lookdev.scene import Camera
 
@@ -45,6 +45,12 @@ def same(a: Mesh, b: Mesh) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names) and all(
         list(x) == list(y) and all(np.array_equal(x[name], y[name]) for name in x) for x, y in maps
     )
+
+
+def test_the_key_of_an_asset_without_a_digest_is_by_its_arrays(cages) -> None:
+    mesh = cages.meshes[0]
+    moved = replace(cages, meshes=(replace(mesh, points=mesh.points + np.float32(1.0)),), digest="")
+    assert key_of(replace(cages, digest=""), [], []) != key_of(moved, [], [])
 
 
 @pytest.mark.parametrize("level", ["auto", 1])

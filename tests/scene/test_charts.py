@@ -1,6 +1,7 @@
 """Reference props: published colours, their place in the frame, and cameras that leave room for them."""
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -51,6 +52,20 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
     assert len(strip.measured) == 25
     chart = strip.props[2]
     assert chart.width / 6 == pytest.approx(chart.height / 4)
+
+
+@pytest.mark.parametrize("side", PLACES)
+def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> None:
+    resolution = (200, 300) if side in ("left", "right") else (300, 200)
+    what, hint = Strip(side, 0.9, resolution).misfit()
+    assert f"along the {side} edge, the frame has 300" in what
+    most = float(re.fullmatch(r"size = ([\d.]+) at most, or another place", hint)[1])
+    for size, fits in ((most, True), (most + 0.002, False)):
+        strip = Strip(side, size, resolution)
+        chrome, _, chart = strip.props
+        assert (strip.misfit() == ("", "")) == fits
+        assert ((chrome.top if strip.upright else chrome.left) >= 0.0) == fits
+        assert ((chart.top + chart.height if strip.upright else chart.left + chart.width) <= 300.0) == fits
 
 
 def test_a_chart_has_four_rows_of_six_patches_of_one_size() -> None:

@@ -158,6 +158,8 @@ def test_a_camera_that_sees_a_needle_along_its_length_stays_outside(width: float
     depths = (camera.position - needle) @ camera.frame[2]
     near, far = camera.clip
     assert near < depths.min() < depths.max() < far
+    # The target is at the geometric mean of both depths, so that the clip range is about them.
+    assert camera.distance == pytest.approx(math.sqrt(depths.min() * depths.max()), rel=1e-6)
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((4, 3)), [[0.0, 0.0, 0.0], [math.nan, 1.0, 0.0]]])
