@@ -14,6 +14,8 @@ from lookdev.scene import Camera, Pose, camera_rays
 def test_frames_divide_the_turn_and_do_not_repeat_the_first() -> None:
     poses = turntable_poses(JobTurntable(kind="element", frames=4, start=10.0))
     assert poses == (Pose(10.0, 0.0), Pose(100.0, 0.0), Pose(190.0, 0.0), Pose(280.0, 0.0))
+    poses = turntable_poses(JobTurntable(kind="lighting", frames=7, start=0.5, degrees=-100.0))
+    assert [pose.lighting for pose in poses] == pytest.approx([0.5, *(360.5 - 100.0 * i / 7 for i in range(1, 7))])
 
 
 def test_lighting_turns_the_light_from_the_lights_own_rotation() -> None:
