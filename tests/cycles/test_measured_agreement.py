@@ -27,6 +27,7 @@ pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm_points")]
 
 FileOf = Callable[[str], Path]
 
+VIEWS = 8  # along each axis, of the tables by which directions are drawn: other samples, and another reference
 PARAMETERS: dict[str, dict[str, Any]] = {
     "plastic": {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35},
     "satin": {"baseColor": (0.5, 0.4, 0.1), "roughness": 0.6, "anisotropic": 0.7, "metallic": 0.8},
@@ -37,7 +38,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 def _small_tables() -> Iterator[None]:
     """Draw directions of anisotropic data by a quarter of the tables, which take seconds; they are kept here alone."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proposal, "_VIEWS", proposal._VIEWS | {True: (8, 8)})
+        patch.setattr(proposal, "_VIEWS", proposal._VIEWS | {True: (VIEWS, VIEWS)})
         patch.setattr("lookdev.brdf.measured._cached_proposal", lru_cache(proposal.make_proposal))
         yield
 
@@ -113,7 +114,7 @@ def test_a_sphere_agrees_with_the_reference(
     frames = [render("sphere", layers, light, samples=32, seed=seed, size=40) for seed in range(4)]
 
     def stored(label: str, compute: object, *, layers: object, **case: Any) -> Arrays:
-        return stored_reference(f"measured {name}", measured_pixels, name=name, **case)
+        return stored_reference(f"measured {name} by {VIEWS} views", measured_pixels, name=name, **case)
 
     assert_agreement(frames, layers, "sphere", light, stored=stored)
 
