@@ -257,7 +257,7 @@ class DaskExecutor:
             raise WorkerError(f"{self._where} has dropped the run; run the same command again to continue")
         result: Any
         try:
-            result = chunk.future.result(timeout=_CONNECT)
+            result = self._result_of(chunk)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
             yield from self._rendered_again(chunk, _brief(error))
             return
@@ -287,6 +287,18 @@ class DaskExecutor:
                     else:
                         self._waiting.measured(task, answer.seconds, worker)
                         yield Finished(task, answer.made, answer.seconds)
+
+    def _result_of(self, chunk: _Chunk) -> Any:
+        """Return the result of a chunk; raises TimeoutError where it does not come, soon where its worker is lost."""
+        deadline = time.monotonic() + _CONNECT
+        while True:
+            try:
+                return chunk.future.result(timeout=_LOOK)
+            except TimeoutError:
+                if chunk.worker not in self._crowd():
+                    raise TimeoutError(f"worker {chunk.worker} was lost with its result") from None
+                if time.monotonic() > deadline:
+                    raise TimeoutError(f"worker {chunk.worker} does not send its result") from None
 
     def _rendered_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
         """Render the frames of a chunk that was lost, each by itself if one was at work; give up those lost often."""

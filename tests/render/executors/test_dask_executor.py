@@ -20,7 +20,7 @@ from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
 from lookdev.render.executors import Finished, GivenUp, Place, Remarked, Retried
 from lookdev.render.executors.choice import Choice, opened
-from lookdev.render.executors.dask import DaskExecutor
+from lookdev.render.executors.dask import DaskExecutor, _Chunk
 from lookdev.render.task import contents
 
 pytestmark = [
@@ -115,6 +115,19 @@ def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
             killed = True
     assert killed
     assert stems(found, Finished) == ALL
+
+
+def test_a_result_that_was_lost_with_its_worker_is_not_waited_for(executor: DaskExecutor, plan: Plan) -> None:
+    asked = []
+
+    class Lost:
+        def result(self, timeout: float) -> None:
+            asked.append(timeout)
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError, match=r"worker tcp://gone:1 was lost with its result"):
+        executor._result_of(_Chunk([], "tcp://gone:1", Lost()))
+    assert len(asked) == 1
 
 
 def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
