@@ -9,8 +9,7 @@ import pytest
 
 from lookdev.light import Emission, SphereLight, Turned, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
-from lookdev.output import background as background_module
-from lookdev.output.background import environment_background
+from lookdev.output.background import _disc_of_confusion, environment_background
 from lookdev.render.task import FrameTask, SceneTask, one_frame
 from lookdev.scene import Camera, Lens, Pose, camera_rays
 
@@ -71,14 +70,14 @@ def test_lamps_that_the_camera_sees_are_behind_the_asset(lens: Lens | None, fram
     # How much light, and where: the mean, and those of columns and rows, within four standard errors.
     weights, grid = np.c_[np.ones(count), places], np.moveaxis(np.mgrid[: SIZE[1], : SIZE[0]][::-1] + 0.5, 0, -1)
     moments = weights[:, :, None] * radiance[:, None]
-    found = np.einsum("yxk,yxc->kc", np.insert(grid, 0, 1.0, axis=-1), background) / (SIZE[0] * SIZE[1])
-    assert (np.abs(found - moments.mean(axis=0)) < 4.0 * moments.std(axis=0) / math.sqrt(count)).all()
+    shares = np.einsum("yxk,yxc->kc", np.insert(grid, 0, 1.0, axis=-1), background) / (SIZE[0] * SIZE[1])
+    assert (np.abs(shares - moments.mean(axis=0)) < 4.0 * moments.std(axis=0) / math.sqrt(count)).all()
     assert background.max() > 0.0
 
 
 def test_a_disc_of_confusion_is_centred_and_of_the_lenss_size() -> None:
     camera = replace(CAMERA, lens=Lens(2.0, 2.5))
-    disc = background_module._disc_of_confusion(camera, SIZE[0])
+    disc = _disc_of_confusion(camera, SIZE[0])
     steps = np.arange(len(disc)) - len(disc) // 2
     radius = 0.5 * 2.0 / 2.5 / math.tan(math.radians(20.0)) * SIZE[0] / 2.0
     np.testing.assert_allclose([disc.sum(), steps @ disc.sum(axis=0), steps @ disc.sum(axis=1)], [1, 0, 0], atol=1e-12)

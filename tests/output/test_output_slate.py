@@ -48,10 +48,8 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[Line]:
 
 def check_rows(lines: list[Line], width: int) -> None:
     """Check that texts side by side leave each other room, use what there is, and that rows do not overlap."""
-    rows = [
-        sorted(row, key=attrgetter("x"))
-        for _, row in groupby(sorted(lines, key=attrgetter("baseline")), key=attrgetter("baseline"))
-    ]
+    in_order = sorted(lines, key=attrgetter("baseline", "x"))
+    rows = [list(row) for _, row in groupby(in_order, key=attrgetter("baseline"))]
     for row in rows:
         assert all(one.x + one.room < other.x for one, other in pairwise(row))
         assert width - 3 * row[-1].size < row[-1].x + row[-1].room <= width
@@ -113,8 +111,8 @@ def test_a_slate_says_what_the_movie_is_of(tmp_path: Path, written: list) -> Non
         frame(tmp_path / "3.exr", look="tin"),
     ]
     page = slate(files, "sunset / element", "lookdev (sRGB - Display)", 23.976, (480, 640), 3)
-    shown = {key.text: value.text for key, value in zip(written[::2], written[1::2], strict=True)}
-    assert shown == {
+    facts = {key.text: value.text for key, value in zip(written[::2], written[1::2], strict=True)}
+    assert facts == {
         "job": "robot", "shows": "sunset / element", "look": "gold, tin", "rig": "sunset",
         "frames": "3 at 23.976 a second", "rendered": "2026-03-01 to 2026-03-02",
         "version": "lookdev 0.1.0, Blender 4.5.15", "error": "relMSE 2.0e-02 at most", "samples": "128 to 256",

@@ -57,8 +57,8 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
 @pytest.mark.parametrize("side", PLACES)
 def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> None:
     resolution = (200, 300) if side in ("left", "right") else (300, 200)
-    what, hint = Strip(side, 0.9, resolution).misfit()
-    assert f"along the {side} edge, the frame has 300" in what
+    reason, hint = Strip(side, 0.9, resolution).misfit()
+    assert f"along the {side} edge, the frame has 300" in reason
     most = float(re.fullmatch(r"size = ([\d.]+) at most, or another place", hint)[1])
     for size, fits in ((most, True), (most + 0.002, False)):
         strip = Strip(side, size, resolution)

@@ -295,10 +295,11 @@ class DaskExecutor:
             try:
                 return chunk.future.result(timeout=_LOOK)
             except TimeoutError:
-                if chunk.worker not in self._crowd():
+                # Where Dask chose the worker, nobody here knows which.
+                if chunk.worker and chunk.worker not in self._addresses():
                     raise TimeoutError(f"worker {chunk.worker} was lost with its result") from None
                 if time.monotonic() > deadline:
-                    raise TimeoutError(f"worker {chunk.worker} does not send its result") from None
+                    raise TimeoutError(f"{chunk.worker or self._where} does not send a result") from None
 
     def _rendered_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
         """Render the frames of a chunk that was lost, each by itself if one was at work; give up those lost often."""

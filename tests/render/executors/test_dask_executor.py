@@ -106,28 +106,43 @@ def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
     case.misbehave(tmp_path, element_0002=["hang", "ok"])
-    found, killed, hangs = [], False, tmp_path / "hangs.txt"
+    happenings, killed, hangs = [], False, tmp_path / "hangs.txt"
     for happening in render(executor, plan):
-        found.append(happening)
+        happenings.append(happening)
         if not killed and hangs.exists() and (renderer := hangs.read_text()):
             worker = int(Path(f"/proc/{renderer}/stat").read_text().rpartition(")")[2].split()[1])
             os.kill(worker, signal.SIGKILL)  # of Dask: the renderer's parent
             killed = True
     assert killed
-    assert stems(found, Finished) == ALL
+    assert stems(happenings, Finished) == ALL
 
 
-def test_a_result_that_was_lost_with_its_worker_is_not_waited_for(executor: DaskExecutor, plan: Plan) -> None:
-    asked = []
+class Late:
+    """A future whose result comes after so many questions."""
 
-    class Lost:
-        def result(self, timeout: float) -> None:
-            asked.append(timeout)
+    def __init__(self, questions: float) -> None:
+        self.left = questions
+
+    def result(self, timeout: float) -> str:
+        self.left -= 1
+        if self.left > 0:
             raise TimeoutError
+        return "a result"
 
+
+def test_a_result_that_was_lost_with_its_worker_is_not_waited_for(executor: DaskExecutor) -> None:
     with pytest.raises(TimeoutError, match=r"worker tcp://gone:1 was lost with its result"):
-        executor._result_of(_Chunk([], "tcp://gone:1", Lost()))
-    assert len(asked) == 1
+        executor._result_of(_Chunk([], "tcp://gone:1", Late(2)))
+
+
+def test_a_late_result_is_waited_for(executor: DaskExecutor, monkeypatch: pytest.MonkeyPatch) -> None:
+    unfit = executor._addresses()[0]
+    executor._unfit[unfit] = "its versions differ"
+    for worker in ("", unfit, executor._addresses()[1]):  # "": where Dask chooses one
+        assert executor._result_of(_Chunk([], worker, Late(3))) == "a result"
+    monkeypatch.setattr("lookdev.render.executors.dask._CONNECT", 0.0)
+    with pytest.raises(TimeoutError, match="does not send a result"):
+        executor._result_of(_Chunk([], "", Late(float("inf"))))
 
 
 def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
