@@ -115,6 +115,9 @@ def test_a_damaged_cache_shows_the_same_picture(tmp_path: Path, monkeypatch: pyt
         shutil.copytree(tmp_path / "sound", cache)
         way = list(WAYS)[number % len(WAYS)]
         WAYS[way](cache / name, random.Random(number))
+        if name.parent.name == "textures":
+            # Code that was generated names its images by content: these records are read to generate it alone.
+            shutil.rmtree(cache / "sources")
         again, notes = _rendered(tmp_path)
         np.testing.assert_array_equal(again, picture, f"{name}: {way}")
         assert f"{cache / name}: was damaged, and is made again" in notes
