@@ -17,6 +17,7 @@ from lookdev.light import (
     DistantLight,
     Emission,
     Light,
+    LocalDome,
     RectLight,
     Shaping,
     make_environment,
@@ -45,7 +46,8 @@ def pictured() -> RectLight:
 
 
 DOME = prepare_light(example_map(), sampled=False)  # native worlds need no tables, which take seconds
-EXAMPLES = {name: DOME if name == "dome" else kind.example() for name, kind in LIGHT_KINDS.items()}
+DOMES: dict[str, Light] = {"dome": DOME, "local_dome": LocalDome(dome=DOME, position=(0.5, 0.0, 0.5), radius=3.0)}
+EXAMPLES = {name: DOMES.get(name) or kind.example() for name, kind in LIGHT_KINDS.items()}
 CASES: dict[str, Light] = {
     **{name: light for name, light in EXAMPLES.items() if not LIGHT_KINDS[name].native_gap(light)},
     "texture": pictured(),
