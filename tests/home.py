@@ -1,8 +1,10 @@
 """A home of its own for a run of the tests: nothing is read from the user's, and nothing stays behind."""
 
 import os
+import re
 import shutil
 import tempfile
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from lookdev.lifetime import end_with_parent
 ELSEWHERE = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "LOOKDEV_LIBRARY", "OCIO")
 # Without compiled modules each of the hundreds of processes of a run would compile the whole package, for a second.
 SLOW = "PYTHONDONTWRITEBYTECODE"
+_NUMBERS = count()
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -44,3 +47,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
     owner = os.getpid()
     config.add_cleanup(leave)
+
+
+@pytest.fixture
+def tmp_path(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """Return a new folder. pytest's own fixture reads the names of all others first: 5 ms for each of thousands.
+
+    No name comes twice in a process: USD would hand the layer out that was there before.
+    """
+    name = re.sub(r"\W", "_", request.node.name)[:30]
+    return tmp_path_factory.mktemp(f"{name}-{next(_NUMBERS)}", numbered=False)
