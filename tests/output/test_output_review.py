@@ -4,11 +4,13 @@ import base64
 import json
 import os
 import re
+import shutil
 import zlib
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 import review_case as case
 
@@ -17,6 +19,7 @@ from lookdev.errors import OutputError
 from lookdev.metrics import noise_ratio, pooled_error, standard_error
 from lookdev.output.color import VIEWS, DisplayView
 from lookdev.output.exr import read_frame, read_layer
+from lookdev.output.review.page import THUMBNAIL
 from lookdev.output.review.view import view_shader
 
 LOOK = {"looks": ["gold"], "rigs": ["city"]}
@@ -47,6 +50,7 @@ def test_a_page_has_every_frame_and_a_second_run_makes_nothing(tmp_path: Path) -
     reels = {(reel["turntable"], reel["count"], reel["turns"]) for reel in index_of(page)["reels"]}
     assert reels == {("element", 4, "element"), ("lighting", 3, "lighting")}
     before = files(out)
+    assert written.size == sum(path.stat().st_size for path in page.parent.rglob("*.*") if path.name != "ledger.json")
     _, again, _ = review(out)
     assert (again.made, again.kept) == (0, written.made)
     assert files(out) == before
@@ -173,6 +177,24 @@ def test_equal_frames_and_frames_of_other_sizes_or_numbers(tmp_path: Path) -> No
         (change,) = index_of(review(new, old, tmp_path / f"{name}_page")[0])["changes"]
         states[name] = change["state"]
     assert states == {"same": "same", "sized": "changed", "blind": "changed", "first": "other frames"}
+
+
+def test_the_frame_of_a_change_is_the_worst(tmp_path: Path) -> None:
+    old, new, brighter = (
+        case.write_job(tmp_path / str(gain), **LOOK, turntables={"element": 3}, error=False, gain=gain)
+        for gain in (1.0, 1.1, 1.5)
+    )
+    shutil.copy(brighter / "gold" / "city" / "element.0002.exr", new / "gold" / "city")
+    (change,) = index_of(review(new, old, tmp_path / "page")[0])["changes"]
+    assert (change["beyond"], change["frame"]) == (None, 2)
+
+
+def test_small_pictures_have_the_shape_of_the_frames(tmp_path: Path) -> None:
+    out = case.write_job(tmp_path, **LOOK, turntables={"element": 4}, size=(2 * THUMBNAIL, THUMBNAIL))
+    page, _, _ = review(out)
+    (reel,) = index_of(page)["reels"]
+    sprite = oiio.ImageBuf(str(page.parent / reel["sprite"])).spec()
+    assert (reel["columns"], sprite.width, sprite.height) == (2, 2 * THUMBNAIL, THUMBNAIL)
 
 
 @pytest.mark.parametrize("size", [1, 3, 7])
