@@ -26,7 +26,7 @@ from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
 from lookdev.reference.render import Scene as ReferenceScene
-from lookdev.render.results import Rendered
+from lookdev.rendering.results import Rendered
 from lookdev.scene import Camera, Pose, Scene, camera_rays
 
 Ints = NDArray[np.int64]

@@ -21,7 +21,7 @@ from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
-from lookdev.render.task import SceneTask
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Scene, frame_camera
 
 WIDTH, HEIGHT = 8, 6

@@ -25,10 +25,10 @@ from lookdev.job import Job, parse_job
 from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.plan import Setup
-from lookdev.render.backends import BACKENDS
-from lookdev.render.llvm import VARIABLE, find_llvm
-from lookdev.render.task import SceneTask
-from lookdev.render.worker import Worker
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.llvm import VARIABLE, find_llvm
+from lookdev.rendering.task import SceneTask
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Sampling, Scene
 
 pytest_plugins = ["home", "chromium", "stored_references", "failed_pictures", "warm_blender"]

@@ -45,7 +45,7 @@ def result(task: dict, how: str) -> None:
     frame = (height, width)
     arrays = {"a": npy(0.25, *frame, 3), "b": npy(0.75, *frame, 3), "alpha": npy(0.5, *frame)}
     if passes := task["scene"]["sampling"]["passes"]:
-        from lookdev.render.passes import arrays_of
+        from lookdev.rendering.passes import arrays_of
 
         for name, channels in arrays_of(passes, task["scene"]["light_groups"]).items():
             arrays[f"pass {name}"] = npy(0.5, *frame, len(channels))

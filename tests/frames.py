@@ -8,10 +8,10 @@ from lookdev.asset import Asset, load_asset
 from lookdev.codegen import ShaderSource
 from lookdev.light import Light
 from lookdev.material import Layer, Look
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene
 
 RenderScene = Callable[..., Rendered]

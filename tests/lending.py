@@ -6,10 +6,10 @@ from typing import Any, Self
 
 import pytest
 
-from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
+from lookdev.rendering.worker import Worker
 
 
 class LentWorker:
@@ -51,6 +51,6 @@ def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> N
 
         yield render
 
-    patch.setattr("lookdev.render.executors.local.Worker", worker_of)
+    patch.setattr("lookdev.rendering.executors.local.Worker", worker_of)
     patch.setattr("lookdev.batch.live_frame.Worker", worker_of)
     patch.setattr("lookdev.batch.check.renderer", renderer)

@@ -123,7 +123,7 @@ def test_a_recipe_lists_its_files_and_they_are_few() -> None:
         assert len(files) <= limit, title
 
 
-# A backend of a few lines renders in render/test_backends.py, a kind of light that is not shipped in
+# A backend of a few lines renders in rendering/test_backends.py, a kind of light that is not shipped in
 # light/test_light_kind.py; that every recipe applies is seen by each of these.
 @pytest.mark.parametrize(
     "title",

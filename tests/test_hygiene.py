@@ -20,7 +20,7 @@ from pathlib import Path
 
 import batch_case
 from lookdev.cache import cache_dir
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 
 folder = Path(__file__).parent
 BACKENDS["exact"] = replace(BACKENDS["exact"], command=batch_case.command(folder))

@@ -32,10 +32,10 @@ from lookdev.material.usd.bound import read_any_look
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.render.backends import BACKENDS, Backend, job_backends
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.rendering.backends import BACKENDS, Backend, job_backends
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
 
 Image = NDArray[np.float32]

@@ -16,7 +16,7 @@ from importlib import import_module, metadata
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import OutputError, RenderError
-from lookdev.render.llvm import NEWEST_DEBIAN, find_llvm, lacking_gpu
+from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, lacking_gpu
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""

@@ -25,8 +25,8 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
-from lookdev.render.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
-from lookdev.render.worker import PATIENCE, last_line
+from lookdev.rendering.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
+from lookdev.rendering.worker import PATIENCE, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 

@@ -13,17 +13,17 @@ from scipy.ndimage import uniform_filter
 
 from lookdev.batch.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
 from lookdev.errors import LookdevError, ModelError
-from lookdev.fit.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
-from lookdev.fit.picture.page import Pictures, Row, numbers, rows_of, write_page
-from lookdev.fit.picture.search import Point
-from lookdev.fit.picture.target import block_of, blocks
-from lookdev.fit.picture.unknowns import exposure_unknown
+from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
+from lookdev.fitting.picture.page import Pictures, Row, numbers, rows_of, write_page
+from lookdev.fitting.picture.search import Point
+from lookdev.fitting.picture.target import block_of, blocks
+from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.job import load_job
 from lookdev.job.scenes import job_scenes
 from lookdev.material import Look
 from lookdev.material.library.constants import check_writable, write_changed
 from lookdev.material.library.edit import check_suffix
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -15,11 +15,11 @@ from lookdev.batch.pictures import write_shared
 from lookdev.batch.sanity import doubts
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
-from lookdev.render.cryptomatte import matte_header
-from lookdev.render.executors import Stored
-from lookdev.render.passes import CATCHER, parts_of_light
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.cryptomatte import matte_header
+from lookdev.rendering.executors import Stored
+from lookdev.rendering.passes import CATCHER, parts_of_light
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 from lookdev.scene.charts import STRIP, Strip
 from lookdev.space import REC709
 

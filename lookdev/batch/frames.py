@@ -30,7 +30,7 @@ from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
-from lookdev.render.executors import (
+from lookdev.rendering.executors import (
     Executor,
     Finished,
     GivenUp,
@@ -41,8 +41,8 @@ from lookdev.render.executors import (
     Started,
     Stored,
 )
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 _NAMED = 5  # frames in a message
 

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.errors import LookdevError, WorkerError, nearest_hint
-from lookdev.fit.picture import Unknown
+from lookdev.fitting.picture import Unknown
 from lookdev.job import Job, JobTurntable
 from lookdev.job.parts import JobLook
 from lookdev.material import Look
 from lookdev.material.change import live_look
 from lookdev.plan import Setup, make_setup
-from lookdev.render.backends import BACKENDS
-from lookdev.render.slopes import SlopeTask, live_inputs
-from lookdev.render.task import SceneTask
-from lookdev.render.worker import Worker, last_line
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.slopes import SlopeTask, live_inputs
+from lookdev.rendering.task import SceneTask
+from lookdev.rendering.worker import Worker, last_line
 from lookdev.scene import Pose, Scene
 
 Floats = NDArray[np.float64]

@@ -23,7 +23,7 @@ from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_shown
 from lookdev.plan import Plan, Reel
-from lookdev.render.task import FrameTask
+from lookdev.rendering.task import FrameTask
 from lookdev.space import REC709, to_rec709
 
 Floats = NDArray[np.float32]

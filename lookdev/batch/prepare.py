@@ -21,8 +21,8 @@ from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
-from lookdev.render.scene import Generated, scene_task
-from lookdev.render.task import SceneTask
+from lookdev.rendering.scene import Generated, scene_task
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Film, Scene
 from lookdev.scene.charts import FOLDER
 from lookdev.space import REC709

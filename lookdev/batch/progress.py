@@ -32,7 +32,7 @@ from lookdev.batch.log import JsonReport
 from lookdev.errors import printable
 
 if TYPE_CHECKING:
-    from lookdev.fit.picture.search import Point
+    from lookdev.fitting.picture.search import Point
 
 _MOST_BARS = 8  # of frames
 

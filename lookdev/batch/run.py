@@ -23,11 +23,11 @@ from lookdev.job.mapping import PathRules, mapped
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
-from lookdev.render.backends import BACKENDS
-from lookdev.render.executors import Executor, Place
-from lookdev.render.executors.choice import LOCAL, Choice, opened
-from lookdev.render.task import SceneTask
-from lookdev.render.worker import PATIENCE
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.executors import Executor, Place
+from lookdev.rendering.executors.choice import LOCAL, Choice, opened
+from lookdev.rendering.task import SceneTask
+from lookdev.rendering.worker import PATIENCE
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lookdev.render.results import Rendered
+from lookdev.rendering.results import Rendered
 
 
 def doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:

@@ -23,11 +23,11 @@ from lookdev.bench.rigs import RIGS
 from lookdev.light import Dome, EnvironmentMap, Light, load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plan.skips import Skip, scene_skips
-from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, SceneTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 PATIENCE = 3600.0

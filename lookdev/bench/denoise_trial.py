@@ -27,11 +27,11 @@ from lookdev.cache import atomic_path
 from lookdev.checks.images import flip
 from lookdev.material import Look
 from lookdev.material.usd import read_look
-from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, SceneTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 from lookdev.shipped import shipped_folder
 

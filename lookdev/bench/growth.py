@@ -19,10 +19,10 @@ from lookdev.bench.rigs import rectangles
 from lookdev.errors import LookdevError
 from lookdev.light import Light
 from lookdev.material import Look
-from lookdev.render.backends import BACKENDS, WORKER_COMMAND
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask, SceneTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.rendering.backends import BACKENDS, WORKER_COMMAND
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.worker import renderer
 from lookdev.scene import Pose
 
 PIXELS = (64, 128, 256, 512)

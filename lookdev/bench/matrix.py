@@ -13,7 +13,7 @@ from lookdev.bench.assets import make_boulder
 from lookdev.bench.looks import LOOKS
 from lookdev.bench.rigs import RIGS
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Sampling
 
 MILLION = 1_000_000

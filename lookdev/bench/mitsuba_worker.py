@@ -29,12 +29,12 @@ from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images
-from lookdev.render import wire
-from lookdev.render.answers import Answers, save_arrays
-from lookdev.render.backends import BACKENDS
-from lookdev.render.llvm import VARIABLE, find_llvm
-from lookdev.render.oidn import denoiser
-from lookdev.render.task import FrameTask
+from lookdev.rendering import wire
+from lookdev.rendering.answers import Answers, save_arrays
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.llvm import VARIABLE, find_llvm
+from lookdev.rendering.oidn import denoiser
+from lookdev.rendering.task import FrameTask
 
 VARIANT = "llvm_ad_rgb"
 

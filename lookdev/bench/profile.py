@@ -27,7 +27,7 @@ from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.errors import LookdevError
 from lookdev.material.textures import image_file
-from lookdev.render.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, one_frame
 
 NAME = "profile"
 """Of the section of the document, and of the file of results."""

@@ -18,7 +18,7 @@ from lookdev.bench.matrix import Options
 from lookdev.bench.measure import CellResult, Measurement
 from lookdev.bench.sequence import SequenceResult
 from lookdev.cache import atomic_path
-from lookdev.render.backends import blender_version
+from lookdev.rendering.backends import blender_version
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
 

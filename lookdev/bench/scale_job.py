@@ -13,7 +13,7 @@ from pathlib import Path
 from lookdev.batch.events import FrameFailed, FrameProgressed, RunStarted
 from lookdev.batch.run import render_job
 from lookdev.errors import RenderError
-from lookdev.render.answers import Answers, peak_memory
+from lookdev.rendering.answers import Answers, peak_memory
 
 
 def main(job: Path) -> None:

@@ -36,8 +36,8 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
 from lookdev.plan import Setup, Turns, make_setup
-from lookdev.render.backends import BACKENDS
-from lookdev.render.worker import last_line
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.worker import last_line
 from lookdev.scene import Sampling, Scene
 
 TARGET = 1e-3

@@ -24,9 +24,9 @@ from lookdev.bench.results import Machine, machine_line, this_machine
 from lookdev.cache import atomic_path
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError
-from lookdev.render.backends import WORKER_COMMAND
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker
+from lookdev.rendering.backends import WORKER_COMMAND
+from lookdev.rendering.task import FrameTask
+from lookdev.rendering.worker import Worker
 
 NAME = "setup"
 JOBS = ("suzanne", "figure_16")

@@ -26,9 +26,9 @@ from lookdev.material import Look
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
-from lookdev.render.backends import BACKENDS
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]

@@ -19,8 +19,8 @@ from lookdev.light import DistantLight, Dome
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 from lookdev.scene.charts import GREY, PATCHES, Box, Strip, asset_of_props, patch_colors
 from lookdev.scene.charts.props import cropped
 from lookdev.space import to_space

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.codegen import ShaderSource, Source
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.rendering.task import FrameTask, SceneTask
 
 Image = NDArray[np.float32]
 Alter = Callable[[str], str]

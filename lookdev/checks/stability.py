@@ -30,8 +30,8 @@ from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
 from lookdev.material import Layer, Look
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]

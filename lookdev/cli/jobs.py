@@ -114,7 +114,7 @@ def render(
     from lookdev.batch.run import mapped_files, render_job, wanted_job
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
-    from lookdev.render.executors.choice import choose
+    from lookdev.rendering.executors.choice import choose
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")

@@ -55,8 +55,8 @@ def plot(
     library: Library = None,
 ) -> None:
     """Plot reflectance: models, presets, looks and measured data, over one another."""
-    from lookdev.plot import Options, draw, kind_named, read_subject
-    from lookdev.plot.figure import checked_suffix
+    from lookdev.plotting import Options, draw, kind_named, read_subject
+    from lookdev.plotting.figure import checked_suffix
 
     options = Options(
         theta=theta, phi=phi, axis=axis, scale=scale, angles=angles, limit=limit, channels=channels,
@@ -203,7 +203,7 @@ def fit(
         return
     from lookdev.batch.fit_picture import Wish, fit_picture
     from lookdev.batch.progress import show_fit
-    from lookdev.fit.picture import Settings
+    from lookdev.fitting.picture import Settings
 
     if samples & (samples - 1):
         raise LookdevError(f"--samples {samples}: a power of two would be right")
@@ -237,12 +237,12 @@ def _fit_data(
     as_json: bool,
     library: Path | None,
 ) -> None:
-    from lookdev.fit import fit as fitted
-    from lookdev.fit import fit_text
+    from lookdev.fitting import fit as fitted
+    from lookdev.fitting import fit_text
     from lookdev.material.library.edit import model_look
-    from lookdev.plot import draw, read_subject
-    from lookdev.plot.figure import checked_suffix
-    from lookdev.plot.subject import read_model
+    from lookdev.plotting import draw, read_subject
+    from lookdev.plotting.figure import checked_suffix
+    from lookdev.plotting.subject import read_model
 
     if output is not None:
         checked_suffix(output)

@@ -25,7 +25,7 @@ def start(
     ] = 900,
 ) -> None:
     """Start a worker that stays, with what it has compiled, until 'lookdev warm stop'."""
-    from lookdev.render.executors.warm import start as start_at
+    from lookdev.rendering.executors.warm import start as start_at
 
     start_at(socket, backend, idle)
     say(f"a worker is kept at {socket}")
@@ -34,6 +34,6 @@ def start(
 @app.command()
 def stop(socket: Socket) -> None:
     """End the worker that is kept at a socket."""
-    from lookdev.render.executors.warm import stop as stop_at
+    from lookdev.rendering.executors.warm import stop as stop_at
 
     say(f"the worker at {socket} has ended" if stop_at(socket) else f"no worker is kept at {socket}")

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent, leaving
-from lookdev.render.answers import Answers, save_arrays
+from lookdev.rendering.answers import Answers, save_arrays
 
 if TYPE_CHECKING:
-    from lookdev.render.wire import Requests
+    from lookdev.rendering.wire import Requests
 
 _LONGEST_CHATTER = 1 << 20
 """Bytes of Blender's log, some 10 kB a frame, that are kept of frames without an error."""
@@ -40,8 +40,8 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.render import render_frame
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
-    from lookdev.render.task import FrameTask, SceneTask
-    from lookdev.render.wire import Cancelled, Requests
+    from lookdev.rendering.task import FrameTask, SceneTask
+    from lookdev.rendering.wire import Cancelled, Requests
 
     requests = Requests()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()

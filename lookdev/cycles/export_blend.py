@@ -23,8 +23,8 @@ from lookdev.cycles.timeline import animate, follow, mark
 from lookdev.cycles.world import build_world
 from lookdev.errors import LookdevError, RenderError
 from lookdev.light.native import varied_domes
-from lookdev.render.blend import BLEND_TASK, BlendTask
-from lookdev.render.task import SceneTask
+from lookdev.rendering.blend import BLEND_TASK, BlendTask
+from lookdev.rendering.task import SceneTask
 
 _VIEWS = {"ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"), "Un-tone-mapped": ("Standard",), "Raw": ("Raw",)}
 """Blender's names of views of a job; the first one that Blender has is used."""

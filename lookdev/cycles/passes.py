@@ -18,10 +18,10 @@ from lookdev.codegen import ShaderSource
 from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, Scene
-from lookdev.render.cryptomatte import filled, matte_samples, renamed
-from lookdev.render.frame import FEATURE_SAMPLES, Image, RenderedFrame
-from lookdev.render.passes import LIGHTS, MATTES, light_layer, parts_of_light
-from lookdev.render.task import FrameTask
+from lookdev.rendering.cryptomatte import filled, matte_samples, renamed
+from lookdev.rendering.frame import FEATURE_SAMPLES, Image, RenderedFrame
+from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, parts_of_light
+from lookdev.rendering.task import FrameTask
 
 _OF_CYCLES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")
@@ -32,7 +32,7 @@ _MATTE_DEPTH = 16  # the most that Cycles has: things of one name are merged aft
 
 @dataclass(frozen=True)
 class Passes:
-    """Arrays (H, W, channels) by the names of `lookdev.render.passes.arrays_of`, and the names in each matte."""
+    """Arrays (H, W, channels) by the names of `lookdev.rendering.passes.arrays_of`, and the names in each matte."""
 
     arrays: Mapping[str, Image]
     names: Mapping[str, tuple[str, ...]]

@@ -16,7 +16,7 @@ import bpy
 
 from lookdev.cycles.plain_sequence import light_by_texture
 from lookdev.lifetime import leaving
-from lookdev.render.answers import Answers, peak_memory
+from lookdev.rendering.answers import Answers, peak_memory
 
 
 def render(request: dict[str, Any], answers: Answers) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from lookdev.render.frame import Progress
+from lookdev.rendering.frame import Progress
 
 _SAMPLE = re.compile(r"\bSample (\d+)/\d+")
 

@@ -13,9 +13,9 @@ from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
 from lookdev.cycles.passes import Passes, Plan, completed, record_of, recording, render_frame_passes
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
-from lookdev.render.adaptive import Region
-from lookdev.render.catcher import caught_pictures
-from lookdev.render.frame import (
+from lookdev.rendering.adaptive import Region
+from lookdev.rendering.catcher import caught_pictures
+from lookdev.rendering.frame import (
     FEATURE_SAMPLES,
     Denoiser,
     Image,
@@ -25,9 +25,9 @@ from lookdev.render.frame import (
     plain_pictures,
     render_halves,
 )
-from lookdev.render.oidn import denoiser
-from lookdev.render.passes import arrays_of
-from lookdev.render.task import FrameTask
+from lookdev.rendering.oidn import denoiser
+from lookdev.rendering.passes import arrays_of
+from lookdev.rendering.task import FrameTask
 from lookdev.scene import Sampling
 
 

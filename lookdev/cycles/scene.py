@@ -23,7 +23,7 @@ from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
 from lookdev.light import Dome, Stand, coded
 from lookdev.light.native import still_domes, varied_domes
-from lookdev.render.task import SceneTask
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
 
 MATTE, ALBEDOS, NORMALS = 0.0625, 0.25, 0.5

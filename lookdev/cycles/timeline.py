@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.render.blend import BlendTurntable
+from lookdev.rendering.blend import BlendTurntable
 from lookdev.scene import Pose
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lookdev.job.keys import Table, wrong
-from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.rendering.backends import BACKENDS, job_backends
 from lookdev.scene import Camera
 from lookdev.scene.charts import FOLDER, Strip
 from lookdev.scene.charts.props import Place

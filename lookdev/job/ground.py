@@ -12,7 +12,7 @@ from lookdev.errors import AssetError
 from lookdev.job.kept import kept_outline
 from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, wrong
 from lookdev.material import Look
-from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.rendering.backends import BACKENDS, job_backends
 from lookdev.scene import Camera
 from lookdev.scene.ground import GREY, Ground
 

@@ -28,8 +28,8 @@ from lookdev.job.mapping import mapped
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
-from lookdev.render.backends import job_backends
-from lookdev.render.passes import IN_EACH_FRAME, PASSES
+from lookdev.rendering.backends import job_backends
+from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 
 # Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"

@@ -39,8 +39,8 @@ from lookdev.job.keys import (
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.wedge import JobWedge
-from lookdev.render.backends import BACKENDS, job_backends
-from lookdev.render.passes import IN_EACH_FRAME, PASSES
+from lookdev.rendering.backends import BACKENDS, job_backends
+from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 from lookdev.space import REC709, Space

@@ -14,14 +14,14 @@ import traceback
 from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent, leaving
-from lookdev.render.answers import Answers, save_arrays, save_named
+from lookdev.rendering.answers import Answers, save_arrays, save_named
 
 if TYPE_CHECKING:
     from lookdev.mitsuba.render import MitsubaScene
     from lookdev.mitsuba.slopes import SlopeScene
-    from lookdev.render.slopes import SlopeTask
-    from lookdev.render.task import FrameTask
-    from lookdev.render.wire import Requests
+    from lookdev.rendering.slopes import SlopeTask
+    from lookdev.rendering.task import FrameTask
+    from lookdev.rendering.wire import Requests
 
 
 def _read_requests(requests: Requests) -> None:
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def _serve(answers: Answers) -> None:
-    from lookdev.render.wire import Cancelled, Requests
+    from lookdev.rendering.wire import Cancelled, Requests
 
     requests = Requests()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
@@ -94,8 +94,8 @@ def _serve(answers: Answers) -> None:
 
     answers.ready(f"mitsuba {version('mitsuba')}")
     from lookdev.errors import LookdevError, WorkerError
-    from lookdev.render.slopes import SlopeTask
-    from lookdev.render.task import FrameTask
+    from lookdev.rendering.slopes import SlopeTask
+    from lookdev.rendering.task import FrameTask
 
     scenes = _Scenes(answers, requests)
     while True:

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from lookdev.errors import RenderError
-from lookdev.render.llvm import VARIABLE, check_device, find_llvm
+from lookdev.rendering.llvm import VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 """By device; colours are linear Rec.709, numbers float32."""

@@ -14,10 +14,10 @@ from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.mitsuba.view import View
-from lookdev.render.cryptomatte import RANKS, filled, matte_id, matte_samples
-from lookdev.render.frame import FEATURE_SAMPLES, Image
-from lookdev.render.passes import MATTES
-from lookdev.render.task import FrameTask
+from lookdev.rendering.cryptomatte import RANKS, filled, matte_id, matte_samples
+from lookdev.rendering.frame import FEATURE_SAMPLES, Image
+from lookdev.rendering.passes import MATTES
+from lookdev.rendering.task import FrameTask
 
 Floats = NDArray[np.float64]
 

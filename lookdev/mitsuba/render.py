@@ -24,11 +24,11 @@ from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
 from lookdev.mitsuba.view import Rectangle, View
-from lookdev.render.adaptive import Region
-from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
-from lookdev.render.oidn import denoiser
-from lookdev.render.passes import LIGHTS, PASSES, light_layer, parts_of_light
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.rendering.adaptive import Region
+from lookdev.rendering.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
+from lookdev.rendering.oidn import denoiser
+from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, parts_of_light
+from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
 
 Floats = NDArray[np.float64]

@@ -29,9 +29,9 @@ from lookdev.mitsuba.render import counts_of
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
 from lookdev.mitsuba.view import Rectangle, View
-from lookdev.render.adaptive import Region
-from lookdev.render.slopes import SlopeTask
-from lookdev.render.task import SceneTask
+from lookdev.rendering.adaptive import Region
+from lookdev.rendering.slopes import SlopeTask
+from lookdev.rendering.task import SceneTask
 
 _LAUNCH = 1 << 21  # samples, of which each has four numbers and their derivatives
 

@@ -10,7 +10,7 @@ import drjit as dr
 
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.render.adaptive import Region
+from lookdev.rendering.adaptive import Region
 from lookdev.scene import Camera, Pose
 
 

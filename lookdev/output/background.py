@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.light import Dome, Light, Turned
-from lookdev.render.task import FrameTask
+from lookdev.rendering.task import FrameTask
 from lookdev.scene import Camera, camera_rays
 from lookdev.space import to_rec709
 

@@ -8,7 +8,7 @@ from statistics import fmean
 from lookdev.codegen import ShaderSource, Source
 from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
-from lookdev.render.task import SceneTask
+from lookdev.rendering.task import SceneTask
 
 # Seconds on two cores; what counts is how they compare. tests/bench/farm_costs.py measures them.
 _USUAL_SAMPLES = 256  # that frames with a target error take

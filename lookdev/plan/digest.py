@@ -7,8 +7,8 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from lookdev.render.backends import BACKENDS
-from lookdev.render.task import SceneTask
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Pose
 from lookdev.space import REC709
 

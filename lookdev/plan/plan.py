@@ -19,7 +19,7 @@ from lookdev.plan.digest import PARTS, frame_digest, pose_digest, scene_digests
 from lookdev.plan.poses import turntable_poses
 from lookdev.plan.setup import Setup, Turns
 from lookdev.plan.skips import Skip, scene_skips
-from lookdev.render.task import FrameTask
+from lookdev.rendering.task import FrameTask
 from lookdev.scene import Pose
 from lookdev.scene.charts import STRIP, Strip
 

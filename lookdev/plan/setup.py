@@ -15,8 +15,8 @@ from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.skips import same_all_around
-from lookdev.render.scene import Generated, scene_task
-from lookdev.render.task import SceneTask
+from lookdev.rendering.scene import Generated, scene_task
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Pose, Sampling, Scene
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
-from lookdev.render.task import SceneTask
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
 

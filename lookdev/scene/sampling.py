@@ -24,7 +24,7 @@ class Sampling:
     bounces: int = 2  # indirect
     seed: int = 0
     denoise: Literal["off", "measured"] = "off"  # after which its error is measured again
-    passes: tuple[str, ...] = ()  # besides the beauty, of `lookdev.render.passes`
+    passes: tuple[str, ...] = ()  # besides the beauty, of `lookdev.rendering.passes`
 
     @property
     def features(self) -> bool:

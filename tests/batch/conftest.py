@@ -14,7 +14,7 @@ import pytest
 from lookdev.batch.run import RunResult, render_job
 from lookdev.job import Job
 from lookdev.output import sheet
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 
 RenderFile = Callable[..., RunResult]
 

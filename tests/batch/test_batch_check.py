@@ -19,7 +19,7 @@ from lookdev.codegen import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
 from lookdev.light import load_environment
 from lookdev.material import Look
-from lookdev.render.task import FrameTask
+from lookdev.rendering.task import FrameTask
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 METAL = MATERIALS / "brushed_metal.usda"

@@ -7,7 +7,7 @@ import pytest
 from lookdev.batch import doctor
 from lookdev.batch.doctor import BLENDER_PYTHONS, Finding, describe, examine
 from lookdev.errors import RenderError
-from lookdev.render.llvm import OLDEST, VARIABLE, find_llvm
+from lookdev.rendering.llvm import OLDEST, VARIABLE, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
 BPY = (sys.executable, "-c", f"print('a word of a library'); print('{VERSION}.7 LTS')")

@@ -18,7 +18,7 @@ from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.light import Emission
-from lookdev.render.blend import BLEND_TASK, BlendImage
+from lookdev.rendering.blend import BLEND_TASK, BlendImage
 from lookdev.scene import Pose
 
 LOOK = '#usda 1.0\n( defaultPrim = "Look" )\n' + textured("Look", file="paint chips.png")

@@ -15,8 +15,8 @@ from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome.maps import KnownMap, load_dome
 from lookdev.material import Look
-from lookdev.render.backends import BACKENDS, Setting, job_backends
-from lookdev.render.task import SceneTask
+from lookdev.rendering.backends import BACKENDS, Setting, job_backends
+from lookdev.rendering.task import SceneTask
 
 JOB = """
 output = "out"

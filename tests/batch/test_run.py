@@ -21,7 +21,7 @@ from lookdev.batch.run import background_light, render_job
 from lookdev.batch.runs import Run
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError
 from lookdev.output.exr import read_frame, read_header, read_layer
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 
 RenderFile = Callable[..., Any]
 FRAMES = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lookdev.batch.sanity import doubts
-from lookdev.render.results import Rendered
+from lookdev.rendering.results import Rendered
 
 
 def frame(a: Any, b: Any, alpha: Any = 1.0) -> Rendered:

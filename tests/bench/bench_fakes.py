@@ -13,8 +13,8 @@ from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 SIDE = 64
 

@@ -16,8 +16,8 @@ from lookdev.bench.denoise_trial import CSV_FILE, SAMPLES, Trial, cell_scene, dr
 from lookdev.bench.reference import FIRST_SEED
 from lookdev.cli import app
 from lookdev.metrics import EPSILON
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 NOISE = 0.5
 BIAS = 0.02  # of a denoised frame, which has no noise

@@ -14,8 +14,8 @@ from lookdev.bench.growth import Growth, GrowthRow, measure_growth
 from lookdev.bench.looks import different
 from lookdev.bench.matrix import Options
 from lookdev.errors import RenderError
-from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.task import FrameTask
 
 
 def processes() -> FakeProcesses:

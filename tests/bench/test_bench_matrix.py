@@ -12,8 +12,8 @@ from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
 from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options, restricted
 from lookdev.bench.rigs import RIGS
 from lookdev.errors import LookdevError
-from lookdev.render.backends import BACKENDS
-from lookdev.render.task import SceneTask
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.task import SceneTask
 
 
 @pytest.mark.parametrize("triangles", [1000, 30_000])

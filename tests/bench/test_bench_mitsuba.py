@@ -12,7 +12,7 @@ from lookdev.bench.looks import LOOKS
 from lookdev.bench.mitsuba_worker import check_mitsuba, corner_meshes, principled
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 
 unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
 

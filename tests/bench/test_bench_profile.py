@@ -13,8 +13,8 @@ from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import Cell, Options, parse_options, restricted
 from lookdev.bench.profile import FEW, PARTS, Profile, run_profile, stages
 from lookdev.errors import LookdevError
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 
 DEFAULTS = KINDS["profile"].defaults
 FIXED, FILM = 0.01, 0.001  # seconds of a frame, and of a sample

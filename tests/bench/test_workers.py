@@ -12,7 +12,7 @@ from statistics import median
 import batches
 import pytest
 
-from lookdev.render.threads import cores
+from lookdev.rendering.threads import cores
 
 PAIRS = 3
 STARTS = 12

@@ -15,7 +15,7 @@ import batch_case as case
 from lookdev.batch.run import run_plan
 from lookdev.job.wedges import WedgeSheet
 from lookdev.lifetime import ending_at_signals
-from lookdev.render.passes import PASSES
+from lookdev.rendering.passes import PASSES
 
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 PASSES_WANTED = case.RENDER.replace("samples = 8", f"samples = 8\npasses = {[*PASSES]}")

@@ -43,7 +43,7 @@ from lookdev.batch.runs import LEASE_VARIABLE
 from lookdev.errors import LookdevError
 from lookdev.job import Job
 from lookdev.plan.chunks import Chunk, Division
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 
 CHUNKS, AT_ONCE = 3, 4
 LEASE, PATIENCE = 1, 1.5  # seconds

@@ -3,8 +3,8 @@
 import pytest
 
 from lookdev.checks.frames import Render
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from looks import quick_among
 from lookdev.checks.albedo import check_albedo
 from lookdev.checks.frames import Render
 from lookdev.material import Layer, Look, Primvar
-from lookdev.render.backends import job_backends
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.backends import job_backends
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"back": 0.4, "clear": 0.3, "roughness": Primvar("rough", 0.3)}),))

@@ -8,8 +8,8 @@ import pytest
 from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 from lookdev.light import load_environment, prepare_light
 from lookdev.plan import make_setup
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask, one_frame
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.scene import Pose, Sampling, frame_camera
 from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
 

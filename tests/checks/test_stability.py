@@ -24,7 +24,7 @@ from lookdev.codegen.points import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.light import make_environment
 from lookdev.material import Layer, Look, Texture
-from lookdev.render.task import FrameTask
+from lookdev.rendering.task import FrameTask
 
 Floats = NDArray[np.float64]
 

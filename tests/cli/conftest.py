@@ -13,7 +13,7 @@ import batch_case as case
 
 from lookdev.cli import run
 from lookdev.job import Job, load_job
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from lookdev.cli import run
 from lookdev.errors import OutputError
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
-from lookdev.render.backends import BACKENDS
+from lookdev.rendering.backends import BACKENDS
 from lookdev.stage import Composition, compose
 
 

@@ -19,7 +19,7 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import symbol, symbols
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
-from lookdev.render.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS, Setting
 from lookdev.scene import Sampling
 
 

@@ -7,7 +7,7 @@ import pytest
 from lookdev.codegen.osl.catching import catching_sections
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.render.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS, Setting
 from lookdev.scene import Sampling
 
 

@@ -3,7 +3,7 @@
 import pytest
 from frames import RenderScene, frames_of
 
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 
 
 @pytest.fixture(scope="session")

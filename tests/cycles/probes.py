@@ -23,7 +23,7 @@ from lookdev.cycles.scene import Scene
 from lookdev.cycles.shaders import array_text, with_arrays
 from lookdev.cycles.world import build_world
 from lookdev.light import Dome, Light
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Camera, Pose, Sampling
 
 Floats = NDArray[np.float32]

@@ -15,10 +15,10 @@ from lookdev.light import Emission, RectLight, load_environment, prepare_light
 from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.output.display import to_display, write_pixels
-from lookdev.render.backends import WORKER_COMMAND
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.backends import WORKER_COMMAND
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Sampling, Scene
 from lookdev.space import Space, to_rec709
 

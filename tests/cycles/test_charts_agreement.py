@@ -18,9 +18,9 @@ from lookdev.light.fit import fitted
 from lookdev.light.rig import load_rig
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import make_setup
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, frame_camera
 from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
 

@@ -11,7 +11,7 @@ from looks import quick_among
 from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.asset.silhouette import outline
 from lookdev.material import Layer, Look
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Lens, Pose, Scene, frame_fill
 
 pytestmark = pytest.mark.cycles

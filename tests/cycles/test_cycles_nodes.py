@@ -22,9 +22,9 @@ from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.material.usd import read_look
 from lookdev.metrics import relmse
-from lookdev.render.results import Rendered
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling
 
 pytestmark = pytest.mark.cycles

@@ -12,8 +12,8 @@ from lookdev.asset import load_asset
 from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.metrics import relmse
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -18,8 +18,8 @@ from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.light import Emission, Light, RectLight, Turned
 from lookdev.material import Layer, Look, Primvar
-from lookdev.render.results import Rendered
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Scene, camera_rays
 
 pytestmark = pytest.mark.cycles

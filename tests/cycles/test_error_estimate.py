@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.metrics import relmse
-from lookdev.render.results import Rendered
+from lookdev.rendering.results import Rendered
 
 pytestmark = pytest.mark.cycles
 

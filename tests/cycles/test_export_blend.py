@@ -17,9 +17,9 @@ from lookdev.asset import load_asset
 from lookdev.batch.export import export_blend
 from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.plan import turntable_poses
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
+from lookdev.rendering.worker import Worker
 from lookdev.scene import camera_rays
 
 pytestmark = pytest.mark.cycles

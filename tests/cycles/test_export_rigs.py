@@ -16,10 +16,10 @@ from lookdev.batch.export import EXPORT_COMMAND, _run
 from lookdev.light import LIGHT_KINDS, Emission, Light, native_images
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
-from lookdev.render.blend import BlendImage, BlendRig, BlendTask, BlendTurntable
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.blend import BlendImage, BlendRig, BlendTask, BlendTurntable
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling
 
 pytestmark = pytest.mark.cycles

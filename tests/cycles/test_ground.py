@@ -23,10 +23,10 @@ from lookdev.material import Layer, Look
 from lookdev.material.translate.preview_surface import PREVIEW_SURFACE
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.render.catcher import remaining
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.worker import Worker
+from lookdev.rendering.catcher import remaining
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.ground import GREY, PATH, Ground, on_ground
 

@@ -22,7 +22,7 @@ from lookdev.checks.finding import Finding
 from lookdev.light import Light
 from lookdev.material import Bump, Formula, Layer, Look, Texture, View
 from lookdev.material.expression import parse
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -26,7 +26,7 @@ from lookdev.light import (
 from lookdev.light.dome import example_map
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Pose
 
 pytestmark = pytest.mark.cycles

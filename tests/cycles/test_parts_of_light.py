@@ -9,9 +9,9 @@ from test_passes import CENTER, COATED, SIZE, balls, covered, rendered, task_of
 
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.render.passes import arrays_of, light_layer
-from lookdev.render.results import Rendered
-from lookdev.render.worker import Worker
+from lookdev.rendering.passes import arrays_of, light_layer
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.worker import Worker
 
 pytestmark = pytest.mark.cycles
 

@@ -16,11 +16,11 @@ from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
-from lookdev.render.passes import PASSES
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.passes import PASSES
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.cycles

@@ -14,10 +14,10 @@ from lookdev.light import Dome, Emission, load_environment, make_environment, pr
 from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.output.exr import read_frame, read_header, read_shown, space_of
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Sampling, Scene
 from lookdev.space import CHROMATICITIES, Space, to_rec709, to_space
 

@@ -15,9 +15,9 @@ from lookdev.asset import load_asset
 from lookdev.light import Emission, Light, RectLight
 from lookdev.light.link import Link
 from lookdev.material import Look
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 from lookdev.scene.linking import link_lights
 

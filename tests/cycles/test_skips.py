@@ -16,10 +16,10 @@ from lookdev.material import Layer, Look, Texture
 from lookdev.plan.poses import unturned
 from lookdev.plan.setup import make_setup
 from lookdev.plan.skips import scene_skips
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles

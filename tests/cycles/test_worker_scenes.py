@@ -17,11 +17,11 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.codegen.osl.share import shared_programs
 from lookdev.light import Dome
 from lookdev.material import Layer, Look, Texture
-from lookdev.render.backends import WORKER_COMMAND, job_backends
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, SceneTask, contents, one_frame
-from lookdev.render.worker import Worker, renderer
+from lookdev.rendering.backends import WORKER_COMMAND, job_backends
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, SceneTask, contents, one_frame
+from lookdev.rendering.worker import Worker, renderer
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -6,7 +6,7 @@ import pytest
 from lending import lend_workers
 from stage import Stage
 
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 
 
 @pytest.fixture

@@ -17,10 +17,10 @@ from lookdev.checks.gap import measure_gap
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import renderer
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 ROOT = Path(__file__).parents[2]

@@ -6,10 +6,10 @@ from typing import Any
 from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
-from lookdev.render.results import Progress, Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 # Samples of the light alone keep the generated shader, and its compilation, small.

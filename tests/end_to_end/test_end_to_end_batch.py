@@ -14,7 +14,7 @@ from lookdev.batch.prepare import prepare_job
 from lookdev.batch.run import render_job, run_plan
 from lookdev.cli import app
 from lookdev.output.exr import read_frame, read_header
-from lookdev.render.backends import job_backends
+from lookdev.rendering.backends import job_backends
 
 pytestmark = pytest.mark.cycles
 

@@ -12,8 +12,8 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.errors import OutputError
 from lookdev.light import load_environment
 from lookdev.material import Layer, Look
-from lookdev.render.backends import WORKER_COMMAND
-from lookdev.render.results import Progress, Rendered
+from lookdev.rendering.backends import WORKER_COMMAND
+from lookdev.rendering.results import Progress, Rendered
 from lookdev.scene import Camera
 
 pytestmark = pytest.mark.cycles

@@ -16,7 +16,7 @@ from lookdev.batch.export_openjd import Needs, export_openjd
 from lookdev.batch.run import render_job
 from lookdev.lifetime import end_with_parent
 from lookdev.plan.chunks import Division
-from lookdev.render.executors.choice import Choice
+from lookdev.rendering.executors.choice import Choice
 
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
 

@@ -5,7 +5,7 @@ import pytest
 from gaps import PRESETS, ROOT, measure, read
 
 from lookdev.checks.gap import MOST_FLIP
-from lookdev.render.worker import Worker
+from lookdev.rendering.worker import Worker
 
 
 def test_every_preset_is_recorded_and_near() -> None:

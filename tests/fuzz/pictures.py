@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from lookdev.batch.prepare import plan_job
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
 
 CLOSE = 2e-5
 """The largest relative squared difference of equal pictures of two digests: 2 % of brightness are 4e-4."""

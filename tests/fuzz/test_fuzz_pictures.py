@@ -18,9 +18,9 @@ from usd_sound import SOUND
 from lookdev.asset.usd import read_usd
 from lookdev.batch.prepare import plan_job
 from lookdev.job import load_job
-from lookdev.render.results import Rendered
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker, renderer
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
+from lookdev.rendering.worker import Worker, renderer
 from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.cycles

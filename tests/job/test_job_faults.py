@@ -11,7 +11,7 @@ from minimal_job import MINIMAL, faults, parse
 from lookdev.errors import JobError
 from lookdev.job import load_job
 from lookdev.output.color import VIEWS
-from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.rendering.backends import BACKENDS, job_backends
 
 USD = 'usd = "ball.usdc"'
 ASSIGN = '[[look.assign]]\nprims = ["/Ball"]\nmaterial = "paint.usda"'

@@ -11,7 +11,7 @@ from lookdev.job import load_job, parse_job
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.schema import JobRender
 from lookdev.output.color import SHIPPED, DisplayView
-from lookdev.render.backends import Backend, job_backends
+from lookdev.rendering.backends import Backend, job_backends
 from lookdev.scene import Sampling
 
 ACES = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"

@@ -28,8 +28,8 @@ from lookdev.light.lamps import AnyDome, Lamp
 from lookdev.light.link import Link
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
-from lookdev.render.scene import scene_task
-from lookdev.render.worker import Worker
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 

@@ -18,7 +18,7 @@ from lookdev.light.link import Link
 from lookdev.light.native import still_domes
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
-from lookdev.render.scene import scene_task
+from lookdev.rendering.scene import scene_task
 from lookdev.scene import Sampling
 
 LOOK = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3}),))

@@ -13,10 +13,10 @@ from lookdev.asset import load_asset
 from lookdev.light import DiskLight, DistantLight, Emission, Falloff, Light, SphereLight
 from lookdev.light.placement import checked_axes, vector
 from lookdev.material import Layer, Look
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles

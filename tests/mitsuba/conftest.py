@@ -3,10 +3,10 @@
 import pytest
 from mitsuba_scenes import RenderSeeds
 
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
 

@@ -15,8 +15,8 @@ from lending import lend_workers
 from lookdev.batch.fit_picture import Wish, fit_picture
 from lookdev.batch.run import render_job
 from lookdev.errors import LookdevError
-from lookdev.fit.picture import Settings
-from lookdev.fit.picture.search import Point
+from lookdev.fitting.picture import Settings
+from lookdev.fitting.picture.search import Point
 from lookdev.material.change import constant_of
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look

@@ -14,7 +14,7 @@ from lookdev.light.link import Link
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
-from lookdev.render.results import Rendered
+from lookdev.rendering.results import Rendered
 from lookdev.scene import Film, Pose, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 

@@ -23,11 +23,11 @@ from lookdev.batch.run import render_job
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.material import Layer
-from lookdev.render import wire
-from lookdev.render.backends import BACKENDS
-from lookdev.render.llvm import check_device
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
+from lookdev.rendering import wire
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.llvm import check_device
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.scene import Sampling
 
 pytestmark = pytest.mark.mitsuba

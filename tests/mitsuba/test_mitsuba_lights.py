@@ -18,9 +18,9 @@ from lookdev.errors import CodegenError
 from lookdev.light import DiskLight, Emission, Falloff, RectLight, Shaping, SphereLight
 from lookdev.material import Look
 from lookdev.material.change import constant_of, live_look
-from lookdev.render.adaptive import Region
-from lookdev.render.scene import scene_task
-from lookdev.render.slopes import SlopeTask, live_inputs
+from lookdev.rendering.adaptive import Region
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.slopes import SlopeTask, live_inputs
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.mitsuba

@@ -23,9 +23,9 @@ from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
 pytestmark = [pytest.mark.mitsuba, pytest.mark.proof]

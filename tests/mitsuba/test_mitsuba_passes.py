@@ -15,11 +15,11 @@ from lookdev.batch.frame_file import store
 from lookdev.light import Emission, Light, RectLight, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
-from lookdev.render.cryptomatte import matte_id
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Worker
+from lookdev.rendering.cryptomatte import matte_id
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.mitsuba

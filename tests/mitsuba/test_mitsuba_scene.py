@@ -16,8 +16,8 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.space import Space, to_rec709
 

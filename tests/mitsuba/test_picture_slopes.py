@@ -17,10 +17,10 @@ from lookdev.light import DiskLight, Light, RectLight
 from lookdev.material import Formula, Layer, Look, View
 from lookdev.material.change import constant_of, live_look
 from lookdev.material.expression import parse
-from lookdev.render.scene import scene_task
-from lookdev.render.slopes import SlopeTask, live_inputs
-from lookdev.render.wire import decode_request, encode
-from lookdev.render.worker import Worker
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.slopes import SlopeTask, live_inputs
+from lookdev.rendering.wire import decode_request, encode
+from lookdev.rendering.worker import Worker
 from lookdev.scene import Sampling
 
 pytestmark = pytest.mark.mitsuba

@@ -24,7 +24,7 @@ ROOMS = {
     "scene": 190,
     "codegen/trace": 120,
     "plan": 100,
-    "render/adaptive": 50,
+    "rendering/adaptive": 50,
     "output/exr": 40,
     "asset": 130,
     "material": 140,

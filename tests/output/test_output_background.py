@@ -10,7 +10,7 @@ import pytest
 from lookdev.light import Emission, SphereLight, Turned, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.output.background import _disc_of_confusion, environment_background
-from lookdev.render.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.task import FrameTask, SceneTask, one_frame
 from lookdev.scene import Camera, Lens, Pose, camera_rays
 
 POSE, SIZE = Pose(10.0, 40.0), (64, 48)

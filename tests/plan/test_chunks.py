@@ -10,7 +10,7 @@ from lookdev.codegen import PrincipledSource, Source
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
 from lookdev.plan.costs import estimate, filled
-from lookdev.render.task import SceneTask
+from lookdev.rendering.task import SceneTask
 
 
 def cost(scenes: list[int], costs: Costs, first: int, end: int) -> float:

@@ -10,7 +10,7 @@ import pytest
 from lookdev.errors import OutputError
 from lookdev.job import Job
 from lookdev.plan import Copy, Plan, PlannedFile, Setup, Turns, build_plan
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Pose
 
 Scenes = dict[tuple[str, str], SceneTask]

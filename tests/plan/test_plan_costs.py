@@ -9,8 +9,8 @@ from lookdev.plan.chunks import part_of
 from lookdev.plan.costs import SCENE, START, estimate, estimated, measured
 from lookdev.plan.digest import PARTS, part_digests
 from lookdev.plan.plan import Plan, PlannedFrame, Reel
-from lookdev.render import backends
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.rendering import backends
+from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Pose
 
 FILE = Path("/out/a.0001.exr")

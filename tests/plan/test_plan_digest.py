@@ -9,8 +9,8 @@ import pytest
 from lookdev.cache import Content
 from lookdev.codegen import NodeSource, PrincipledSource
 from lookdev.plan.digest import frame_digest, part_digests, pose_digest
-from lookdev.render import backends
-from lookdev.render.task import SceneTask
+from lookdev.rendering import backends
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Lens, Pose, Sampling
 
 POSE = Pose(30.0, 60.0)

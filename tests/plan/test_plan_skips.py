@@ -21,8 +21,8 @@ from lookdev.material.expression import parse
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.plan.plan import find_skips
 from lookdev.plan.skips import same_all_around, scene_skips
-from lookdev.render.backends import BACKENDS, Setting
-from lookdev.render.task import SceneTask
+from lookdev.rendering.backends import BACKENDS, Setting
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Sampling, Scene
 
 MakeJob = Callable[..., Job]

@@ -13,7 +13,7 @@ from lookdev.light import LIGHT_KINDS, Emission, Light, LocalDome, RectLight, lo
 from lookdev.light.link import MOST_GROUPS, Link
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
-from lookdev.render.scene import scene_task
+from lookdev.rendering.scene import scene_task
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.framing import frame_camera
 from lookdev.scene.linking import link_lights

@@ -16,9 +16,9 @@ from chromium import Page, new_tab
 from served import Served, descendants, served
 
 from lookdev.brdf.measured.files import MERL_SIZE
-from lookdev.plot import Options, read_subject
-from lookdev.plot.curves import cartesian_values
-from lookdev.plot.maps import slice_values
+from lookdev.plotting import Options, read_subject
+from lookdev.plotting.curves import cartesian_values
+from lookdev.plotting.maps import slice_values
 
 pytest.importorskip("selenium", reason="selenium is not installed: pip install -e '.[test]'")
 

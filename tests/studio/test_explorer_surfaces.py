@@ -13,8 +13,8 @@ from lookdev.brdf import CONTINUOUS, evaluate
 from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
 from lookdev.material.usd import read_look
-from lookdev.plot import KINDS, Options, read_subject
-from lookdev.plot.angles import towards
+from lookdev.plotting import KINDS, Options, read_subject
+from lookdev.plotting.angles import towards
 from lookdev.studio.explorer.run import named_words
 from lookdev.studio.explorer.surfaces import Surfaces, faster, look_of
 from lookdev.studio.explorer.usd import usd_text

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from lookdev.errors import LookdevError, RenderError, WorkerError
 from lookdev.metrics import relmse_of_halves
-from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Rendered
-from lookdev.render.scene import scene_task
-from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Worker, explained
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.worker import Worker, explained
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 from lookdev.studio.talk import Cancelled, Ticket
 

@@ -12,10 +12,10 @@ from matplotlib.image import imsave
 
 from lookdev.cache import Content, code_digest, derived, file_digest
 from lookdev.material.library import Preset
-from lookdev.plot.figure import picture
-from lookdev.plot.options import Options
-from lookdev.plot.solid import sphere_values
-from lookdev.plot.subject import read_subject
+from lookdev.plotting.figure import picture
+from lookdev.plotting.options import Options
+from lookdev.plotting.solid import sphere_values
+from lookdev.plotting.subject import read_subject
 
 SIZE = 56
 """Pixels of a side."""

@@ -17,7 +17,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shortened
-from lookdev.plot import SUFFIXES, draw
+from lookdev.plotting import SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
 from lookdev.studio.explorer.channel import Channel, options_of
 from lookdev.studio.explorer.frames import Frames

@@ -9,10 +9,10 @@ from typing import Any
 from lookdev.brdf import MODELS, Model, Parameter
 from lookdev.errors import LookError
 from lookdev.material.library import SUFFIXES, library_folders, read_library
-from lookdev.plot.curves import FRESNEL_RANGE
-from lookdev.plot.figure import COLORS
-from lookdev.plot.kinds import KINDS
-from lookdev.plot.options import AXES, CHANNELS, SCALES, Options
+from lookdev.plotting.curves import FRESNEL_RANGE
+from lookdev.plotting.figure import COLORS
+from lookdev.plotting.kinds import KINDS
+from lookdev.plotting.options import AXES, CHANNELS, SCALES, Options
 from lookdev.studio.explorer.shading import usually_live
 from lookdev.studio.roots import LARGEST_UPLOAD, Roots
 

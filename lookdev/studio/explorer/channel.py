@@ -18,8 +18,8 @@ from typing import Any
 from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shortened
-from lookdev.plot import Options, kind_named
-from lookdev.plot.sampling import sampling_note
+from lookdev.plotting import Options, kind_named
+from lookdev.plotting.sampling import sampling_note
 from lookdev.studio.explorer import shading, usd
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces

@@ -13,12 +13,12 @@ from lookdev.asset import load_asset
 from lookdev.errors import WorkerError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
-from lookdev.plot.angles import Values
-from lookdev.render.backends import BACKENDS
-from lookdev.render.results import Progress
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Worker, explained
+from lookdev.plotting.angles import Values
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import Progress
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import one_frame
+from lookdev.rendering.worker import Worker, explained
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from lookdev.plot.subject import LOOK, split_label
+from lookdev.plotting.subject import LOOK, split_label
 from lookdev.studio import Address
 from lookdev.studio.explorer.app import UPLOAD, application
 from lookdev.studio.explorer.surfaces import Surfaces

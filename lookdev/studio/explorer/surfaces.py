@@ -19,9 +19,9 @@ from lookdev.codegen.trace.symbolic import symbol, symbols
 from lookdev.errors import LookdevError
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
-from lookdev.plot import Options, Subject, kind_named, read_subject
-from lookdev.plot.angles import Floats, Values
-from lookdev.plot.subject import LOOK, read_parameters, split_label
+from lookdev.plotting import Options, Subject, kind_named, read_subject
+from lookdev.plotting.angles import Floats, Values
+from lookdev.plotting.subject import LOOK, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
 LONGEST_WORDS = 4000

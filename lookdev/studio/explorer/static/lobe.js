@@ -25,7 +25,7 @@ const LUMINANCE = [0.2126, 0.7152, 0.0722];
 export const DECADES = 4;
 const COUNT = 72;
 
-// A third of the numbers even, the others dense about a place (`lookdev.plot.solid`).
+// A third of the numbers even, the others dense about a place (`lookdev.plotting.solid`).
 const dense = (low, high, about, count) => {
   const even = Math.max(Math.floor(count / 3), 2);
   const found = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));

@@ -29,7 +29,7 @@ const boxOf = (width, height) => ({ left: width < 500 ? 48 : 64, top: 40, width:
 
 const fLabel = () => (option("cosine") ? "f cos θi (1/sr)" : "f (1/sr)");
 
-// Curves over an angle, as `lookdev.plot.curves`.
+// Curves over an angle, as `lookdev.plotting.curves`.
 const curvesView = ({ xLabel, yLabel, name = "f", range, extra, title, one }) => (c, items, width, height, look) => {
   const box = boxOf(width, height), curves = curvesOf(items, name);
   let [high, low] = [0, Infinity];

@@ -1,0 +1,243 @@
+"""The report of a fit to a picture: one HTML file, without scripts, that needs nothing besides itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path
+from lookdev.fitting.picture.search import Found, Point
+from lookdev.output.color import VIEWS
+from lookdev.output.display import to_display
+
+Floats = NDArray[np.float64]
+
+_MOST_NOISE = 4.0
+"""Standard errors at which the colours of differences end."""
+
+_STYLE = """
+:root { color-scheme: light dark; --line: #8885; --weak: #8881; }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 0 auto; max-width: 1400px; padding: 16px; }
+h1 { font-size: 1.35rem; margin: 0 0 4px; overflow-wrap: anywhere; }
+h2 { font-size: 1.05rem; margin: 28px 0 8px; }
+p { margin: 4px 0; overflow-wrap: anywhere; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 300px), 1fr)); gap: 16px; }
+figure { margin: 0; }
+figure img { display: block; width: 100%; image-rendering: pixelated; background: #000; }
+figcaption { padding-top: 4px; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; min-width: 100%; }
+th, td { padding: 4px 12px 4px 0; text-align: left; border-bottom: 1px solid var(--line); white-space: nowrap; }
+td.number, th.number { text-align: right; }
+.swatch { display: inline-block; width: 1em; height: 1em; border: 1px solid var(--line); vertical-align: -0.15em; }
+.scale { height: 10px; margin-top: 4px;
+  background: linear-gradient(90deg, #053061, #4393c3, #f7f7f7, #d6604d, #67001f); }
+.ends { display: flex; justify-content: space-between; font-size: 0.85em; }
+svg { width: 100%; height: auto; min-width: 700px; max-width: 900px; }
+svg text { fill: currentColor; font-size: 12px; }
+.note { background: var(--weak); padding: 8px 12px; }
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """What the page shows, linear (H, W, 3): the picture, renders of both looks, and standard errors of differences.
+
+    `used` (H, W) is where pixels were compared.
+    """
+
+    photo: Floats
+    before: Floats
+    after: Floats
+    noise_before: Floats
+    noise_after: Floats
+    used: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A parameter of the table: its values in the look before and after, and their errors."""
+
+    name: str
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    error: tuple[float, ...]
+    remark: str = ""
+
+
+def rows_of(found: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
+    """Return the rows of the table; `before` are the look's own values by name."""
+    rows = []
+    for name, value in found.values.items():
+        numbers = [name] if len(value) == 1 else [f"{name}[{each}]" for each in "rgb"]
+        remark = "no effect on the picture" if {*numbers} <= {*found.without_effect} else ""
+        remark = remark or ("not determined by the picture" if {*numbers} & {*found.undetermined} else "")
+        others = [f"{b if a in numbers else a}" for a, b, _ in found.alike if {a, b} & {*numbers}]
+        outside = list(dict.fromkeys(each for each in others if each not in numbers))
+        rows.append(
+            Row(
+                name,
+                before[name],
+                value,
+                found.errors[name],
+                remark or (f"trades off with {', '.join(outside)}" if outside else ""),
+            )
+        )
+    return rows
+
+
+def numbers(values: Sequence[float], digits: int = 4) -> str:
+    """Return values as text."""
+    return ", ".join("?" if np.isnan(each) else f"{each:.{digits}g}" for each in values)
+
+
+def write_page(
+    file: Path, title: str, lines: Sequence[str], pictures: Pictures, rows: Sequence[Row], found: Found
+) -> None:
+    """Write the page, whole or not at all; `lines` are of plain text, below the title."""
+    body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(each)}</p>" for each in lines)]
+    body += [f'<p class="note">{escape(each)}</p>' for each in _warnings(found)]
+    body += ["<h2>Pictures</h2>", '<div class="pictures">']
+    shown = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
+    body += [_figure(name, to_display(_clean(each), VIEWS[0])) for name, each in shown.items()]
+    body.append('</div><h2>Differences in units of noise</h2><div class="pictures">')
+    for name, render, noise in (
+        ("Before − photo", pictures.before, pictures.noise_before),
+        ("After − photo", pictures.after, pictures.noise_after),
+    ):
+        difference = (render - pictures.photo).mean(axis=-1) / np.maximum(noise.mean(axis=-1), 1e-12)
+        spread = float(np.sqrt(np.mean(difference[pictures.used] ** 2))) if pictures.used.any() else 0.0
+        caption = f"{name}: root mean square {spread:.2f} of the noise where pixels are compared"
+        body.append(_figure(caption, _signed(difference, pictures.used)))
+    body.append(
+        '</div><div class="scale"></div><div class="ends"><span>darker than the photo by '
+        f"{_MOST_NOISE:g} standard errors</span><span>brighter</span></div>"
+    )
+    body += [
+        "<h2>Parameters</h2>",
+        *_table(rows),
+        "<h2>Loss</h2>",
+        '<div class="wide">',
+        _curve(found.curve, found.noise),
+    ]
+    body.append("</div>")
+    text = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
+    )
+    with atomic_path(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _warnings(found: Found) -> Iterator[str]:
+    if found.interrupted:
+        yield "The search was interrupted: these are the best parameters so far, without errors."
+    elif not found.converged:
+        yield "The search ended before its steps were smaller than the errors: more steps or samples may find better."
+    if found.misfit > 1.5:
+        yield (
+            f"The difference that is left is {found.misfit:.1f} times the picture's noise: something else than these "
+            "parameters differs. Errors are multiplied by that."
+        )
+    if len(found.starts) > 1 and not found.starts[1][1] and found.starts[1][0] < 1.2 * found.after + 1e-12:
+        yield "Another start ended elsewhere at about the same loss: the result may be one of several."
+
+
+def _figure(caption: str, pixels: NDArray[np.uint8]) -> str:
+    from matplotlib.image import imsave
+
+    stream = BytesIO()
+    imsave(stream, pixels, format="png")
+    data = base64.b64encode(stream.getvalue()).decode()
+    text = escape(caption)
+    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
+
+
+def _clean(picture: Floats) -> Floats:
+    return np.where(np.isfinite(picture), picture, 0.0)
+
+
+def _signed(difference: Floats, used: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    from matplotlib import colormaps
+
+    codes = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * difference / _MOST_NOISE, 0.0, 1.0))[..., :3]
+    codes = np.where(used[..., None], codes, 0.25)  # grey where nothing is compared
+    return (codes * 255.0 + 0.5).astype(np.uint8)
+
+
+def _table(rows: Sequence[Row]) -> Iterator[str]:
+    yield '<div class="wide"><table><tr><th>parameter</th><th class="number">before</th><th class="number">after</th>'
+    yield '<th class="number">standard error</th><th></th></tr>'
+    for row in rows:
+        cells = [f'<td class="number">{_swatch(each)}{numbers(each)}</td>' for each in (row.before, row.after)]
+        error = f'<td class="number">{numbers(row.error, 2)}</td>'
+        yield f"<tr><td>{escape(row.name)}</td>{''.join(cells)}{error}<td>{escape(row.remark)}</td></tr>"
+    yield "</table></div>"
+
+
+def _swatch(value: Sequence[float]) -> str:
+    if len(value) != 3:
+        return ""
+    red, green, blue = to_display(np.clip(np.array(value), 0.0, 1.0)[None, None], "Un-tone-mapped")[0, 0]
+    return f'<span class="swatch" style="background: rgb({red}, {green}, {blue})"></span> '
+
+
+def _curve(curve: Sequence[Point], noise: float) -> str:
+    """Return the loss of every render that was tried, as SVG, on a logarithmic axis."""
+    width, height, left, bottom = 900, 320, 64, 40
+    shown = np.array([max(each.loss, 1e-12) for each in curve])
+    floor = max(min(shown.min(), noise if noise > 0.0 else shown.min()), shown.max() * 1e-8)
+    low, high = np.floor(np.log10(floor)), np.ceil(np.log10(shown.max()) + 1e-9)
+    high = max(high, low + 1.0)
+
+    def x(number: int) -> float:
+        return left + (width - left - 16) * (number + 0.5) / len(curve)
+
+    def y(loss: float) -> float:
+        place = (np.log10(max(loss, 10.0**low)) - low) / (high - low)
+        return 12.0 + (height - bottom - 12.0) * float(1.0 - min(place, 1.0))
+
+    parts = [f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="Loss of every render">']
+    for power in range(int(low), int(high) + 1):
+        at = y(10.0**power)
+        parts.append(f'<line x1="{left}" x2="{width - 16}" y1="{at:.1f}" y2="{at:.1f}" stroke="#8885"/>')
+        parts.append(f'<text x="{left - 8}" y="{at + 4:.1f}" text-anchor="end">1e{power}</text>')
+    if noise > 0.0:
+        at = y(noise)
+        parts.append(
+            f'<line x1="{left}" x2="{width - 16}" y1="{at:.1f}" y2="{at:.1f}" stroke="#c33" stroke-dasharray="6 4"/>'
+            f'<text x="{left + 6}" y="{at - 5:.1f}">noise of the photo</text>'
+        )
+    colors = {"start": "#888", "follow": "#2a78c2", "refine": "#2a9d4a", "end": "#c2185b"}
+    line: list[str] = []
+    for number, each in enumerate(curve):
+        if (
+            each.stage == "follow"
+            and number
+            and (curve[number - 1].stage, curve[number - 1].start) != ("follow", each.start)
+        ):
+            line.append("M")
+        if each.stage == "follow" and each.accepted:
+            line.append(f"{x(number):.1f} {y(each.loss):.1f}")
+        fill = colors[each.stage] if each.accepted else "none"
+        parts.append(
+            f'<circle cx="{x(number):.1f}" cy="{y(each.loss):.1f}" r="4" fill="{fill}" stroke="{colors[each.stage]}"/>'
+        )
+    if line:
+        path = " ".join(line if line[0] == "M" else ["M", *line])
+        parts.append(f'<path d="{path}" fill="none" stroke="{colors["follow"]}"/>')
+    for number, (stage, text) in enumerate(
+        {"start": "starts", "follow": "steps (hollow: rejected)", "refine": "refinement", "end": "result"}.items()
+    ):
+        at = left + 190 * number
+        parts.append(f'<circle cx="{at + 6}" cy="{height - 14}" r="4" fill="{colors[stage]}"/>')
+        parts.append(f'<text x="{at + 16}" y="{height - 10}">{text}</text>')
+    return "".join([*parts, "</svg>"])

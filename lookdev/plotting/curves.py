@@ -1,0 +1,278 @@
+"""Plots over one angle: cartesian, polar, retro, Fresnel and albedo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from lookdev.brdf import Bsdf
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.errors import LookdevError
+from lookdev.plotting.angles import Floats, Values, half_difference, towards
+from lookdev.plotting.figure import (
+    COLORS,
+    DASHES,
+    RGB,
+    Plot,
+    channels_of,
+    distinct,
+    draw_curves,
+    figure_of,
+    legend,
+    scale_values,
+    shown,
+)
+from lookdev.plotting.options import Options
+from lookdev.plotting.parts import evaluate_in_parts
+from lookdev.plotting.subject import Subject
+from lookdev.reference.albedo import CELLS, integrate_albedo
+
+_AXIS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
+_EDGE = 1e-6
+_GRAZING = np.sin(np.radians(1.0))
+_DECADES = 4.0
+_ALBEDO_VIEWS = 19
+_DRAFT = (16, 8)
+
+FRESNEL_RANGE = (-0.5, 8.0)
+"""Of the axis of offset and scaled responses."""
+
+
+def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot f against theta_h at a theta_d, theta_d at a theta_h, or theta_i at a view (Burley 2012, figure 9).
+
+    theta_i is in the plane of incidence, negative on the viewer's side.
+    """
+    figure, axes = figure_of()
+    ax = axes[0, 0]
+    found, columns = _drawn(ax, subjects, options, cartesian_values)
+    if options.axis == "theta_i":
+        still = f"view θo = {options.theta:g}°"
+    else:
+        other = "θd" if options.axis == "theta_h" else "θh"
+        still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
+    ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
+    scale_values(ax, options, found["inner"])
+    legend(ax)
+    return Plot(figure, {f"{options.axis} (degrees)": found["x"], **columns})
+
+
+def cartesian_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, 3) at degrees `x`, (n,), and `inner`: where both directions are a degree off the horizon."""
+    count = options.size or 721
+    low = -options.limit if options.axis == "theta_i" else 0.0
+    # As dense as the root of the angle on the side of the peak of most: a MERL file's own steps.
+    unit = np.linspace(0.0, 1.0, count)
+    degrees = options.limit * unit**2 if options.axis == "theta_h" else np.linspace(low, options.limit, count)
+    angle, fixed, phi = np.radians(degrees), np.radians(options.theta), np.radians(options.phi)
+    if options.axis == "theta_i":
+        wo, wi = np.broadcast_to(towards(fixed, np.pi), (count, 3)), towards(angle)
+    else:
+        h, d = (angle, fixed) if options.axis == "theta_h" else (fixed, angle)
+        wo, wi = half_difference(h, d, phi)
+    inner = np.minimum(wo[:, 2], wi[:, 2]) > _GRAZING
+    return {"x": degrees, "f": f_of(subject, wo, wi, options.cosine), "inner": inner}
+
+
+def retro(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
+    figure, axes = figure_of()
+    ax = axes[0, 0]
+    found, columns = _drawn(ax, subjects, options, retro_values)
+    ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
+    scale_values(ax, options, found["inner"])
+    legend(ax)
+    return Plot(figure, {"theta (degrees)": found["x"], **columns})
+
+
+def retro_values(subject: Subject, options: Options) -> Values:
+    """Return values as `cartesian_values`."""
+    degrees = np.linspace(0.0, options.limit, options.size or 361)
+    w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
+    return {"x": degrees, "f": f_of(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
+
+
+def polar(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot f in the plane of incidence as the radius of a curve; the log scale shows four decades.
+
+    The view is on the left: an arrow, as is the mirrored one.
+    """
+    found = [polar_values(subject, options) for subject in subjects]
+    theta = np.radians(found[0]["x"])
+    curves = list(zip(distinct([s.label for s in subjects]), (each["f"] for each in found), strict=True))
+    figure, axes = figure_of(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
+    ax = axes[0, 0]
+    peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
+    floor = peak * 10.0**-_DECADES
+
+    def radius(values: Floats) -> Floats:
+        if options.scale == "log":
+            return np.asarray(np.log10(np.maximum(values, floor) / floor))
+        return np.asarray(np.sqrt(np.maximum(values, 0.0)) if options.scale == "sqrt" else values)
+
+    columns: dict[str, Floats] = {}
+    for index, (label, values) in enumerate(curves):
+        for channel, (ending, curve) in enumerate(channels_of(values, options).items()):
+            color, dashes = (RGB[channel], DASHES[index % 4]) if ending else (COLORS[index % len(COLORS)], "-")
+            ax.plot(theta, radius(curve), color=color, linestyle=dashes, label=f"{shown(label)}{ending}")
+            columns[f"{label}{ending}"] = curve
+    top = float(radius(np.array([peak]))[0]) * 1.08
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    ax.set_thetamin(-90)
+    ax.set_thetamax(90)
+    ax.set_ylim(0.0, top)
+    if options.scale == "log":
+        ticks = np.arange(_DECADES + 1.0)
+        ax.set_yticks(ticks, [f"{floor * 10.0**tick:.1g}" for tick in ticks], fontsize=7)
+    for angle, text in ((-options.theta, "view"), (options.theta, "mirrored")):
+        ax.plot([np.radians(angle)] * 2, [0.0, top], color="#888888", linewidth=0.8, linestyle="--")
+        ax.text(np.radians(angle), top * 0.97, text, fontsize=7, color="#555555", ha="center")
+    ax.set_title(f"{_f_label(options)}, θo = {options.theta:g}°" + _scale_note(options))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.12), frameon=False, fontsize=8)
+    return Plot(figure, {"theta_i (degrees)": found[0]["x"], **columns})
+
+
+def polar_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, 3) at degrees `x`, (n,), negative on the viewer's side."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
+    wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
+    wi = towards(theta, np.radians(options.phi))
+    return {"x": np.degrees(theta), "f": f_of(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
+
+
+def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot the rise of reflectance with theta_d.
+
+    Of what scatters along single directions the reflectance itself; of other surfaces f as in Burley 2012, figure 10:
+    the mean over theta_h from 1 to 4 degrees, less its value at theta_d = 0, divided by its mean over theta_d from 45
+    to 80 degrees, beside Schlick's curve treated alike.
+    """
+    kinds = {subject.is_delta for subject in subjects}
+    if len(kinds) > 1:
+        raise LookdevError(
+            "fresnel: mirrors and glass, of which it plots reflectances, beside others; not both at once"
+        )
+    figure, axes = figure_of()
+    ax = axes[0, 0]
+    found, columns = _drawn(ax, subjects, options, fresnel_values)
+    degrees = found["x"]
+    if kinds == {True}:
+        ax.set(xlabel="θ (degrees)", ylabel="reflectance", title="Fresnel reflectance")
+        scale_values(ax, options, np.ones(len(degrees), np.bool_))
+    else:
+        columns["schlick"] = found["schlick"]
+        ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
+        # Past 80 degrees f of a microfacet model goes up without limit: as in the figure, the plot ends.
+        ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
+        ax.set_title("Fresnel response, mean over θh from 1° to 4°")
+    legend(ax)
+    return Plot(figure, {"theta_d (degrees)": degrees, **columns})
+
+
+def fresnel_values(subject: Subject, options: Options) -> Values:
+    """Return a reflectance, or a response and that of `schlick`, (n, 3) and (n,), at degrees `x`, (n,)."""
+    degrees = np.linspace(0.0, options.limit, options.size or 361)
+    theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
+    if subject.is_delta:
+        return {"x": degrees, "f": _reflectance(subject.bsdf, towards(theta))}
+    schlick = _normalised(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
+    risen = _normalised(_averaged(subject, theta, np.radians(options.phi)), degrees)
+    return {"x": degrees, "f": risen, "schlick": schlick}
+
+
+def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot the directional albedo against the angle of the view, light from both sides, by quadrature with its error.
+
+    The band is the error (`lookdev.reference.albedo.integrate_albedo`), mostly too thin to see: it is in the numbers.
+    """
+    figure, axes = figure_of()
+    ax = axes[0, 0]
+    labels = distinct([each.label for each in subjects])
+    found = [albedo_values(subject, options) for subject in subjects]
+    degrees = found[0]["x"]
+    curves = list(zip(labels, (each["f"] for each in found), strict=True))
+    errors = dict(zip(labels, (each["error"] for each in found), strict=True))
+    columns = draw_curves(ax, degrees, curves, options, marker=".", markersize=4)
+    for index, (label, values) in enumerate(curves):
+        bands = zip(channels_of(values, options).values(), channels_of(errors[label], options).items(), strict=True)
+        for channel, (curve, (ending, error)) in enumerate(bands):
+            color = RGB[channel] if ending else COLORS[index % len(COLORS)]
+            ax.fill_between(degrees, curve - error, curve + error, color=color, alpha=0.3, linewidth=0.0)
+            columns[f"{label}{ending} error"] = error
+    ax.set(xlabel="θo (degrees)", ylabel="directional albedo")
+    worst = max(float(error.max()) for error in errors.values())
+    ax.set_title(f"directional albedo; integration error at most {worst:.1g}")
+    scale_values(ax, options, np.ones(len(degrees), np.bool_))
+    ax.axhline(1.0, color="#999999", linewidth=0.8)
+    legend(ax)
+    return Plot(figure, {"theta_o (degrees)": degrees, **columns}, (f"integration error at most {worst:.2g}",))
+
+
+def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft has larger ones."""
+    degrees = np.linspace(
+        0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
+    )
+    views = towards(np.radians(degrees), np.radians(options.phi))
+    found = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
+    values, error = (np.array([getattr(each, name).sum(axis=0) for each in found]) for name in ("value", "error"))
+    return {"x": degrees, "f": values, "error": error}
+
+
+def _drawn(
+    ax: Axes, subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values]
+) -> tuple[Values, dict[str, Floats]]:
+    """Draw the curves of surfaces, and return the values of the last, and the columns."""
+    found = [values(subject, options) for subject in subjects]
+    labels = distinct([subject.label for subject in subjects])
+    curves = list(zip(labels, (each["f"] for each in found), strict=True))
+    return found[-1], draw_curves(ax, found[-1]["x"], curves, options)
+
+
+def f_of(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
+    """Return f (..., 3), or f times the light's cosine; LookdevError for what has no f."""
+    if subject.is_delta:
+        raise LookdevError(
+            f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
+        )
+    if subject.faster:
+        f = subject.faster(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
+    else:
+        f = evaluate_in_parts(subject.bsdf, wo, wi)
+    return f * np.abs(wi[..., 2:]) if cosine else f
+
+
+def _f_label(options: Options) -> str:
+    return "f cos θi (1/sr)" if options.cosine else "f (1/sr)"
+
+
+def _scale_note(options: Options) -> str:
+    return {"linear": "", "sqrt": ", square root", "log": f", log, {_DECADES:g} decades"}[options.scale]
+
+
+def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
+    total = np.zeros(wo.shape)
+    for delta in bsdf.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)):
+        if not delta.transmits:
+            total = total + np.asarray(delta.value)
+    return total
+
+
+def _averaged(subject: Subject, theta_d: Floats, phi_d: float) -> Floats:
+    """Return the mean of f (n, 3) over theta_h from 1 to 4 degrees."""
+    theta_h = np.radians(np.linspace(1.0, 4.0, 25))[:, None]
+    wo, wi = half_difference(theta_h, theta_d[None, :], phi_d)
+    return np.asarray(f_of(subject, wo, wi, cosine=False).mean(axis=0))
+
+
+def _normalised(f: Floats, degrees: Floats) -> Floats:
+    """Return curves (n, c) less their first value, over their mean from 45 to 80 degrees; 0 for what stays constant."""
+    risen = f - f[:1]
+    within = (degrees >= 45.0) & (degrees <= 80.0)
+    if not within.any():
+        raise LookdevError("fresnel: curves are scaled by 45 to 80 degrees; a larger --limit and --size would be right")
+    mean = np.abs(risen[within].mean(axis=0, keepdims=True))
+    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))

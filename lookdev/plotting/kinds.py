@@ -1,0 +1,110 @@
+"""The kinds of plots: the only list of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.plotting import curves, maps, sampling, solid
+from lookdev.plotting.angles import Values
+from lookdev.plotting.figure import Plot
+from lookdev.plotting.options import Options
+from lookdev.plotting.subject import Subject
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plot: a sentence, the function that draws it, the options that it uses, and the most surfaces in it.
+
+    `values` are the numbers of one surface, for whoever draws them otherwise. Of a difference they are each surface's.
+    `draft` are coarser ones, where these take longer than a hand waits.
+    """
+
+    text: str
+    draw: Callable[[Sequence[Subject], Options], Plot]
+    values: Callable[[Subject, Options], Values]
+    uses: tuple[str, ...]
+    most: int = 8
+    draft: Callable[[Subject, Options], Values] | None = None
+
+
+_PICTURE = ("exposure", "chroma", "size")
+_CURVE = ("scale", "angles", "limit", "channels", "size")
+
+KINDS: dict[str, Kind] = {
+    "slice": Kind(
+        "f over theta_h and theta_d, as a picture",
+        maps.slice_,
+        maps.slice_values,
+        ("phi", "cosine", *_PICTURE),
+        most=12,
+    ),
+    "polar": Kind(
+        "lobes in the plane of incidence",
+        curves.polar,
+        curves.polar_values,
+        ("theta", "phi", "scale", "channels", "cosine", "size"),
+    ),
+    "lobe3d": Kind(
+        "the lobe as a surface", solid.lobe3d, solid.lobe_values, ("theta", "phi", "scale", "cosine", "size")
+    ),
+    "cartesian": Kind(
+        "f against theta_h, theta_d or theta_i",
+        curves.cartesian,
+        curves.cartesian_values,
+        ("theta", "phi", "axis", "cosine", *_CURVE),
+    ),
+    "albedo": Kind(
+        "directional albedo, with its error",
+        curves.albedo,
+        curves.albedo_values,
+        ("phi", "scale", "limit", "channels", "size"),
+        draft=partial(curves.albedo_values, draft=True),
+    ),
+    "sphere": Kind(
+        "spheres under a point light and a dome",
+        solid.sphere,
+        solid.sphere_values,
+        ("theta", "phi", *_PICTURE),
+        most=12,
+    ),
+    "retro": Kind("f where light and view coincide", curves.retro, curves.retro_values, ("phi", "cosine", *_CURVE)),
+    "fresnel": Kind("how reflectance rises with theta_d", curves.fresnel, curves.fresnel_values, ("phi", *_CURVE)),
+    "difference": Kind(
+        "slices of two, and their difference", maps.difference, maps.slice_values, ("phi", "cosine", *_PICTURE), most=2
+    ),
+    "sampling": Kind(
+        "pdf, weights of samples and chi-square",
+        sampling.sampling,
+        sampling.sampling_values,
+        ("theta", "phi", "size"),
+        most=6,
+        draft=partial(sampling.sampling_values, draft=True),
+    ),
+}
+"""Every kind of plot by its name."""
+
+
+def kind_named(name: str) -> Kind:
+    """Return a kind; an unknown name raises LookdevError."""
+    if name not in KINDS:
+        raise LookdevError(f"unknown plot '{name}' ({nearest_hint(name, list(KINDS))})")
+    return KINDS[name]
+
+
+def draw(name: str, subjects: Sequence[Subject], options: Options = Options()) -> Plot:  # noqa: B008
+    """Return a plot of some surfaces.
+
+    Raises
+    ------
+    LookdevError
+        The kind is unknown, does not use an option that is given, or cannot show so many surfaces, or one of them.
+    """
+    kind = kind_named(name)
+    if unused := [each for each in options.given() if each not in kind.uses]:
+        raise LookdevError(f"{name} has no --{unused[0]}; its options: {', '.join(f'--{each}' for each in kind.uses)}")
+    if not 1 <= len(subjects) <= kind.most:
+        raise LookdevError(f"{name}: {len(subjects)} given; 1 to {kind.most} would be right")
+    return kind.draw(subjects, options)

@@ -1,0 +1,133 @@
+"""Pictures of f over theta_h and theta_d: image slices, and the difference of two (Burley 2012, section 3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from lookdev.errors import LookdevError
+from lookdev.plotting.angles import LUMINANCE, Floats, Values, half_difference
+from lookdev.plotting.curves import f_of
+from lookdev.plotting.figure import Plot, distinct, figure_of, picture, shown
+from lookdev.plotting.options import Options
+from lookdev.plotting.subject import Subject
+
+_PIXELS = 256
+_MARKS = (
+    (0.03, 0.5, "specular peak", 90, "center", "center"),
+    (0.5, 0.97, "Fresnel peak", 0, "center", "top"),
+    (0.5, 0.03, "retroreflection", 0, "center", "bottom"),
+    (0.97, 0.03, "grazing\nretroreflection", 0, "right", "bottom"),
+    (0.5, 0.5, "diffuse", 0, "center", "center"),
+)
+
+
+def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot image slices: f over theta_h, to the right, and theta_d, upwards, at a phi_d (Burley 2012, figures 3 and 4).
+
+    The first is marked as in figure 3, with the isoline of theta_i = theta_o = 60 degrees at phi_d = 90 degrees.
+    """
+    theta, wo, wi = grid(options)
+    figure, axes = figure_of(len(subjects), size=(3.7, 3.9))
+    columns = _angles(theta)
+    for index, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
+        f = f_of(subject, wo, wi, options.cosine)
+        ax = axes[0, index]
+        _show(ax, picture(f, options))
+        ax.set_title(shown(label), fontsize=9)
+        if index == 0:
+            _annotate(ax, wo, wi)
+        columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
+    figure.suptitle(_title(options), fontsize=9)
+    return Plot(figure, columns)
+
+
+def slice_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the middles of pixels."""
+    _, wo, wi = grid(options)
+    return {"f": f_of(subject, wo, wi, options.cosine)}
+
+
+def difference(subjects: Sequence[Subject], options: Options) -> Plot:
+    """Plot the slices of two surfaces, and the difference of cube roots of their luminance, second less first.
+
+    Cube roots of f are about as far apart as they look (Ngan et al. 2005, section 3.2, has them as a loss, too).
+    """
+    if len(subjects) != 2:
+        raise LookdevError(f"difference: {len(subjects)} given; two would be right")
+    theta, wo, wi = grid(options)
+    one, other = (f_of(subject, wo, wi, options.cosine) for subject in subjects)
+    above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
+    root = np.where(above, np.cbrt(other @ LUMINANCE) - np.cbrt(one @ LUMINANCE), np.nan)
+    figure, axes = figure_of(3, size=(3.9, 3.9))
+    labels = distinct([subject.label for subject in subjects])
+    for ax, f, label in zip(axes[0], (one, other), labels, strict=False):
+        _show(ax, picture(f, options))
+        ax.set_title(shown(label), fontsize=9)
+    # The corner where models go up without limit would leave no colour to the rest.
+    limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
+    image = axes[0, 2].imshow(
+        root, origin="lower", extent=(0, 90, 0, 90), cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest"
+    )
+    axes[0, 2].set(xlabel="θh (degrees)", facecolor="black", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
+    figure.colorbar(image, ax=axes[0, 2], shrink=0.8, extend="both")
+    # d theta_h d theta_d are not solid angles: this measures the picture.
+    rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative(one[above], other[above])
+    axes[0, 2].set_title(f"difference of cube roots, rms {rms:.3g}", fontsize=9)
+    figure.suptitle(_title(options), fontsize=9)
+    columns = _angles(theta)
+    for label, f in zip(labels, (one, other), strict=True):
+        columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
+    columns["difference of cube roots"] = root.ravel()
+    return Plot(
+        figure, columns, (f"rms of cube roots {rms:.4g}", f"largest difference of f {relative:.4g} of the peak")
+    )
+
+
+def grid(options: Options) -> tuple[Floats, Floats, Floats]:
+    """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
+    return _grid(options.size or _PIXELS, options.phi)
+
+
+@lru_cache(maxsize=4)
+def _grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
+    theta = (np.arange(count) + 0.5) / count * 90.0
+    angle = np.radians(theta)
+    wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(phi))
+    for each in (theta, wo, wi):
+        each.flags.writeable = False
+    return theta, wo, wi
+
+
+def _angles(theta: Floats) -> dict[str, Floats]:
+    h, d = np.meshgrid(theta, theta)
+    return {"theta_h (degrees)": h.ravel(), "theta_d (degrees)": d.ravel()}
+
+
+def _relative(one: Floats, other: Floats) -> float:
+    return float(np.abs(one - other).max() / max(one.max(), other.max(), 1e-300))
+
+
+def _show(ax: Axes, image: Floats) -> None:
+    ax.imshow(image, origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
+    ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
+
+
+def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
+    for x, y, text, turn, ha, va in _MARKS:
+        ax.text(
+            x * 90, y * 90, text, rotation=turn, ha=ha, va=va, fontsize=7, color="white",
+            bbox={"facecolor": "black", "alpha": 0.35, "pad": 1.0, "linewidth": 0.0},
+        )  # fmt: skip
+    for w, dashes in ((wi, "-"), (wo, "--")):
+        axis = (np.arange(len(w)) + 0.5) / len(w) * 90.0
+        ax.contour(axis, axis, w[..., 2], [0.5], colors="white", linewidths=0.8, linestyles=dashes)
+    ax.text(60, 20, "θi, θo = 60°", fontsize=6, color="white", ha="left")
+
+
+def _title(options: Options) -> str:
+    parts = [f"φd = {options.phi:g}°", f"exposure {options.exposure:+g}"]
+    return ", ".join(parts + ["chroma"] * options.chroma + ["times cos θi"] * options.cosine)

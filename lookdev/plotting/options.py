@@ -1,0 +1,75 @@
+"""What a plot can be asked for beyond its kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from lookdev.errors import LookdevError, nearest_hint
+
+SCALES = ("linear", "sqrt", "log")
+AXES = ("theta_h", "theta_d", "theta_i")
+CHANNELS = ("luminance", "rgb")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of plots; each kind uses some of them (`lookdev.plotting.kinds.Kind.uses`).
+
+    theta
+        Degrees from the normal: of the view, or of the angle of a cartesian plot that stays.
+    phi
+        Degrees of azimuth: phi_d of a slice, the azimuth of the view elsewhere.
+    exposure
+        Stops by which pictures are brightened.
+    scale, angles
+        The axis of values, and that of angles: one of `SCALES`; angles are linear or ``"sqrt"``.
+    axis
+        The angle that varies in a cartesian plot, one of `AXES`.
+    limit
+        The largest angle shown, in degrees.
+    channels
+        One curve of the luminance, or one for each of red, green and blue.
+    cosine
+        Whether f is multiplied by the cosine of the light.
+    chroma
+        Whether pictures are divided by their largest channel (Burley 2012, figure 14).
+    size
+        Samples along an axis, or pixels of a picture; 0: the kind's own number.
+    """
+
+    theta: float = 45.0
+    phi: float = 90.0
+    exposure: float = 0.0
+    scale: str = "linear"
+    angles: str = "linear"
+    axis: str = "theta_h"
+    limit: float = 90.0
+    channels: str = "luminance"
+    cosine: bool = False
+    chroma: bool = False
+    size: int = 0
+
+    def __post_init__(self) -> None:
+        for name, choices in (
+            ("scale", SCALES),
+            ("angles", SCALES[:2]),
+            ("axis", AXES),
+            ("channels", CHANNELS),
+        ):
+            value = getattr(self, name)
+            if value not in choices:
+                raise LookdevError(f"--{name} {value}: {nearest_hint(str(value), choices)}")
+        ranges = (("theta", 0.0, 89.9), ("phi", -360, 360.0), ("exposure", -32.0, 32.0), ("limit", 0.01, 90.0))
+        for name, low, high in (*ranges, ("size", 0, 2048)):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise LookdevError(f"--{name} {value:g}: {low:g} to {high:g} would be right")
+        if 0 < self.size < 4:
+            raise LookdevError(f"--size {self.size}: 4 to 2048 would be right")
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that are not at their defaults, by name."""
+        return {
+            each.name: getattr(self, each.name) for each in fields(self) if getattr(self, each.name) != each.default
+        }

@@ -1,0 +1,25 @@
+"""Evaluation of many pairs of directions: in parts that stay in a processor's cache, on all of its cores."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lookdev.brdf import Bsdf, evaluate
+from lookdev.codegen.program.arrays import PART, threads
+from lookdev.plotting.angles import Floats
+
+
+def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return f of pairs of directions (..., 3), as `lookdev.brdf.evaluate`, whose values each point's are alone."""
+    count = wo.size // 3
+    if count <= PART:
+        return np.asarray(evaluate(bsdf, wo, wi))
+    out, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
+
+    def fill(start: int) -> None:
+        part = slice(start, start + PART)
+        out[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
+
+    for _ in threads().map(fill, range(0, count, PART)):
+        pass
+    return out.reshape(wo.shape)

@@ -1,0 +1,113 @@
+"""The answers of a render worker to its parent: one JSON object per line on standard output.
+
+`lookdev.rendering.results` reads them, and defines the fields of each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.errors import OutputError
+
+
+class Answers:
+    """Standard output, reserved for answers: from construction on, other output goes to standard error."""
+
+    def __init__(self) -> None:
+        self._channel = os.dup(1)
+        os.dup2(2, 1)
+
+    def send(self, **message: Any) -> None:
+        """Send one message."""
+        os.write(self._channel, (json.dumps(message) + "\n").encode())
+
+    def ready(self, renderer: str) -> None:
+        """Report that tasks can be sent, and the name of the renderer."""
+        self.send(type="ready", blender=renderer)
+
+    def progress(self, digest: str, samples: int, of: int, relmse: float | None) -> None:
+        """Report samples done, samples planned and the relMSE so far of the frame of a digest."""
+        self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
+
+    def done(
+        self,
+        digest: str,
+        arrays: str,
+        *,
+        samples: int,
+        seconds: float,
+        relmse: float,
+        raw_relmse: float | None = None,
+        raw_seconds: float | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
+        """Report a rendered frame, notes for the user, and the peak memory of this process.
+
+        `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
+        `raw_relmse` is that of the picture before it was denoised, `raw_seconds` the time without what denoising takes.
+        """
+        if (raw_relmse is None) != (raw_seconds is None):
+            raise ValueError("a denoised frame has the error and the seconds of its raw picture")
+        figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
+        raw = {"raw_relmse": raw_relmse, "raw_seconds": raw_seconds}
+        figures |= {name: value for name, value in raw.items() if value is not None}
+        self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
+
+    def failed(self, digest: str, error: Exception) -> None:
+        """Report why a frame cannot be rendered; an OutputError will meet all other frames too."""
+        if isinstance(error, OutputError):
+            self.send(type="failed", digest=digest, message=str(error), unwritable=True)
+        else:
+            self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
+
+
+def save_arrays(
+    a: NDArray[np.float32],
+    b: NDArray[np.float32],
+    alpha: NDArray[np.float32],
+    raw: NDArray[np.float32] | None = None,
+    passes: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
+    names: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> str:
+    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
+
+    Of a denoised frame, `raw` (H, W, 3) is the picture before. `passes` and `names` are of `RenderedFrame`.
+
+    Raises OutputError where it cannot be written; nothing is left then.
+    """
+    arrays = {"a": a, "b": b, "alpha": alpha, **({} if raw is None else {"raw": raw})}
+    arrays |= {f"pass {name}": each for name, each in passes.items()}
+    texts = {"names": np.frombuffer(json.dumps(dict(names)).encode(), np.uint8)} if names else {}
+    return save_named({**arrays, **texts})
+
+
+def save_named(arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Save arrays by their names; otherwise as `save_arrays`."""
+    folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
+    try:
+        handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                np.savez(stream, **arrays)
+        except OSError:
+            Path(path).unlink()
+            raise
+    except OSError as error:
+        raise OutputError(f"{folder}: a rendered frame cannot be written: {error.strerror or error}") from error
+    return path
+
+
+def peak_memory(process: str = "self") -> int:
+    """Return the peak memory of a process, by its number, in bytes; getrusage() includes the parent's."""
+    status = Path(f"/proc/{process}/status").read_text()
+    kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
+    return 1024 * int(kilobytes)

@@ -1,0 +1,72 @@
+"""What of this machine its workers leave unused: cores and memory, by proc(5) and cgroups(7)."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from lookdev.rendering.threads import cores
+
+_TICKS = os.sysconf("SC_CLK_TCK")
+_RESERVE = 0.1  # of the memory, which is left to others
+_GAIN = 0.5  # of the cores that a worker uses: with fewer another one gains little
+_START = 30.0  # seconds of work: a worker starts, and compiles, in some
+_GROWTH = 1.5  # times the peak of a worker so far
+
+
+@dataclass(frozen=True)
+class Use:
+    """Seconds on the clock, and those of cores that some processes, and all, have used until then."""
+
+    clock: float
+    own: float
+    machine: float
+
+    @classmethod
+    def of(cls, processes: Iterable[int]) -> Use:
+        """Return the use of running processes, this one included."""
+        own = sum(map(_seconds, {os.getpid(), *processes}))
+        allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
+        rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())
+        # user, nice, system, then idle and waiting; interrupts and what a hypervisor took count as used.
+        busy = sum(sum(map(int, row[1:4])) + sum(map(int, row[6:9])) for row in rows if row[0] in allowed)
+        return cls(time.monotonic(), own, busy / _TICKS)
+
+
+def idle_cores(before: Use, now: Use) -> float:
+    """Return how many cores nothing used, the mean over a time."""
+    seconds = now.clock - before.clock
+    used = max(now.own - before.own, now.machine - before.machine)
+    return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
+
+
+def worth_another(workers: int, idle: float, left: float, each: int, free: int) -> bool:
+    """Return whether one more worker gains more than it costs.
+
+    workers : that there are; idle : cores; left : seconds of work for each; each, free : bytes of a worker, and left.
+    """
+    used = (cores() - idle) / workers
+    return idle > 0.0 and idle >= _GAIN * used and left > _START and free > _GROWTH * each
+
+
+def free_memory() -> int:
+    """Return the bytes that more processes can take, within the limit of a container, if there is one."""
+    rows = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+    total, free = (1024 * int(rows[key].split()[0]) for key in ("MemTotal", "MemAvailable"))
+    with suppress(OSError, ValueError):  # no limit, or no such cgroup
+        folder = Path("/sys/fs/cgroup")
+        limit, used = (int((folder / name).read_text()) for name in ("memory.max", "memory.current"))
+        total, free = min(total, limit), min(free, limit - used)
+    return max(int(free - _RESERVE * total), 0)
+
+
+def _seconds(process: int) -> float:
+    try:
+        times = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
+    except OSError:  # it has ended
+        return 0.0
+    return sum(map(int, times)) / _TICKS

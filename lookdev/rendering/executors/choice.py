@@ -1,0 +1,158 @@
+"""Which executor a user chooses, and where it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.executors.local import LocalExecutor
+from lookdev.rendering.executors.protocol import Executor, Place, Store
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What renders, as of the command line.
+
+    Attributes
+    ----------
+    kind, address
+        One of `EXECUTORS`, and where it is, if that has a place.
+    workers
+        How many; None: as many as the executor finds worth it.
+    device
+        The kind of device, instead of that of the job.
+    numbers
+        Of the devices of that kind that are used, by the count of their maker's tools; (): all.
+    stored
+        Whether workers write the files of frames themselves, to a file system that they share with this machine.
+    """
+
+    kind: str = "local"
+    address: str = ""
+    workers: int | None = None
+    device: str | None = None
+    numbers: tuple[int, ...] = ()
+    stored: bool = False
+
+    @property
+    def here(self) -> bool:
+        """Whether workers start on this machine: at an address, some that others started have devices of their own."""
+        return not self.address
+
+
+LOCAL = Choice()
+
+
+@dataclass(frozen=True)
+class ExecutorKind:
+    """A kind of executor: what it is for the user, the form of its address ("" for none), how it is opened."""
+
+    help: str
+    address: str
+    open: Callable[[Choice, Place, Store], Executor]
+    needs_address: bool = False
+    counts: bool = False  # whether it starts as many workers as a user wants
+    storing: bool = False  # whether its workers can write files of frames
+
+
+# What shows a process some of the devices of this machine only, by kind of device.
+_VISIBLE = {
+    "cuda": "CUDA_VISIBLE_DEVICES",
+    "optix": "CUDA_VISIBLE_DEVICES",
+    "hip": "HIP_VISIBLE_DEVICES",
+    "oneapi": "ONEAPI_DEVICE_SELECTOR",
+}
+
+
+def _local(choice: Choice, place: Place, store: Store) -> Executor:
+    return LocalExecutor(place, choice.workers, devices_of(choice))
+
+
+def _dask(choice: Choice, place: Place, store: Store) -> Executor:
+    from lookdev.rendering.executors.dask import DaskExecutor
+
+    if choice.address and choice.workers is not None:
+        raise LookdevError("--workers: the scheduler of Dask has workers of its own; leave it out")
+    return DaskExecutor(place, choice.address, choice.workers, store if choice.stored else None)
+
+
+def _warm(choice: Choice, place: Place, store: Store) -> Executor:
+    from lookdev.rendering.executors.warm import WarmExecutor
+
+    return WarmExecutor(place, Path(choice.address))
+
+
+EXECUTORS: dict[str, ExecutorKind] = {
+    "local": ExecutorKind("workers of this machine", "", _local, counts=True),
+    "dask": ExecutorKind(
+        "workers of Dask, on a cluster that is started here, or on that of a scheduler",
+        "tcp://HOST:8786",
+        _dask,
+        counts=True,
+        storing=True,
+    ),
+    "warm": ExecutorKind("the worker that 'lookdev warm start' keeps at a socket", "SOCKET", _warm, needs_address=True),
+}
+
+
+def opened(choice: Choice, place: Place, store: Store) -> Executor:
+    """Return the executor of a choice, to be entered; raises LookdevError where the choice cannot be."""
+    return EXECUTORS[choice.kind].open(choice, place, store)
+
+
+def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> Choice:
+    """Return the choice that options of the command line are: ``dask:tcp://host:8786``, ``cuda:0,1``.
+
+    Raises LookdevError where an option is wrong, or does not go with the executor.
+    """
+    kind, _, address = executor.partition(":")
+    record = EXECUTORS.get(kind)
+    if record is None:
+        raise LookdevError(f"--executor: unknown executor '{kind}' ({nearest_hint(kind, list(EXECUTORS))})")
+    if address and not record.address:
+        raise LookdevError(f"--executor: '{kind}' has no address: write --executor {kind}")
+    if record.needs_address and not address:
+        raise LookdevError(f"--executor: '{kind}' needs an address: write --executor {kind}:{record.address}")
+    if workers is not None and not record.counts:
+        raise LookdevError(f"--workers: executor '{kind}' has workers of its own")
+    if stored and not record.storing:
+        raise LookdevError(
+            f"--shared: workers of executor '{kind}' are on this machine, whose output they need not share"
+        )
+    name, numbers = _device(device) if device is not None else (None, ())
+    if numbers and kind != "local":
+        raise LookdevError(f"--device: executor '{kind}' has devices of its own: write --device {name}")
+    return Choice(kind, address, workers, name, numbers, stored)
+
+
+def _device(text: str) -> tuple[str, tuple[int, ...]]:
+    """Return kind and numbers of devices."""
+    kind, _, numbers = text.partition(":")
+    known = list(dict.fromkeys(device for each in BACKENDS.values() for device in each.devices))
+    if kind not in known:
+        raise LookdevError(f"--device: unknown device '{kind}' ({nearest_hint(kind, known)})")
+    if not numbers and text == kind:
+        return kind, ()
+    if kind not in _VISIBLE:
+        raise LookdevError(f"--device: devices of kind '{kind}' cannot be chosen by number: write --device {kind}")
+    if not re.fullmatch(r"\d{1,3}(,\d{1,3})*", numbers):
+        raise LookdevError(f"--device: '{text}' should be as {kind}:0 or {kind}:0,1")
+    return kind, tuple(dict.fromkeys(map(int, numbers.split(","))))
+
+
+def devices_of(choice: Choice) -> tuple[Mapping[str, str], ...]:
+    """Return variables of the environment that show a worker its devices, for each in turn.
+
+    With several devices and workers, each worker has its own; one worker has all of them.
+    """
+    if choice.device is None or not choice.numbers:
+        return ({},)
+    variable, prefix = _VISIBLE[choice.device], "level_zero:" if choice.device == "oneapi" else ""
+    shown = [f"{prefix}{number}" for number in choice.numbers]
+    if choice.workers is None or choice.workers == 1:
+        return ({variable: prefix + ",".join(map(str, choice.numbers))},)
+    return tuple({variable: each} for each in shown)

@@ -1,0 +1,121 @@
+"""What a render worker answers, as its parent reads it: messages, and the arrays of a frame, all of them checked.
+
+`lookdev.rendering.answers` is the worker's side.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, TypeAdapter
+
+from lookdev.errors import WorkerError
+from lookdev.rendering.task import SceneTask
+
+Floats = NDArray[np.float32]
+
+
+class Ready(BaseModel):
+    type: Literal["ready"]
+    blender: str
+
+
+class Progress(BaseModel):
+    type: Literal["progress"]
+    digest: str
+    samples: int
+    of: int
+    relmse: float | None
+
+
+class Done(BaseModel):
+    type: Literal["done"]
+    digest: str
+    arrays: Path
+    samples: int
+    seconds: float
+    relmse: float
+    memory: int
+    notes: tuple[str, ...] = ()
+    raw_relmse: float | None = None
+    raw_seconds: float | None = None
+
+
+class Failed(BaseModel):
+    type: Literal["failed"]
+    digest: str
+    message: str
+    unwritable: bool = False
+
+
+Message = Ready | Progress | Done | Failed
+MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """A frame as the worker renders it: independent halves (H, W, 3), premultiplied, without exposure."""
+
+    a: NDArray[np.float32]
+    b: NDArray[np.float32]
+    alpha: NDArray[np.float32]  # (H, W)
+    samples: int  # per pixel over both halves
+    seconds: float  # in the worker
+    relmse: float  # estimated from the halves
+    blender: str
+    memory: int  # peak of the worker so far, bytes
+    notes: tuple[str, ...] = ()  # for the user
+    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
+    raw_relmse: float | None = None
+    raw_seconds: float | None = None  # without features and denoising
+    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels) by their arrays' names
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # in each matte
+
+
+def loaded(done: Done, scene: SceneTask, blender: str) -> Rendered:
+    """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
+    width, height = scene.resolution
+    shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
+    shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
+    passes = scene.arrays
+    shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
+    found, names = arrays_in(done, shapes)
+    shown = {name: found.pop(f"pass {name}") for name in passes}
+    return Rendered(
+        **found,
+        passes=shown,
+        names={name: tuple(each) for name, each in names.items()},
+        samples=done.samples,
+        seconds=done.seconds,
+        relmse=done.relmse,
+        blender=blender,
+        memory=done.memory,
+        notes=done.notes,
+        raw_relmse=done.raw_relmse,
+        raw_seconds=done.raw_seconds,
+    )
+
+
+def arrays_in(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
+    """Read and remove the arrays of a result, and the names of mattes; errors as `loaded`."""
+    try:
+        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in shapes}
+            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
+    done.arrays.unlink(missing_ok=True)
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
+        if not np.isfinite(arrays[name]).all():
+            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
+    return {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}, names

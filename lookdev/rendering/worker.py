@@ -1,0 +1,329 @@
+"""Supervision of a render worker: one process, one frame at a time; every answer is checked.
+
+The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; while it starts it can be sent
+that of a scene, which it prepares without an answer. All other output of it and of Blender goes to a log file. It ends
+when stdin ends, also after a crash of this process.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Self
+
+from pydantic import ValidationError
+
+from lookdev.errors import OutputError, RenderError, WorkerError
+from lookdev.rendering import wire
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.results import (
+    MESSAGES,
+    Done,
+    Failed,
+    Floats,
+    Message,
+    Progress,
+    Ready,
+    Rendered,
+    arrays_in,
+    loaded,
+)
+from lookdev.rendering.slopes import SlopeTask
+from lookdev.rendering.task import FrameTask, SceneTask
+from lookdev.rendering.threads import on_cores
+
+PATIENCE = 600.0
+"""Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
+
+_FRAME = "lookdev: frame "
+"""Begins the line of a log before what a worker writes of a frame: its digest and file follow."""
+
+LONGEST_MESSAGE = 1 << 20
+"""Bytes; a longer line is refused, so that it does not fill the memory."""
+
+
+class Worker:
+    """A render process, started when first needed and again after it was killed.
+
+    Parameters
+    ----------
+    command
+        The program and its arguments.
+    log
+        The file of its stderr, emptied here; every start appends to it.
+    scratch
+        An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
+    patience
+        Seconds without an answer after which it counts as hung.
+    variables
+        Variables of its environment besides those of this process.
+    cores
+        Those that it may run on; None: as this process.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+        variables: Mapping[str, str] = MappingProxyType({}),
+        cores: frozenset[int] | None = None,
+    ) -> None:
+        self.log = log
+        self._command = tuple(command)
+        self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
+        # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
+        self._environment.pop("OCIO", None)
+        self._patience = patience
+        self._cores = cores
+        self._process: subprocess.Popen[bytes] | None = None
+        self._sending: threading.Thread | None = None
+        self._ready = False
+        self._blender = ""
+        log.write_bytes(b"")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.kill()
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None where there is none."""
+        return None if self._process is None else self._process.pid
+
+    def launch(self) -> None:
+        """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
+        if self._process is not None:
+            return
+        with self.log.open("ab") as log, nullcontext() if self._cores is None else on_cores(self._cores):
+            try:
+                # In a session of its own, Ctrl-C in the terminal interrupts this process only.
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    env=self._environment,
+                    start_new_session=True,
+                )
+            except OSError as error:
+                raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
+
+    def prepare(self, scene: SceneTask) -> None:
+        """Send a scene to a process that was launched and is not ready yet, so that frames of its looks start sooner.
+
+        Nothing is sent to another process, and only the first scene.
+        """
+        process = self._process
+        if process is None or self._ready or self._sending is not None:
+            return
+
+        def send() -> None:
+            with suppress(WorkerError):  # the first frame reports it
+                self._send(process, wire.encode(scene))
+
+        # A pipe holds less than some shaders until the process reads it.
+        self._sending = threading.Thread(target=send, daemon=True)
+        self._sending.start()
+
+    def start(self) -> None:
+        """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
+        self.launch()
+        if self._ready:
+            return
+        assert self._process is not None
+        with self._killed_on_error():
+            message = self._receive(self._process)
+            if not isinstance(message, Ready):
+                raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
+            self._ready, self._blender = True, message.blender
+            if self._sending is not None:
+                self._sending.join()
+
+    def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
+        """Render one frame on a started worker.
+
+        Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
+        or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
+        """
+        with self._killed_on_error():
+            return loaded(self._finish(task, progress), task.scene, self._blender)
+
+    def cancel(self, digest: str) -> None:
+        """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError, and all else stays.
+
+        A frame that has ended already, or that the process never gets, is not concerned.
+        """
+        process = self._process
+        if process is None or process.stdin is None:
+            return
+        with suppress(OSError, ValueError):  # it has died, which who waits for the frame reports
+            process.stdin.write(wire.encode_cancel(digest))
+            process.stdin.flush()
+
+    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
+        """Return halves of radiance and coverage, and of P derivatives: (2, 1 + P, H, W, 4); errors as `render`."""
+        width, height = task.scene.resolution
+        shape = (2, 1 + len(task.symbols), height, width, 4)
+        with self._killed_on_error():
+            return arrays_in(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
+
+    def _finish(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
+        """Send a task, and return the answer that ends it."""
+        if self._process is None:
+            raise WorkerError("the render worker is not running: start it first")
+        with self.log.open("a") as log:
+            log.write(f"{_FRAME}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
+        with self._killed_on_error():
+            self._send(self._process, wire.encode(task))
+            while isinstance(message := self._receive(self._process), Progress):
+                self._check_digest(message.digest, task)
+                progress(message)
+            if isinstance(message, Ready):
+                raise WorkerError("the render worker answered 'ready' in the middle of a frame")
+            self._check_digest(message.digest, task)
+            if isinstance(message, Failed):
+                raise OutputError(message.message) if message.unwritable else RenderError(message.message)
+            return message
+
+    def stop(self) -> None:
+        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        process = self._process
+        if process is not None and process.returncode is None:
+            _kill_group(process)
+
+    def kill(self) -> None:
+        """Kill the process and its children."""
+        process, self._process, self._ready = self._process, None, False
+        if process is None:
+            return
+        _kill_group(process)
+        process.wait()
+        if self._sending is not None:
+            self._sending.join()
+            self._sending = None
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                with suppress(BrokenPipeError):  # bytes that the dead worker never read
+                    pipe.close()
+
+    @contextmanager
+    def _killed_on_error(self) -> Iterator[None]:
+        """Kill the worker after an error: its next line could belong to the frame before."""
+        try:
+            yield
+        except (RenderError, OutputError):
+            raise  # the exchange is complete
+        except BaseException:
+            self.kill()
+            raise
+
+    @contextmanager
+    def _watched(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
+        """Kill the process when the block exceeds the patience; blocked pipe calls then return."""
+        hung = threading.Event()
+
+        def give_up() -> None:
+            hung.set()
+            _kill_group(process)
+
+        timer = threading.Timer(self._patience, give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield hung
+        finally:
+            timer.cancel()
+            timer.join()  # otherwise it could kill a later process group of the same id
+
+    def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
+        assert process.stdin is not None
+        with self._watched(process) as hung:
+            try:
+                process.stdin.write(line.encode() + b"\n")
+                process.stdin.flush()
+            except BrokenPipeError:
+                raise WorkerError(self._ending(process, hung)) from None
+
+    def _receive(self, process: subprocess.Popen[bytes]) -> Message:
+        assert process.stdout is not None
+        with self._watched(process) as hung:
+            line = process.stdout.readline(LONGEST_MESSAGE)
+            if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
+                raise WorkerError(self._ending(process, hung))
+        try:
+            return MESSAGES.validate_json(line)
+        except ValidationError:
+            shown = line[:80].decode(errors="replace").strip()
+            raise WorkerError(f"the render worker sent an invalid message: {shown!r}") from None
+
+    def _ending(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
+        """Return how the process ended."""
+        if hung.is_set():
+            return f"the render worker was silent for {self._patience:g} s and was killed"
+        try:
+            code = process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            return "the render worker closed its pipe"
+        if code < 0:
+            return f"the render worker died of {signal.Signals(-code).name}"
+        line = last_line(self.log)
+        return f"the render worker ended with exit code {code}" + (f": {line}" if line else "")
+
+    @staticmethod
+    def _check_digest(digest: str, task: FrameTask | SlopeTask) -> None:
+        if digest != task.digest:
+            raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
+
+
+@contextmanager
+def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
+    """Yield a function that renders a frame of any backend, in workers that end with the context.
+
+    It raises what `Worker.start` and `Worker.render` raise; an error of the worker has the last line of its log.
+    """
+    with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
+        workers: dict[tuple[str, ...], Worker] = {}
+
+        def render(task: FrameTask) -> Rendered:
+            command = BACKENDS[task.scene.backend].command
+            if command not in workers:
+                log = Path(scratch, f"{len(workers)}.log")
+                workers[command] = stack.enter_context(Worker(command, log, Path(scratch), patience))
+            worker = workers[command]
+            try:
+                worker.start()
+                return worker.render(task, lambda progress: None)
+            except WorkerError as error:
+                # The log is removed with its folder.
+                raise WorkerError(f"{error}\n{last_line(worker.log)}") from error
+
+        yield render
+
+
+def last_line(log: Path) -> str:
+    """Return the last line with text of a worker in a log file, or an empty string."""
+    lines = log.read_text(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
+
+
+def explained(error: Exception, log: Path) -> str:
+    """Return an error in words, with the last line of a worker's log file where they lack it."""
+    line = last_line(log)
+    return str(error) if line in str(error) else f"{error}: {line}"
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    # The worker leads its session, so the group has its id. It may have ended already.
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)

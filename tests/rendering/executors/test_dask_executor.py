@@ -1,0 +1,266 @@
+"""Workers of Dask with the fake renderer; their cache is another than that of this process."""
+
+import os
+import signal
+import socket
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import batch_case as case
+import pytest
+
+from lookdev.batch.frame_file import store
+from lookdev.batch.run import run_plan
+from lookdev.cache import Content
+from lookdev.errors import LookdevError, OutputError, WorkerError
+from lookdev.light import Dome
+from lookdev.output.exr import read_frame
+from lookdev.plan import Plan
+from lookdev.rendering.executors import Finished, GivenUp, Place, Remarked, Retried
+from lookdev.rendering.executors.choice import Choice, opened
+from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
+from lookdev.rendering.task import contents
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning"),
+    pytest.mark.both_pythons,
+]
+
+
+LOOPBACK = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+
+
+@pytest.fixture(scope="module")
+def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cache of the workers."""
+    return tmp_path_factory.mktemp("there")
+
+
+@pytest.fixture(scope="module")
+def cluster(there: Path) -> Iterator[Any]:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **LOOPBACK) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
+    """Return a plan whose files are in the cache of this process."""
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "here"))
+    plan = case.make_plan(case.make_job(tmp_path))
+    maps = [Content.holding(part.encode(), ".exr") for part in "rpsb"]
+    scene = plan.frames[0].task.scene
+    scene = replace(scene, asset=Content.holding(os.urandom(99), ".npz"), lights=(Dome(*maps, 64, 32, "119147"),))
+    return replace(plan, frames=tuple(replace(each, task=replace(each.task, scene=scene)) for each in plan.frames))
+
+
+@pytest.fixture
+def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]:
+    with make(cluster.scheduler_address, tmp_path) as executor:
+        yield executor
+
+
+def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
+    (folder / "scratch").mkdir(exist_ok=True)
+    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 20.0)
+    return DaskExecutor(place, address, command=case.command(folder), **options)
+
+
+def render(executor: DaskExecutor, plan: Plan) -> Iterator[Any]:
+    return executor.render([frame.task for frame in plan.frames], lambda task: True)
+
+
+def stems(found: Iterable[Any], kind: type) -> list[str]:
+    return sorted(each.task.files[0].stem for each in found if isinstance(each, kind))
+
+
+ALL = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
+
+
+def test_frames_come_back_and_files_go_there_once(executor: DaskExecutor, plan: Plan, there: Path) -> None:
+    named = contents(plan.frames[0].task.scene)
+    assert stems(render(executor, plan), Finished) == ALL
+    stored = {each: there / "content" / f"{each.digest}{each.suffix}" for each in named}
+    assert all(file.read_bytes() == each.path.read_bytes() for each, file in stored.items())
+    before = {file: file.stat().st_ino for file in stored.values()}
+    assert stems(render(executor, plan), Finished) == ALL
+    assert {file: file.stat().st_ino for file in stored.values()} == before
+    assert not list((there / "content").glob(".*"))
+
+
+def test_a_frame_that_fails_is_given_up_and_one_that_lost_its_renderer_is_tried_again(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    case.misbehave(tmp_path, element_0002=["failed"], element_0003=["die", "ok"])
+    found = list(render(executor, plan))
+    assert stems(found, Finished) == [name for name in ALL if name != "element.0002"]
+    (given_up,) = (each for each in found if isinstance(each, GivenUp))
+    assert "no such attribute 'st2' (on tcp://127.0.0.1:" in given_up.reason
+    assert stems(found, Retried) == ["element.0002", "element.0003"]
+
+
+def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    case.misbehave(tmp_path, element_0002=["hang", "ok"])
+    happenings, killed, hangs = [], False, tmp_path / "hangs.txt"
+    for happening in render(executor, plan):
+        happenings.append(happening)
+        if not killed and hangs.exists() and (renderer := hangs.read_text()):
+            worker = int(Path(f"/proc/{renderer}/stat").read_text().rpartition(")")[2].split()[1])
+            os.kill(worker, signal.SIGKILL)  # of Dask: the renderer's parent
+            killed = True
+    assert killed
+    assert stems(happenings, Finished) == ALL
+
+
+class Late:
+    """A future whose result comes after so many questions."""
+
+    def __init__(self, questions: float) -> None:
+        self.left = questions
+
+    def result(self, timeout: float) -> str:
+        self.left -= 1
+        if self.left > 0:
+            raise TimeoutError
+        return "a result"
+
+
+def test_a_result_that_was_lost_with_its_worker_is_not_waited_for(executor: DaskExecutor) -> None:
+    with pytest.raises(TimeoutError, match=r"worker tcp://gone:1 was lost with its result"):
+        executor._result_of(_Chunk([], "tcp://gone:1", Late(2)))
+
+
+def test_a_late_result_is_waited_for(executor: DaskExecutor, monkeypatch: pytest.MonkeyPatch) -> None:
+    unfit = executor._addresses()[0]
+    executor._unfit[unfit] = "its versions differ"
+    for worker in ("", unfit, executor._addresses()[1]):  # "": where Dask chooses one
+        assert executor._result_of(_Chunk([], worker, Late(3))) == "a result"
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.0)
+    with pytest.raises(TimeoutError, match="does not send a result"):
+        executor._result_of(_Chunk([], "", Late(float("inf"))))
+
+
+def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
+    case.misbehave(tmp_path, **{name.replace(".", "_"): ["hang"] for name in ALL})
+    next(render(executor, plan))
+    case.wait_until(lambda: bool(case.requests(tmp_path)))
+    executor.__exit__()
+    case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))), 20.0)
+
+
+def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    idle = "from lookdev.rendering.executors import dask_worker; dask_worker.IDLE = "
+    executor._client.run(exec, f"{idle}0.1", {})
+    try:
+        assert stems(render(executor, plan), Finished) == ALL
+        first = case.worker_pids(tmp_path)
+        case.wait_until(lambda: not any(map(case.is_alive, first)), 20.0)
+        assert stems(render(executor, plan), Finished) == ALL
+        assert set(case.worker_pids(tmp_path)) > set(first)
+    finally:
+        executor._client.run(exec, f"{idle}300.0", {})
+
+
+def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
+    job = case.make_job(tmp_path)
+    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+        result = run_plan(plan, job.outputs, job.render.background, executor=executor)
+    assert (result.done, result.rendered, result.exit_code) == (6, 6, 0)
+    place = tmp_path / "out" / "gold" / "city"
+    assert (read_frame(place / "element.0002.exr")[0] == 0.25).all()
+    assert len(list(place.glob("*.png"))) == 9
+
+
+def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
+    cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+        monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
+        # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
+        executor._client.run(
+            exec, "from lookdev.rendering.executors import dask_worker; dask_worker._APPEARS = 0.2", {}
+        )
+        with pytest.raises(
+            WorkerError, match=r"does not see /nowhere: mount the output folder.* or leave out --shared"
+        ):
+            list(render(executor, plan))
+
+
+def test_a_worker_that_cannot_write_ends_the_run(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
+    case.misbehave(tmp_path, element_0001=["full"])
+    with pytest.raises(OutputError, match=r"worker tcp://.*: /out: No space left on device"):
+        list(render(executor, plan))
+
+
+def test_a_file_that_is_nowhere_is_an_error_that_names_it(executor: DaskExecutor, plan: Plan) -> None:
+    asset = plan.frames[0].task.scene.asset
+    asset.path.unlink()
+    with pytest.raises(LookdevError, match=asset.digest):
+        list(render(executor, plan))
+
+
+def test_a_worker_whose_cache_cannot_be_written_is_named(executor: DaskExecutor, plan: Plan, there: Path) -> None:
+    asset = plan.frames[0].task.scene.asset
+    # A folder where the part of the file would be written: root may write everywhere.
+    pids = executor._client.run(os.getpid).values()
+    blocked = [there / "content" / f".{asset.digest}{asset.suffix}.{pid}.part" for pid in pids]
+    for each in blocked:
+        each.mkdir(parents=True)
+    try:
+        with pytest.raises(OutputError, match=r"worker tcp://.* cannot keep a file: .*directory"):
+            list(render(executor, plan))
+    finally:
+        for each in blocked:
+            each.rmdir()
+
+
+def test_other_versions_are_an_error_that_says_what_to_install(
+    executor: DaskExecutor, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lookdev.rendering.executors import dask
+
+    ours = dask.versions("exact")
+    monkeypatch.setattr(dask, "versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
+    with pytest.raises(
+        WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
+    ):
+        list(render(executor, plan))
+
+
+def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(WorkerError, match=f"no scheduler of Dask answers at {address}.*'dask scheduler'"):
+        make(address, tmp_path).__enter__()
+    for address in ("nowhere", "tpc://127.0.0.1:8786"):
+        with pytest.raises(LookdevError, match=f"'{address}' is no address .*: write dask:tcp://HOST:8786"):
+            make(address, tmp_path).__enter__()
+    place = Place(tmp_path, lambda name: tmp_path / name, ())
+    with pytest.raises(LookdevError, match="has workers of its own"):
+        opened(Choice("dask", address, workers=2), place, store)
+
+
+def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("lookdev.rendering.executors.dask._LONELY", 0.2)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._LOOK", 0.1)
+    with LocalCluster(n_workers=0, **LOOPBACK) as cluster, make(cluster.scheduler_address, tmp_path) as executor:
+        found = []
+        for each in render(executor, plan):
+            found.append(each)
+            if isinstance(each, Remarked) and not cluster.workers:
+                assert "has no worker: frames wait for one" in each.text
+                cluster.adapt(minimum=0, maximum=1, interval="100ms")
+        assert stems(found, Finished) == ALL
