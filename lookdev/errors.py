@@ -20,7 +20,7 @@
     └── RenderError         Blender refused or failed to render a frame
 
 A message states what is wrong, where, and what would be right. The command line prints it without a traceback; any
-other exception is a defect of the program, which ends in a report file (`lookdev.batch.crash`). What a message quotes
+other exception is a defect of the program, which ends in a report file (`lookdev.cli.crash`). What a message quotes
 is shortened, and cannot control a terminal.
 """
 

@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from lookdev.asset import load_asset
-from lookdev.batch.events import FrameDone
-from lookdev.batch.run import RunResult, run_plan
 from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
@@ -22,6 +20,8 @@ from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.rendering.task import SceneTask
+from lookdev.run.events import FrameDone
+from lookdev.run.render import RunResult, run_plan
 from lookdev.scene import Scene, frame_camera
 
 WIDTH, HEIGHT = 8, 6
@@ -53,7 +53,7 @@ view = "Raw"
 HOLD = """
 import sys
 from pathlib import Path
-from lookdev.batch.runs import Run
+from lookdev.run.runs import Run
 with Run(Path(sys.argv[1])) as run:
     run.renders("plan")
     assert run.claim(sys.argv[2])

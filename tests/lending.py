@@ -52,5 +52,5 @@ def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> N
         yield render
 
     patch.setattr("lookdev.rendering.executors.local.Worker", worker_of)
-    patch.setattr("lookdev.batch.live_frame.Worker", worker_of)
-    patch.setattr("lookdev.batch.check.renderer", renderer)
+    patch.setattr("lookdev.fitting.picture.live_frame.Worker", worker_of)
+    patch.setattr("lookdev.checks.check.renderer", renderer)

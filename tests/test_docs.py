@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 import typer.main
 
-from lookdev.batch.doctor import SYSTEM_LIBRARIES
 from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.conductor import METALS
 from lookdev.brdf.metal import METAL_COLORS, metal_table
 from lookdev.cli import app
+from lookdev.inspect.doctor import SYSTEM_LIBRARIES
 from lookdev.job import json_schema, load_job, parse_job
 from lookdev.light.rig import load_rig
 from lookdev.light.rig.attributes import OURS

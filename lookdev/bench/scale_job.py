@@ -10,10 +10,10 @@ import os
 import sys
 from pathlib import Path
 
-from lookdev.batch.events import FrameFailed, FrameProgressed, RunStarted
-from lookdev.batch.run import render_job
 from lookdev.errors import RenderError
 from lookdev.rendering.answers import Answers, peak_memory
+from lookdev.run.events import FrameFailed, FrameProgressed, RunStarted
+from lookdev.run.render import render_job
 
 
 def main(job: Path) -> None:

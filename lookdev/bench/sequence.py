@@ -23,7 +23,6 @@ from typing import Literal
 import numpy as np
 
 from lookdev.asset import BUILTINS, load_asset
-from lookdev.batch.run import render_setups
 from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
 from lookdev.bench.curves import at
 from lookdev.bench.looks import LOOKS
@@ -38,6 +37,7 @@ from lookdev.output.exr import read_frame, write_frame
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.worker import last_line
+from lookdev.run.render import render_setups
 from lookdev.scene import Sampling, Scene
 
 TARGET = 1e-3

@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from lookdev.batch.examples import copy_example
-from lookdev.batch.prepare import prepare_job
 from lookdev.bench.document import check_document, markdown, write_section
 from lookdev.bench.results import Machine, machine_line, this_machine
 from lookdev.cache import atomic_path
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError
+from lookdev.export.examples import copy_example
+from lookdev.plan.prepare import prepare_job
 from lookdev.rendering.backends import WORKER_COMMAND
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker

@@ -98,7 +98,7 @@ def run() -> None:
 
 
 def _leave_with_report(error: Exception) -> NoReturn:
-    from lookdev.batch.crash import record_crash
+    from lookdev.cli.crash import record_crash
 
     _leave(record_crash(error, sys.argv), EX_SOFTWARE)
 

@@ -58,8 +58,8 @@ def inspect(
 
     Of a rig, list its lights.
     """
-    from lookdev.batch.inspect import inspect_file
     from lookdev.errors import LookdevError, close_hint
+    from lookdev.inspect.assets import inspect_file
     from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
     from lookdev.material.variants import parse_variants
     from lookdev.stage import Composition
@@ -80,7 +80,7 @@ def inspect(
     else:
         say(found.text())
     if png is not None and shown is not None:
-        from lookdev.batch.portrait import write_portrait
+        from lookdev.inspect.portrait import write_portrait
 
         result = write_portrait(shown, png)
         if result.exit_code:

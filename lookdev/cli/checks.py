@@ -67,7 +67,7 @@ def check(
     """Compare Cycles with the models in float64; exit code 1 where they disagree."""
     from rich.console import Console
 
-    from lookdev.batch.check import check_file, parse_only
+    from lookdev.checks.check import check_file, parse_only
     from lookdev.checks.report import print_findings, verdict, write_html
     from lookdev.material.variants import parse_variants
 

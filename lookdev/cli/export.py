@@ -23,7 +23,7 @@ def export_blend(
     ] = False,
 ) -> None:
     """Write the job's scenes for Blender: looks as native nodes, lights as worlds, turntables as keyframes."""
-    from lookdev.batch.export import export_blend as export
+    from lookdev.export.blend import export_blend as export
 
     exported = export(job, out, pack=pack)
     for note in exported.notes:
@@ -39,7 +39,7 @@ def export_mitsuba(
     ],
 ) -> None:
     """Write the job's looks under its lights as scenes of Mitsuba 3, with their first pose."""
-    from lookdev.batch.export_mitsuba import export_mitsuba as export
+    from lookdev.export.mitsuba import export_mitsuba as export
 
     exported = export(job, out)
     for note in exported.notes:
@@ -78,8 +78,8 @@ def export_openjd(
     ] = "lookdev",
 ) -> None:
     """Write the job for a render farm, as a template of Open Job Description 2023-09."""
-    from lookdev.batch.export_openjd import Needs
-    from lookdev.batch.export_openjd import export_openjd as export
+    from lookdev.export.openjd import Needs
+    from lookdev.export.openjd import export_openjd as export
     from lookdev.plan.chunks import Division
 
     division = None if chunks is None else Division.parse(chunks)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lookdev.batch.events import LogFormat
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 from lookdev.errors import LookdevError
+from lookdev.run.events import LogFormat
 
 if TYPE_CHECKING:
     from lookdev.job import Job
@@ -110,11 +110,11 @@ def render(
 
     Several runs of one job, on machines that share its output folder, share its frames.
     """
-    from lookdev.batch.progress import show_progress
-    from lookdev.batch.run import mapped_files, render_job, wanted_job
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
     from lookdev.rendering.executors.choice import choose
+    from lookdev.run.progress import show_progress
+    from lookdev.run.render import mapped_files, render_job, wanted_job
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
@@ -145,9 +145,9 @@ def render(
 
 
 def _list_frames(job: Job, chunk: Chunk | None) -> None:
-    from lookdev.batch.chunks import plan_of_chunk
-    from lookdev.batch.listing import plan_text
-    from lookdev.batch.prepare import plan_job
+    from lookdev.plan.prepare import plan_job
+    from lookdev.run.chunks import plan_of_chunk
+    from lookdev.run.listing import plan_text
 
     with nothing_printed():
         prepared = plan_job(job)
@@ -180,10 +180,10 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """List what would be rendered and why: new, stale or done."""
-    from lookdev.batch.chunks import chunks_data, chunks_text, keep_measured_chunks
-    from lookdev.batch.listing import plan_data, plan_text
-    from lookdev.batch.prepare import prepare_job
     from lookdev.plan.chunks import Division
+    from lookdev.plan.prepare import prepare_job
+    from lookdev.run.chunks import chunks_data, chunks_text, keep_measured_chunks
+    from lookdev.run.listing import plan_data, plan_text
 
     if measured and chunks is None:
         raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
@@ -211,7 +211,7 @@ def example(
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
 ) -> None:
     """List the example jobs, or copy one with the looks, presets and textures that it needs."""
-    from lookdev.batch.examples import copy_example, examples_text, list_examples
+    from lookdev.export.examples import copy_example, examples_text, list_examples
 
     say(copy_example(name, to, force=force).summary() if name else examples_text(list_examples()))
 

@@ -12,7 +12,7 @@ app = typer.Typer()
 @app.command(rich_help_panel="Installation")
 def doctor() -> None:
     """Check that this machine can render; list what is missing, and how to get it."""
-    from lookdev.batch.doctor import describe, examine
+    from lookdev.inspect.doctor import describe, examine
 
     findings = list(examine())
     say(describe(findings))

@@ -73,8 +73,8 @@ def list_presets(
         say(f"note: {fault}", err=True)
     say(library_text(found))
     if sheet is not None:
-        from lookdev.batch.progress import show_progress
-        from lookdev.batch.thumbnails import write_library_sheet
+        from lookdev.inspect.thumbnails import write_library_sheet
+        from lookdev.run.progress import show_progress
 
         with show_progress(sys.stdout) as report:
             result = write_library_sheet(found.presets, sheet, report)

@@ -201,9 +201,9 @@ def fit(
     if picture is None:
         _fit_data(what, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
         return
-    from lookdev.batch.fit_picture import Wish, fit_picture
-    from lookdev.batch.progress import show_fit
     from lookdev.fitting.picture import Settings
+    from lookdev.fitting.picture.fit import Wish, fit_picture
+    from lookdev.run.progress import show_fit
 
     if samples & (samples - 1):
         raise LookdevError(f"--samples {samples}: a power of two would be right")

@@ -43,7 +43,7 @@ def review(
     from rich.console import Console
     from rich.progress import Progress
 
-    from lookdev.batch.review import review
+    from lookdev.output.review.folder import review
 
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("frames", total=None)
@@ -64,8 +64,8 @@ def manifest(
     as_json: AsJson = False,
 ) -> None:
     """Show what an output consists of and was made of, by the manifest that 'render' wrote."""
-    from lookdev.batch.manifest import manifest_text, verify
     from lookdev.output.manifest import read_manifest
+    from lookdev.run.manifest import manifest_text, verify
 
     listed, found = verify(out) if check else (read_manifest(out), None)
     if as_json:
@@ -91,9 +91,9 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show how far a job is: frames done and failed, which runs are at work, which stand still, the time left."""
-    from lookdev.batch.status import read_status, status_data, status_metrics, status_text
     from lookdev.cache import atomic_path
     from lookdev.errors import OutputError
+    from lookdev.run.status import read_status, status_data, status_metrics, status_text
 
     found = read_status(out.absolute())
     if metrics is not None:

@@ -25,6 +25,8 @@ from lookdev.text import TextError, parse_json, read_text
 
 NAME = "manifest.json"
 FORMAT = 1
+STATE_FOLDER = ".lookdev"
+"""Folder inside the output for runs, claims, logs, ledgers and scratch files."""
 
 State = Literal["missing", "changed", "unlisted"]
 _LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit

@@ -3,7 +3,7 @@
     python tests/bench/farm.py [FRAMES] prints how efficient numbers of workers are for frames of some seconds.
 
 The costs are those of `farm_costs.json`, drawn for each frame from the frames of its scene. The chunks are those of
-`lookdev.plan.chunks.split`. Runs that share frames take them as `lookdev.batch.run` does.
+`lookdev.plan.chunks.split`. Runs that share frames take them as `lookdev.run.render` does.
 """
 
 import heapq

@@ -15,10 +15,10 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import fmean
 
-from lookdev.batch.events import Event, FrameDone, FrameStarted
-from lookdev.batch.prepare import prepare_job
-from lookdev.batch.run import render_job
 from lookdev.plan.costs import estimate
+from lookdev.plan.prepare import prepare_job
+from lookdev.run.events import Event, FrameDone, FrameStarted
+from lookdev.run.render import render_job
 
 _TICK = os.sysconf("SC_CLK_TCK")
 

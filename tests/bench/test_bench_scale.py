@@ -10,12 +10,12 @@ from bench_fakes import quiet
 from rich.console import Console
 
 from lookdev.asset import load_asset
-from lookdev.batch.prepare import prepare_job
 from lookdev.bench import scale
 from lookdev.bench.report import print_scale
 from lookdev.bench.scale import Case, ScaleResults, Start, run_scale
 from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
 from lookdev.errors import RenderError
+from lookdev.plan.prepare import prepare_job
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import batch_case as case
 
-from lookdev.batch.run import run_plan
 from lookdev.job.wedges import WedgeSheet
 from lookdev.lifetime import ending_at_signals
 from lookdev.rendering.passes import PASSES
+from lookdev.run.render import run_plan
 
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 PASSES_WANTED = case.RENDER.replace("samples = 8", f"samples = 8\npasses = {[*PASSES]}")

@@ -36,14 +36,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import batch_case as case
 import batches
 
-import lookdev.batch.manifest
-import lookdev.batch.prepare  # noqa: F401  before it forks
-from lookdev.batch import run as batch
-from lookdev.batch.runs import LEASE_VARIABLE
 from lookdev.errors import LookdevError
 from lookdev.job import Job
 from lookdev.plan.chunks import Chunk, Division
 from lookdev.rendering.backends import BACKENDS
+from lookdev.run import render as batch
+from lookdev.run.runs import LEASE_VARIABLE
 
 CHUNKS, AT_ONCE = 3, 4
 LEASE, PATIENCE = 1, 1.5  # seconds

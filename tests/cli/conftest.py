@@ -51,7 +51,7 @@ def job_file(tmp_path, monkeypatch, provide):
     def plan_job(job: Job, ahead: object = None) -> SimpleNamespace:
         return SimpleNamespace(job=job, plan=case.make_plan(job), notes=("city: 3 texels repaired",))
 
-    provide("lookdev.batch.prepare", prepare_job=lambda path: plan_job(load_job(path)), plan_job=plan_job)
+    provide("lookdev.plan.prepare", prepare_job=lambda path: plan_job(load_job(path)), plan_job=plan_job)
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=tuple(case.command(tmp_path))))
     return path
 
@@ -64,6 +64,6 @@ def plant(provide, job_file):
         def fails(given: object, ahead: object = None) -> None:
             raise error
 
-        provide("lookdev.batch.prepare", prepare_job=fails, plan_job=fails)
+        provide("lookdev.plan.prepare", prepare_job=fails, plan_job=fails)
 
     return fail

@@ -18,11 +18,11 @@ import pytest
 from looks import quick_among
 
 import lookdev.cli
-from lookdev.batch.crash import DISTRIBUTIONS
-from lookdev.batch.doctor import Finding
 from lookdev.cli.assets import inspect
+from lookdev.cli.crash import DISTRIBUTIONS
 from lookdev.cli.options import say, say_json
 from lookdev.errors import AssetError, RenderError
+from lookdev.inspect.doctor import Finding
 
 ROOT = Path(__file__).parents[2]
 CONTROLS = "\x00 \x07 \x1b[31m \x1b]0;title\x07 \x7f \x9b2J \t \r \u202e \u2066 \ud800"
@@ -143,7 +143,7 @@ def test_a_closed_pipe_ends_quietly():
 @pytest.mark.parametrize(("good", "code"), [(True, 0), (False, 1)])
 def test_doctor(run_cli, monkeypatch, good, code):
     findings = [Finding("Python", "3.11", good=True), Finding("bpy (Blender)", "4.5", good=good)]
-    monkeypatch.setattr("lookdev.batch.doctor.examine", lambda: iter(findings))
+    monkeypatch.setattr("lookdev.inspect.doctor.examine", lambda: iter(findings))
     left, shown, _ = run_cli("doctor")
     assert left == code
     assert "bpy (Blender)  4.5" in shown
@@ -194,7 +194,7 @@ def test_what_a_library_prints_is_not_in_the_document(provide, capfd):
         os.write(1, b"a warning of a library\n")
         return SimpleNamespace(data=lambda: {"parts": []}), None
 
-    provide("lookdev.batch.inspect", inspect_file=inspect_file)
+    provide("lookdev.inspect.assets", inspect_file=inspect_file)
     inspect(Path("a.usda"), as_json=True)
     shown, errors = capfd.readouterr()
     assert json.loads(shown) == {"parts": []}

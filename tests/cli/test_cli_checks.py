@@ -26,7 +26,7 @@ def found(monkeypatch):
         given.update(file=file, **options)
         yield from given["findings"]
 
-    monkeypatch.setattr("lookdev.batch.check.check_file", check_file)
+    monkeypatch.setattr("lookdev.checks.check.check_file", check_file)
     return given
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from lookdev.batch.export import Exported
+from lookdev.export.blend import Exported
 
 
 @pytest.mark.parametrize(("options", "pack"), [((), False), (("--pack",), True)])
@@ -17,7 +17,7 @@ def test_options_reach_the_export(options, pack, run_cli, monkeypatch, tmp_path)
         out.write_bytes(b"B")
         return Exported(out, (), ("gold",), ("city",), ("no view like that",))
 
-    monkeypatch.setattr("lookdev.batch.export.export_blend", export_blend)
+    monkeypatch.setattr("lookdev.export.blend.export_blend", export_blend)
     out = tmp_path / "look.blend"
     code, output, errors = run_cli("export", "blend", "job.toml", "-o", out, *options)
     assert (code, errors) == (0, "note: no view like that\n")

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import batch_case as case
 import pytest
 
-from lookdev.batch.examples import copy_example, list_examples
 from lookdev.cli import run
 from lookdev.errors import OutputError
+from lookdev.export.examples import copy_example, list_examples
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
 from lookdev.rendering.backends import BACKENDS
@@ -140,7 +140,7 @@ def test_what_a_library_prints_is_not_before_the_json(job_file, provide, monkeyp
         os.write(1, b"Warning: a library\n")
         return prepared
 
-    provide("lookdev.batch.prepare", prepare_job=prepare_job)
+    provide("lookdev.plan.prepare", prepare_job=prepare_job)
     monkeypatch.setattr(sys, "argv", ["lookdev", "plan", str(job_file), "--json"])
     with pytest.raises(SystemExit):
         run()

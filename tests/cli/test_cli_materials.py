@@ -7,8 +7,8 @@ import batch_case as case
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.batch.run import run_plan
 from lookdev.material.usd import read_look
+from lookdev.run.render import run_plan
 
 PRESET = """#usda 1.0
 ( defaultPrim = "Preset" )
@@ -87,7 +87,7 @@ def test_a_sheet_is_rendered_once(materials, tmp_path, monkeypatch, tmp_path_fac
         monkeypatch.setattr(f"lookdev.light.dome.{table}", size)  # tables of the light that take little time
     worker = tmp_path / "worker"
     worker.mkdir()
-    monkeypatch.setattr("lookdev.batch.run.run_plan", partial(run_plan, worker_command=case.command(worker)))
+    monkeypatch.setattr("lookdev.run.render.run_plan", partial(run_plan, worker_command=case.command(worker)))
     code, output, _ = materials("--sheet", "sheet.png")
     assert code == 0
     assert output.splitlines()[-1] == "3 of 3 frames are done, 3 of them rendered now."

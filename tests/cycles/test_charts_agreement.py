@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from lending import lend_workers
 
-from lookdev.batch.events import Event, Noted
-from lookdev.batch.run import render_job
 from lookdev.checks.charts import charts_doubts, check_charts
 from lookdev.light import Dome
 from lookdev.light.builtin_rigs import rig_file
@@ -21,6 +19,8 @@ from lookdev.plan import make_setup
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.rendering.worker import Worker
+from lookdev.run.events import Event, Noted
+from lookdev.run.render import render_job
 from lookdev.scene import Pose, Sampling, frame_camera
 from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
 

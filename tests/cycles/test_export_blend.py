@@ -14,9 +14,9 @@ from scripts import run_script
 from usd_text import textured
 
 from lookdev.asset import load_asset
-from lookdev.batch.export import export_blend
-from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.export.blend import export_blend
 from lookdev.plan import turntable_poses
+from lookdev.plan.prepare import Prepared, prepare_job
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker

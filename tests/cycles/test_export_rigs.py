@@ -12,7 +12,7 @@ from frames import scene_of
 from scripts import run_script
 
 from lookdev.asset import load_asset
-from lookdev.batch.export import EXPORT_COMMAND, _run
+from lookdev.export.blend import EXPORT_COMMAND, _run
 from lookdev.light import LIGHT_KINDS, Emission, Light, native_images
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look

@@ -11,7 +11,6 @@ from failed_pictures import comparison
 
 from lookdev.asset import Asset, Instance, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.batch.frame_file import store
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
@@ -21,6 +20,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.rendering.worker import Worker
+from lookdev.run.frame_file import store
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.cycles

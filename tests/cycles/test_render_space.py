@@ -9,7 +9,6 @@ import OpenEXR
 import pytest
 from test_passes import CAMERA, GREY, POSE, SIZE, balls, rendered
 
-from lookdev.batch.frame_file import store
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
@@ -18,6 +17,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.rendering.worker import Worker
+from lookdev.run.frame_file import store
 from lookdev.scene import Film, Sampling, Scene
 from lookdev.space import CHROMATICITIES, Space, to_rec709, to_space
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from batch_case import is_alive, wait_until
 
-from lookdev.batch.prepare import prepare_job
-from lookdev.batch.run import render_job, run_plan
 from lookdev.cli import app
 from lookdev.output.exr import read_frame, read_header
+from lookdev.plan.prepare import prepare_job
 from lookdev.rendering.backends import job_backends
+from lookdev.run.render import render_job, run_plan
 
 pytestmark = pytest.mark.cycles
 

@@ -8,10 +8,10 @@ import pytest
 from looks import quick_among
 from usd_text import shader
 
-from lookdev.batch.events import Noted
-from lookdev.batch.run import render_job
 from lookdev.light.dome.files import write_exr
 from lookdev.output import read_frame
+from lookdev.run.events import Noted
+from lookdev.run.render import render_job
 
 SURFACE = shader(
     "Surface", "UsdPreviewSurface", "color3f inputs:diffuseColor = (.5, .25, .125)", "token outputs:surface"

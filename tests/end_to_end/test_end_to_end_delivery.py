@@ -6,8 +6,8 @@ import batches
 import numpy as np
 import pytest
 
-from lookdev.batch.run import render_job
 from lookdev.output import read_frame
+from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.batch.prepare import Prepared, plan_job
-from lookdev.batch.run import render_job
 from lookdev.job import Job, load_job
 from lookdev.material.usd import expand_variants
 from lookdev.output.exr import read_frame, read_header
+from lookdev.plan.prepare import Prepared, plan_job
+from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 

@@ -6,10 +6,10 @@ import batches
 import numpy as np
 import pytest
 
-from lookdev.batch.run import render_job
 from lookdev.light import load_environment
 from lookdev.light.dome.files import write_exr
 from lookdev.output.exr import read_frame, read_header
+from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 

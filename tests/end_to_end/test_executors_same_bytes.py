@@ -12,11 +12,11 @@ from pathlib import Path
 import batches
 import pytest
 
-from lookdev.batch.export_openjd import Needs, export_openjd
-from lookdev.batch.run import render_job
+from lookdev.export.openjd import Needs, export_openjd
 from lookdev.lifetime import end_with_parent
 from lookdev.plan.chunks import Division
 from lookdev.rendering.executors.choice import Choice
+from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
 

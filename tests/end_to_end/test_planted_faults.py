@@ -20,9 +20,9 @@ import pytest
 from looks import quick_among
 from usd_text import image, shader
 
-from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
+from lookdev.checks.check import DEPTHS, check_file
 from lookdev.light import Dome, EnvironmentMap, prepare_light
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
@@ -119,8 +119,8 @@ def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
     def reference(scene: MeshScene, lights: tuple[Dome, ...], *rest: Any, **options: int) -> Estimate:
         return frame_pixels(scene, [right[light] for light in lights], *rest, **options)
 
-    patch.setattr("lookdev.batch.check.prepare_light", prepare)
-    patch.setattr("lookdev.batch.check.frame_pixels", reference)
+    patch.setattr("lookdev.checks.check.prepare_light", prepare)
+    patch.setattr("lookdev.checks.check.frame_pixels", reference)
 
 
 @dataclass(frozen=True)

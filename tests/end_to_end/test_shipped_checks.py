@@ -5,7 +5,7 @@ from pathlib import Path
 import batches
 import pytest
 
-from lookdev.batch.check import DepthName, check_file
+from lookdev.checks.check import DepthName, check_file
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import new_look
 

@@ -17,9 +17,9 @@ import numpy as np
 from cases import Case, Outcome
 from numpy.typing import NDArray
 
-from lookdev.batch.prepare import plan_job
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
+from lookdev.plan.prepare import plan_job
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 

@@ -16,8 +16,8 @@ from pictures import CLOSE, Painter, Picture, difference, job, table
 from usd_sound import SOUND
 
 from lookdev.asset.usd import read_usd
-from lookdev.batch.prepare import plan_job
 from lookdev.job import load_job
+from lookdev.plan.prepare import plan_job
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker, renderer

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from usd_text import METRES, card, job_toml, shader
 
-from lookdev.batch.prepare import plan_job, prepare_job, read_setups
 from lookdev.codegen import ShaderSource
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.job.wedges import expand_wedges
+from lookdev.plan.prepare import plan_job, prepare_job, read_setups
 
 STACK = (
     "token inputs:base.connect = </Paint/Base.outputs:layer>",

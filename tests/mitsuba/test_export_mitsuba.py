@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mitsuba_scenes import RenderSeeds
 
-from lookdev.batch.export_mitsuba import export_mitsuba
-from lookdev.batch.prepare import read_setups
 from lookdev.errors import LookdevError
+from lookdev.export.mitsuba import export_mitsuba
+from lookdev.plan.prepare import read_setups
 
 pytestmark = pytest.mark.mitsuba
 

@@ -12,14 +12,14 @@ import pytest
 from batches import look_text
 from lending import lend_workers
 
-from lookdev.batch.fit_picture import Wish, fit_picture
-from lookdev.batch.run import render_job
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture import Settings
+from lookdev.fitting.picture.fit import Wish, fit_picture
 from lookdev.fitting.picture.search import Point
 from lookdev.material.change import constant_of
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look
+from lookdev.run.render import render_job
 
 pytestmark = pytest.mark.mitsuba
 
@@ -188,7 +188,7 @@ def test_what_is_wrong_is_said_before_rendering(
     change: dict[str, Any], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("lookdev.batch.live_frame.Worker", lambda *args: pytest.fail("a worker is started"))
+    monkeypatch.setattr("lookdev.fitting.picture.live_frame.Worker", lambda *args: pytest.fail("a worker is started"))
     write_job(tmp_path, TINY, 32, 16)
     Path("paint.usda").write_text(TINY.look)
     for name, size in (("photo.exr", (32, 32)), ("small.exr", (8, 16)), ("shown.png", (32, 32))):

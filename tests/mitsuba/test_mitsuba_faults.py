@@ -19,7 +19,6 @@ from looks import LOOKS
 from mitsuba_scenes import dressed
 from painted import painted
 
-from lookdev.batch.run import render_job
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.material import Layer
@@ -28,6 +27,7 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.run.render import render_job
 from lookdev.scene import Sampling
 
 pytestmark = pytest.mark.mitsuba

@@ -11,7 +11,6 @@ from frames import orbit_camera
 from light_rigs import grey, near
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
-from lookdev.batch.frame_file import store
 from lookdev.light import Emission, Light, RectLight, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
@@ -20,6 +19,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, one_frame
 from lookdev.rendering.worker import Worker
+from lookdev.run.frame_file import store
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.mitsuba

@@ -30,7 +30,7 @@ ROOMS = {
     "material": 140,
     "mtlx": 30,
     "output": 100,
-    "batch": 100,
+    "run": 100,
     "studio": 100,
 }
 

@@ -14,11 +14,11 @@ import OpenImageIO as oiio
 import pytest
 import review_case as case
 
-from lookdev.batch.review import review
 from lookdev.errors import OutputError
 from lookdev.metrics import noise_ratio, pooled_error, standard_error
 from lookdev.output.color import VIEWS, DisplayView
 from lookdev.output.exr import read_frame, read_layer
+from lookdev.output.review.folder import review
 from lookdev.output.review.page import THUMBNAIL
 from lookdev.output.review.view import view_shader
 

@@ -12,12 +12,12 @@ import pytest
 import review_case as case
 from chromium import Page
 
-from lookdev.batch.review import review
 from lookdev.cache import share
 from lookdev.metrics import noise_ratio
 from lookdev.output.color import VIEWS
 from lookdev.output.display import composite, to_display
 from lookdev.output.review.compare import SQUARE
+from lookdev.output.review.folder import review
 from lookdev.output.review.pixels import read_pixels
 
 pytest.importorskip("selenium", reason="selenium is not installed: pip install -e '.[test]'")

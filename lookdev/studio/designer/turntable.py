@@ -13,10 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameFound, FrameProgressed, Noted, RunStarted
 from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.job import Job
 from lookdev.plan import Setup, Turns, make_setup
+from lookdev.run.events import Event, FrameDone, FrameFailed, FrameFound, FrameProgressed, Noted, RunStarted
 from lookdev.scene import Scene
 
 log = logging.getLogger("lookdev.studio")
@@ -95,7 +95,7 @@ class Turntable:
         return file if file.is_file() else None
 
     def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
-        from lookdev.batch.run import render_setups  # not at the top: it imports what a page needs for no picture
+        from lookdev.run.render import render_setups  # not at the top: it imports what a page needs for no picture
 
         try:
             setup = _setup(job, scene(), look, rig)

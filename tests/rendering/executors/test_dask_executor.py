@@ -11,8 +11,6 @@ from typing import Any
 import batch_case as case
 import pytest
 
-from lookdev.batch.frame_file import store
-from lookdev.batch.run import run_plan
 from lookdev.cache import Content
 from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.light import Dome
@@ -22,6 +20,8 @@ from lookdev.rendering.executors import Finished, GivenUp, Place, Remarked, Retr
 from lookdev.rendering.executors.choice import Choice, opened
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
 from lookdev.rendering.task import contents
+from lookdev.run.frame_file import store
+from lookdev.run.render import run_plan
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning"),

@@ -1,0 +1,239 @@
+"""`lookdev export mitsuba`: scenes of a job as XML of Mitsuba 3, whose looks are the plug-ins of `lookdev.mitsuba`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.triangles import triangulated
+from lookdev.cache import atomic_path
+from lookdev.codegen import ProgramSource
+from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
+from lookdev.job.parts import JobLook
+from lookdev.light import DiskLight, Dome, Light, RectLight, SphereLight, called
+from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.emission import Emission
+from lookdev.light.lamps import is_plain
+from lookdev.light.placed import PlacedLight
+from lookdev.mtlx import is_document
+from lookdev.plan import Setup
+from lookdev.plan.prepare import read_setups
+from lookdev.scene import Camera, Pose
+
+Floats = NDArray[np.float64]
+Matrix = Floats
+
+# The rows of Mitsuba's up, y, and the columns of its environment maps, to those of the world here.
+_UPRIGHT = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+# Mitsuba's rectangles and disks emit along +z.
+_FACING = np.diag([1.0, -1.0, -1.0, 1.0])
+_SHARED = {"color", "group", "path", "turns"}
+_VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The written scenes, their folder, and notes for the user."""
+
+    folder: Path
+    scenes: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Return the scenes and how to render one."""
+        names = ", ".join(each.name for each in self.scenes)
+        return (
+            f"{self.folder}: {names}; to render one: import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); "
+            f"import lookdev.mitsuba; mi.render(mi.load_file({str(self.scenes[0])!r}))"
+        )
+
+
+def export_mitsuba(job: Path, out: Path) -> Exported:
+    """Write ``<look>.<light>.xml`` for each look under each light of a job, with its meshes and maps, into a folder.
+
+    The pose is the first of the first turntable; looks are read from their own files. A file is replaced only by a
+    whole one.
+
+    Raises
+    ------
+    LookdevError
+        The job is wrong, or Mitsuba's own plug-ins cannot show a look, light or camera of it, which is named.
+    OutputError
+        A file cannot be written.
+    """
+    made = read_setups(job, backend="mitsuba")
+    looks = {look.name: look for look in made.job.look}
+    scenes = []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for setup in made.setups:
+            pose = setup.poses(made.job.turntable[0], made.job.camera.azimuth)[0]
+            root = _scene(setup, looks[setup.look], pose, out)
+            ElementTree.indent(root)
+            file = out / f"{setup.look}.{setup.ibl}.xml"
+            with atomic_path(file) as path:
+                ElementTree.ElementTree(root).write(path, encoding="utf-8")
+            scenes.append(file)
+    except OSError as error:
+        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
+    return Exported(out, tuple(scenes), made.notes)
+
+
+def _scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
+    if look.material is None or look.assign or look.layer:
+        raise LookdevError(f"look '{look.name}': is on parts of the asset; looks with one 'material' are exported")
+    if is_document(str(look.material)):
+        raise LookdevError(f"look '{look.name}': {look.material} is a MaterialX document; looks of USD are exported")
+    for source in setup.task.shaders:
+        assert isinstance(source, ProgramSource)
+        source.check_plugin(f"look '{look.name}'")
+    sampling, scene = setup.task.sampling, setup.scene
+    root = ElementTree.Element("scene", version="3.0.0")
+    integrator = _plugin(root, "integrator", "path")
+    # Depth 1 is light seen directly, 2 is light reflected once.
+    _set(integrator, max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
+    bsdf = _plugin(root, "bsdf", "lookdev_look", id="look")
+    _set(bsdf, file=str(look.material), **{f"variant_{name}": each for name, each in look.variants.items()})
+    if look.prim is not None:
+        _set(bsdf, prim=look.prim)
+    center = np.array(scene.asset.center)
+    _sensor(root, setup, pose, center)
+    for name in _write_meshes(scene.asset, center, out / "meshes"):
+        shape = _plugin(root, "shape", "ply")
+        _set(shape, filename=f"meshes/{name}")
+        ElementTree.SubElement(shape, "ref", id="look")
+    for number, light in enumerate(setup.task.lights, start=1):
+        _emitter(root, light, called(light, number), 2.0**setup.exposure, pose, scene.camera, center, out / "lights")
+    return root
+
+
+def _sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats) -> None:
+    camera = setup.scene.camera.orbited(-pose.element)
+    if camera.lens is not None or any(camera.shift):
+        raise LookdevError("camera: depth of field and lens shift are not exported; 'lookdev render' shows them")
+    right, up, back = camera.frame
+    to_world = np.eye(4)
+    # Mitsuba's camera looks along its z, with x to the left.
+    to_world[:3] = np.stack([-right, up, -back, camera.position - center], axis=1)
+    sensor = _plugin(root, "sensor", "perspective")
+    near, far = camera.clip
+    _set(sensor, fov=float(camera.fov), fov_axis="x", near_clip=float(near), far_clip=float(far))
+    _transform(sensor, to_world)
+    _set(_plugin(sensor, "sampler", "multijitter"), sample_count=256)
+    film = _plugin(sensor, "film", "hdrfilm")
+    width, height = setup.task.resolution
+    _set(film, width=width, height=height, pixel_format="rgba")
+    _plugin(film, "rfilter", "box")
+
+
+def _emitter(
+    root: ElementTree.Element,
+    light: Light,
+    name: str,
+    gain: float,
+    pose: Pose,
+    camera: Camera,
+    center: Floats,
+    folder: Path,
+) -> None:
+    """Add a light, turned with the rig, about the asset's centre; raises EnvironmentMapError for what Mitsuba lacks."""
+    turn = _turned(pose.lighting * light.emission.turns - pose.element, camera, center)
+    if isinstance(light, Dome):
+        if not is_plain(light):
+            raise _unknown(name, "a dome with a colour, axes or controls of its own")
+        file = folder / f"{light.digest[:16]}.exr"
+        if not file.exists():
+            with atomic_path(file) as path:
+                write_exr(path, "RGB", read_exr(light.radiance_file.path, "RGB"))
+        emitter = _plugin(root, "emitter", "envmap")
+        _set(emitter, filename=f"lights/{file.name}", scale=float(gain))
+        _transform(emitter, turn @ _UPRIGHT)
+        return
+    plain = Emission(**{field: getattr(light.emission, field) for field in _SHARED})
+    if light.emission != plain or getattr(light, "texture", None):
+        raise _unknown(name, "a beam, shadow, falloff, link, multiplier or texture")
+    match light:
+        case RectLight(width=width, height=height):
+            kind, size = "rectangle", np.diag([width / 2.0, height / 2.0, 1.0, 1.0])
+        case DiskLight(radii=(x, y)):
+            kind, size = "disk", np.diag([x, y, 1.0, 1.0])
+        case SphereLight(radius=radius):
+            kind, size = "sphere", np.diag([radius, radius, radius, 1.0])
+        case _:
+            raise _unknown(name, f"the kind '{light.kind}'")
+    assert isinstance(light, PlacedLight)
+    placed = np.eye(4)
+    placed[:3, :3], placed[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
+    shape = _plugin(root, "shape", kind)
+    _transform(shape, turn @ placed @ size @ (np.eye(4) if kind == "sphere" else _FACING))
+    emitter = _plugin(shape, "emitter", "area")
+    ElementTree.SubElement(emitter, "rgb", name="radiance", value=_numbers(gain * np.array(light.emission.color)))
+
+
+def _unknown(name: str, what: str) -> EnvironmentMapError:
+    return EnvironmentMapError(f"{name}: {what} is not exported: backend 'mitsuba' of 'lookdev render' may show it")
+
+
+def _turned(degrees: float, camera: Camera, center: Floats) -> Matrix:
+    """Return the turn about the vertical that the camera orbits, of places about the centre."""
+    angle = np.radians(degrees)
+    turn, there = np.eye(4), np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    there[:2, 3] = np.array(camera.pivot) - center[:2]
+    return np.asarray(there @ turn @ np.linalg.inv(there))
+
+
+def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
+    """Write each instance as triangles in the world, about the centre; yield the files' names."""
+    for number, instance in enumerate(asset.instances):
+        name = f"{asset.digest[:16]}.{number}.ply"
+        if not (folder / name).exists():
+            with atomic_path(folder / name) as path:
+                path.write_bytes(_ply(triangulated(asset.meshes[instance.mesh]), instance.matrix, center))
+        yield name
+
+
+def _ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
+    """Return a mesh of triangles as a binary PLY (Turk 1994), a vertex for each corner."""
+    corners = mesh.corner_points
+    normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    first = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
+    uv = np.zeros((len(corners), 2)) if first is None else first
+    places = mesh.points[corners] @ matrix[:3, :3].T + matrix[:3, 3] - center
+    vertices = np.concatenate([places, normals, uv], axis=1).astype("<f4")
+    faces = np.zeros(len(corners) // 3, [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"] = 3
+    order = np.arange(len(corners)).reshape(-1, 3)
+    # A mirrored instance would show its back.
+    faces["corners"] = order[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else order
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property float {name}" for name, _ in _VERTEX]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    return b"".join(["\n".join(head).encode(), vertices.tobytes(), faces.tobytes()])
+
+
+def _plugin(parent: ElementTree.Element, tag: str, kind: str, **attributes: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, tag, {"type": kind, **attributes})
+
+
+def _set(parent: ElementTree.Element, **values: bool | int | float | str) -> None:
+    for name, value in values.items():
+        kind = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        ElementTree.SubElement(parent, kind, name=name, value=text)
+
+
+def _transform(parent: ElementTree.Element, matrix: Sequence[Sequence[float]] | Matrix) -> None:
+    element = ElementTree.SubElement(parent, "transform", name="to_world")
+    ElementTree.SubElement(element, "matrix", value=_numbers(matrix))
+
+
+def _numbers(values: Sequence[Sequence[float]] | Floats) -> str:
+    return " ".join(repr(float(each)) for each in np.ravel(values))

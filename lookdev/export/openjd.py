@@ -1,0 +1,239 @@
+"""`lookdev export openjd`: a job for a farm, as a template of Open Job Description, or a bundle of AWS Deadline Cloud.
+
+- Open Job Description, template schemas 2023-09: https://github.com/OpenJobDescription/openjd-specifications/wiki
+- AWS Deadline Cloud, "Open Job Description templates: job bundles"
+
+A step renders chunks of the frames. On each host that takes some of its tasks a worker stays warm between them. The
+next step makes what is made of several frames. Paths of the job are parameters, which a farm maps.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lookdev.cache import atomic_path
+from lookdev.errors import LookdevError, OutputError
+from lookdev.job import Job
+from lookdev.plan.chunks import MOST_CHUNKS, Division
+from lookdev.plan.costs import estimated
+from lookdev.plan.prepare import prepare_job
+from lookdev.run.manifest import input_files
+
+SUFFIXES = (".yaml", ".yml", ".json")
+
+_CHUNK_SECONDS = 300.0  # of a chunk: what starts and prepares takes some seconds of each
+_NOTICE = 10  # seconds between a signal and the end of a task; the program ends within two
+_LONGEST_NAME = 64
+_GPUS = {"cuda", "optix", "hip", "oneapi"}
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a host must have: cores and MiB of memory for a worker; and the program that it calls."""
+
+    cores: int = 2
+    memory: int = 4096
+    command: str = "lookdev"
+
+
+@dataclass(frozen=True)
+class ExportedFarmJob:
+    """The written template, its chunks and frames, the values of its parameters, and notes for the user."""
+
+    template: Path
+    chunks: int
+    frames: int
+    values: Mapping[str, str]
+    bundle: bool
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Return what was written, and how it is run."""
+        if self.bundle:
+            run = f"deadline bundle submit {shlex.quote(str(self.template.parent))}"
+        else:
+            run = f"openjd run {shlex.quote(str(self.template))} --step Outputs --run-dependencies"
+        given = "" if self.bundle else "".join(f" -p {shlex.quote(f'{k}={v}')}" for k, v in self.values.items())
+        return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{given}"
+
+
+def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
+    """Write a job as a template, or into a folder, which is a job bundle then.
+
+    None for `chunks`: of about five minutes, by an estimate. Raises LookdevError where `openjd-model` is not
+    installed, or refuses the template; JobError as `prepare_job`; OutputError where a file cannot be written.
+    """
+    try:
+        import yaml
+        from openjd.model import DecodeValidationError, decode_job_template
+    except ImportError:
+        raise LookdevError("exports for farms are checked by openjd-model: pip install 'lookdev[farm]'") from None
+
+    prepared = prepare_job(path)
+    job, tasks = prepared.job, [frame.task for frame in prepared.plan.frames]
+    costs = estimated(prepared.plan)
+    division = chunks or Division(min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks)))
+    if division.count > max(len(tasks), 1):
+        raise LookdevError(f"--chunks: a job of {len(tasks)} frames has at most as many chunks, not {division.count}")
+    bundle = out.suffix.lower() not in SUFFIXES
+    template_file = out / "template.yaml" if bundle else out
+    folder = template_file.parent.absolute()
+    template = job_template(job, folder, division, needs)
+    try:
+        decode_job_template(template=template)
+    except DecodeValidationError as error:
+        raise LookdevError(f"openjd-model refuses the template: {error}") from error
+
+    values = {"Job": str(job.file), "Output": str(job.output)}
+    documents: dict[Path, Any] = {template_file: template}
+    if bundle:
+        documents |= _bundle(job, out, values)
+
+    def text(data: Any, file: Path) -> str:
+        if file.suffix.lower() == ".json":
+            return json.dumps(data, indent=2) + "\n"
+        return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
+
+    try:
+        for file, data in documents.items():
+            with atomic_path(file) as temporary:
+                temporary.write_text(text(data, file))
+    except OSError as error:
+        raise OutputError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    required = {name: value for name, value in values.items() if not _below(Path(value), folder)}
+    notes = (*prepared.notes, *_notes(job))
+    return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
+
+
+def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
+    """Return the template of a job, as the specification's document, to be written to a folder."""
+    socket = "{{Session.WorkingDirectory}}/warm.sock"
+    render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
+    render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
+    part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}@{{Param.Machines}}", "--executor", f"warm:{socket}"]
+    warm = ["warm", "start", socket, "--backend", job.render.backend]
+    return {
+        "specificationVersion": "jobtemplate-2023-09",
+        "name": f"lookdev {job.file.stem}"[:_LONGEST_NAME],
+        "description": f"Turntables of {job.file.name}, by lookdev",
+        "parameterDefinitions": [
+            _path("Job", job.file, folder, "FILE", "IN", "The job file, TOML.", "CHOOSE_INPUT_FILE"),
+            _path("Output", job.output, folder, "DIRECTORY", "OUT", "The folder of the frames.", "CHOOSE_DIRECTORY"),
+            {
+                "name": "Chunks",
+                "type": "INT",
+                "default": chunks.count,
+                "minValue": 1,
+                "maxValue": MOST_CHUNKS,
+                "description": "Parts that the frames are rendered in.",
+            },
+            {
+                "name": "Machines",
+                "type": "INT",
+                "default": chunks.machines or chunks.count,
+                "minValue": 1,
+                "maxValue": MOST_CHUNKS,
+                "description": "Hosts that begin the parts in turn; fewer than these: the last parts are small.",
+            },
+            {
+                "name": "Command",
+                "type": "STRING",
+                "default": needs.command,
+                "description": "The program on the hosts: its name, or its path.",
+            },
+        ],
+        "steps": [
+            {
+                "name": "Render",
+                "parameterSpace": {
+                    "taskParameterDefinitions": [{"name": "Chunk", "type": "INT", "range": "1-{{Param.Chunks}}"}]
+                },
+                "stepEnvironments": [
+                    {
+                        "name": "Warm worker",
+                        "description": "Keeps a renderer, and what it has compiled, between the chunks of a host.",
+                        "script": {
+                            "actions": {
+                                "onEnter": {"command": "{{Param.Command}}", "args": warm, "timeout": 120},
+                                "onExit": {"command": "{{Param.Command}}", "args": ["warm", "stop", socket]},
+                            }
+                        },
+                    }
+                ],
+                "hostRequirements": _host(job, needs),
+                "script": {"actions": {"onRun": _action([*render, *part])}},
+            },
+            {
+                "name": "Outputs",
+                "description": "Sheets, movies, the review page and the manifest, of all frames.",
+                "dependencies": [{"dependsOn": "Render"}],
+                "hostRequirements": {"attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]},
+                "script": {"actions": {"onRun": _action([*render, "--outputs-only"])}},
+            },
+        ],
+    }
+
+
+def _path(name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str) -> dict[str, Any]:
+    """Return a parameter; a path outside of the template's folder may not be its default."""
+    default = {"default": value.relative_to(folder).as_posix()} if _below(value, folder) else {}
+    return {
+        "name": name,
+        "type": "PATH",
+        "objectType": kind,
+        "dataFlow": flow,
+        **default,
+        "description": text,
+        "userInterface": {"control": control},
+    }
+
+
+def _below(path: Path, folder: Path) -> bool:
+    return path.is_relative_to(folder)
+
+
+def _host(job: Job, needs: Needs) -> dict[str, Any]:
+    amounts: list[dict[str, Any]] = [
+        {"name": "amount.worker.vcpu", "min": needs.cores},
+        {"name": "amount.worker.memory", "min": needs.memory},
+    ]
+    if job.render.device in _GPUS:
+        amounts.append({"name": "amount.worker.gpu", "min": 1})
+    return {"amounts": amounts, "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]}
+
+
+def _action(arguments: list[str]) -> dict[str, Any]:
+    cancelation = {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": _NOTICE}
+    return {"command": "{{Param.Command}}", "args": arguments, "cancelation": cancelation}
+
+
+def _bundle(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, Any]:
+    """Return the other files of a job bundle: values of parameters, and what of the machine the job reads."""
+    inputs = [str(file) for file in input_files(job) if file != job.file]
+    references = {
+        "inputs": {"filenames": inputs, "directories": []},
+        "outputs": {"directories": [str(job.output)]},
+        "referencedPaths": [],
+    }
+    given = [{"name": name, "value": value} for name, value in values.items()]
+    return {
+        out / "parameter_values.yaml": {"parameterValues": given},
+        out / "asset_references.yaml": {"assetReferences": references},
+    }
+
+
+def _notes(job: Job) -> list[str]:
+    """Return what a farm without a file system in common will not find."""
+    folder = job.file.parent
+    if outside := [file for file in input_files(job) if not file.is_relative_to(folder)]:
+        common = os.path.commonpath([folder, *map(str, outside)])
+        if common == "/":
+            return [f"{outside[0]} has no folder in common with {job.file}: a farm that maps paths may not find it"]
+    return []

@@ -1,0 +1,1 @@
+"""Descriptions of assets, rigs, preset libraries and this machine."""

@@ -1,0 +1,227 @@
+"""What an asset, or a rig, is made of, as it would be rendered: `lookdev inspect`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.silhouette import outline
+from lookdev.asset.usd import read_usd
+from lookdev.inspect.rigs import InspectedRig, inspect_rig
+from lookdev.light.rig import holds_only_lights, read_rig
+from lookdev.material import Bump, Look, Texture
+from lookdev.material.look import leaves
+from lookdev.material.usd.bound import BoundLook, read_bound
+from lookdev.stage import Composition, compose
+
+MOST_LINES = 200
+"""Parts that the text lists; ``--json`` has all."""
+
+
+@dataclass(frozen=True)
+class InspectedPart:
+    """A mesh, or a GeomSubset of one: `path` is that of its first instance, `paths` are those of all, each once.
+
+    `faces` are those in the file, of one instance; `subdivision` is a scheme and its tags, "" for polygons; `material`
+    is the path of the bound material, "" where nothing is bound.
+    """
+
+    path: str
+    paths: tuple[str, ...]
+    instances: int
+    faces: int
+    subdivision: str
+    uv_sets: tuple[str, ...]
+    primvars: tuple[str, ...]
+    material: str
+
+
+@dataclass(frozen=True)
+class InspectedMaterial:
+    """A bound material: the models of its layers, base first, and what is not carried over."""
+
+    path: str
+    layers: tuple[str, ...]
+    textures: int
+    displaced: bool
+    lost: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """An asset, its parts and materials; lengths in metres, z up. `notes` are what is not supported, and repairs."""
+
+    file: str
+    minimum: tuple[float, ...]
+    maximum: tuple[float, ...]
+    radius: float
+    meshes: int
+    instances: int
+    points: int
+    faces: int
+    faces_shown: int  # with all instances
+    parts: tuple[InspectedPart, ...]
+    materials: tuple[InspectedMaterial, ...]
+    notes: tuple[str, ...]
+
+    def data(self) -> dict[str, Any]:
+        """Return all of it for JSON."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """Return the tree of parts, at most `MOST_LINES` of them, then materials and notes."""
+        size = " x ".join(f"{b - a:.4g}" for a, b in zip(self.minimum, self.maximum, strict=True))
+        more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
+        counts = [_count(self.meshes, "mesh", "es"), *map(_count, (self.instances, self.points), ("instance", "point"))]
+        lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count(self.faces, 'face')}{more}", ""]
+        lines += _table(list(_tree(self.parts[:MOST_LINES])))
+        if (left := len(self.parts) - MOST_LINES) > 0:
+            lines.append(f"... and {left:,} more parts; --json lists all")
+        if self.materials:
+            lines += ["", "materials"]
+        for material in self.materials:
+            lines += _material_lines(material)
+        if self.notes:
+            lines += ["", "notes", *(f"  {note}" for note in self.notes)]
+        return "\n".join(lines)
+
+
+def inspect_file(
+    composition: Composition,
+    time: float | None = None,
+    purposes: tuple[str, ...] = ("default", "render"),
+    *,
+    rig: bool = False,
+) -> tuple[Inspection, Asset] | tuple[InspectedRig, None]:
+    """Read an asset and all materials that it binds; return the list, and the asset itself.
+
+    With `rig`, or where there are lights and no geometry, the list is that of the lights. Raises AssetError or
+    FaultsError where it cannot be rendered.
+    """
+    composed = compose(composition)
+    if rig or holds_only_lights(composed):
+        return inspect_rig(read_rig(composed, sampled=False)), None
+    asset = read_usd(composed, time, purposes)
+    paths = dict.fromkeys(slot.material for slot in asset.slots if slot.material)
+    bound = read_bound(composed, paths)
+    return inspect_asset(composition.file, asset, bound), asset
+
+
+def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> Inspection:
+    """List what an asset consists of; `bound` are the looks of its materials by path."""
+    uses = Counter(instance.mesh for instance in asset.instances)
+    paths: dict[int, dict[str, None]] = {}
+    for instance in asset.instances:
+        paths.setdefault(instance.mesh, {})[instance.path] = None
+    sizes = [len(mesh.face_sizes) for mesh in asset.meshes]
+    points = outline(asset)
+    return Inspection(
+        file=str(file),
+        minimum=tuple(points.min(axis=0).tolist()),
+        maximum=tuple(points.max(axis=0).tolist()),
+        radius=asset.radius,
+        meshes=len(asset.meshes),
+        instances=len(asset.instances),
+        points=sum(len(mesh.points) for mesh in asset.meshes),
+        faces=sum(sizes),
+        faces_shown=sum(size * uses[number] for number, size in enumerate(sizes)),
+        parts=tuple(
+            part
+            for number, mesh in enumerate(asset.meshes)
+            for part in _parts(asset, mesh, paths.get(number, ()), uses[number])
+        ),
+        materials=tuple(_material(path, each) for path, each in bound.items()),
+        notes=asset.notes,
+    )
+
+
+def _parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> Iterator[InspectedPart]:
+    numbers, counts = np.unique(mesh.face_slots, return_counts=True)
+    for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+        slot = asset.slots[number]
+        yield InspectedPart(
+            slot.path,
+            tuple(path + slot.path.removeprefix(mesh.name) for path in paths),
+            instances,
+            count,
+            _subdivision(mesh),
+            tuple(mesh.uvs),
+            tuple(mesh.primvars),
+            slot.material or "",
+        )
+
+
+def _subdivision(mesh: Mesh) -> str:
+    rules = mesh.subdivision
+    if rules is None:
+        return ""
+    tags = {"crease": rules.crease_sharpness, "corner": rules.corner_sharpness, "hole": rules.holes}
+    shown = [_count(len(values), name) for name, values in tags.items() if len(values)]
+    return f"{rules.scheme} ({', '.join(shown)})" if shown else rules.scheme
+
+
+def _material(path: str, bound: BoundLook) -> InspectedMaterial:
+    look = bound.look
+    lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.lost)
+    return InspectedMaterial(path, bound.titles, _textures(look), look.displacement is not None, lost)
+
+
+def _textures(look: Look) -> int:
+    """Count the images that a look reads, whatever folding removes."""
+    sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
+    displaced = [look.displacement.height] if look.displacement else []
+    return len({file for source in leaves([*sources, *displaced]) for file in _files(source)})
+
+
+def _files(source: object) -> Iterator[Path]:
+    match source:
+        case Texture():
+            yield source.file
+        case Bump():
+            yield source.height.file
+
+
+def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
+    """Yield a row of cells for each part, and for each prim above them where it first appears."""
+    above: list[str] = []
+    for part in parts:
+        *groups, name = part.path.strip("/").split("/")
+        shared = next((i for i, pair in enumerate(zip(above, groups, strict=False)) if pair[0] != pair[1]), None)
+        shared = min(len(above), len(groups)) if shared is None else shared
+        for depth in range(shared, len(groups)):
+            yield ("  " * depth + groups[depth],)
+        above = [*groups, name]  # its GeomSubsets come next
+        yield (
+            "  " * len(groups) + name,
+            _count(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),
+            part.subdivision,
+            f"uv {', '.join(part.uv_sets)}" if part.uv_sets else "no uv",
+            f"primvars {', '.join(part.primvars)}" if part.primvars else "",
+            part.material or ("displayColor" if "displayColor" in part.primvars else "no material"),
+        )
+
+
+def _count(number: int, what: str, plural: str = "s") -> str:
+    return f"{number:,} {what}{plural if number != 1 else ''}"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    columns = max((len(row) for row in rows), default=0)
+    widths = [max((len(row[i]) for row in rows if i < len(row)), default=0) for i in range(columns)]
+    return [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False) if width).rstrip()
+        for row in rows
+    ]
+
+
+def _material_lines(material: InspectedMaterial) -> Iterator[str]:
+    images = f", {_count(material.textures, 'image')}" if material.textures else ""
+    displaced = ", displaced" * material.displaced
+    yield f"  {material.path}: {' under '.join(material.layers)}{images}{displaced}"
+    yield from (f"    not carried over: {each}" for each in material.lost)

@@ -1,0 +1,92 @@
+"""A rendered frame as an EXR: its layers and its header."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lookdev
+from lookdev.metrics import standard_error
+from lookdev.output.exr import write_frame
+from lookdev.rendering.cryptomatte import matte_header
+from lookdev.rendering.executors import Stored
+from lookdev.rendering.passes import CATCHER, parts_of_light
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask
+from lookdev.run.pictures import write_shared
+from lookdev.run.sanity import doubts
+from lookdev.scene.charts import STRIP, Strip
+from lookdev.space import REC709
+
+
+def store(task: FrameTask, rendered: Rendered) -> Stored:
+    """Write the file of a frame, and return what is known of it, with doubts among its notes; raises OutputError."""
+    beauty, constant = exposed(task, rendered), all(light.constant for light in task.scene.lights)
+    found, header = list(doubts(rendered, beauty, constant_light=constant)), {}
+    if STRIP in task.labels and not (strip := Strip.of_label(task.labels[STRIP], task.scene.resolution)).too_small():
+        # Not at the top: Embree takes long to import, which few jobs need.
+        from lookdev.checks.charts import charts_doubts, charts_header, check_charts
+
+        readings = check_charts(task, strip, rendered)
+        found += charts_doubts(readings)
+        header = dict(charts_header(readings))
+    _write(task, rendered, beauty, header)
+    name = "/".join((*task.files[0].parts[-3:-1], task.files[0].stem))
+    return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *(f"{name}: {doubt}" for doubt in found)))
+
+
+def exposed(task: FrameTask, rendered: Rendered) -> NDArray[np.float32]:
+    """Return the mean of the halves of a frame, (H, W, 3), exposed."""
+    with np.errstate(over="ignore"):
+        return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
+
+
+def _write(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32], more: Mapping[str, str]) -> None:
+    """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed.
+
+    `more` are further entries of the header.
+
+    The layer ``raw`` is the picture before it was denoised, ``error`` the standard error of what halves have.
+    """
+    header = task.labels | {
+        "digest": task.digest,
+        "samples": str(rendered.samples),
+        "seconds": repr(rendered.seconds),
+        "relmse": repr(rendered.relmse),
+        "version.blender": rendered.blender,
+        "version.lookdev": lookdev.__version__,
+        "version.python": platform.python_version(),
+        "version.numpy": np.__version__,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    header |= more
+    exposure, layers = np.float32(2.0**task.exposure), {}
+    if rendered.raw is not None:
+        layers["raw"] = rendered.raw * exposure
+        header["raw.relmse"] = repr(rendered.raw_relmse)
+    if not math.isnan(rendered.relmse):  # else the halves are one render
+        layers["error"] = standard_error(rendered.a, rendered.b) * exposure
+    passes, groups = task.scene.sampling.passes, task.scene.names_of_light
+    channels, light = task.scene.arrays, {*parts_of_light(passes, groups), *CATCHER}
+    planes = {
+        channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
+        for name, each in channels.items()
+        for i, channel in enumerate(each)
+    }
+    space = task.scene.space
+    if space != REC709:
+        header["space"] = space
+    attributes = {
+        key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
+    }
+    write_shared(
+        task.files,
+        lambda path: write_frame(
+            path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
+        ),
+    )

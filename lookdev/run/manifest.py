@@ -1,0 +1,141 @@
+"""The manifest of a run, and its verification."""
+
+from __future__ import annotations
+
+import json
+import platform
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import lookdev
+from lookdev.cache import atomic_path, file_digest
+from lookdev.errors import LookError, StageError
+from lookdev.job import Job
+from lookdev.mtlx import document_layer, is_document
+from lookdev.output.exr import read_header
+from lookdev.output.manifest import NAME, STATE_FOLDER, Deviation, deviations, read_manifest, write_manifest
+from lookdev.plan import Plan
+from lookdev.run.ledger import Ledger
+from lookdev.stage import dependencies
+from lookdev.text import TextError, parse_json, read_text
+
+_STATE = f"{STATE_FOLDER}/digests.json"
+
+
+def input_files(job: Job) -> list[Path]:
+    """Return a job file and all files that it reads, those that its USD files compose included."""
+    composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
+    composed += [job.ground.material] if job.ground else []
+    for look in job.look:
+        composed += [look.material, look.layer, *(each.material for each in look.assign)]
+    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_of(file) for file in composed if file))
+    return [job.file, *sorted(needed)]
+
+
+def _composed_of(file: Path) -> set[Path]:
+    found = {file}
+    with suppress(StageError):  # one that was replaced since it was read
+        if not is_document(str(file)):
+            found = dependencies(file)
+    for document in [each for each in found if is_document(str(each))]:
+        with suppress(StageError, LookError):
+            layer = document_layer(str(document))
+            found |= dependencies(layer) - {layer.resolve()}
+    return found
+
+
+def record_run(job: Job, plan: Plan) -> Path:
+    """Write the manifest of what a run left on disk.
+
+    Files whose size and time are as they were are not read again. Raises OSError where one cannot be read or written.
+    """
+    digests = _Digests(plan.output / _STATE)
+    render = f"lookdev render {shlex.quote(str(job.file))}"
+    turned = (file for reel in plan.reels for file in reel.files)
+    planned = list(dict.fromkeys((*turned, *(file for frame in plan.frames for file in frame.task.files))))
+
+    def frames() -> Iterator[dict[str, Any]]:
+        for file in planned:
+            if file.is_file():
+                name = file.relative_to(plan.output).as_posix()
+                again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
+                yield digests.entry(file, name) | {"header": read_header(file), "command": again}
+
+    beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
+    made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
+    manifest = {
+        "job": str(job.file),
+        "command": render,
+        "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
+        "view": asdict(job.outputs.shown("png")),
+        "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
+        "inputs": (digests.entry(file, str(file)) for file in input_files(job) if file.is_file()),
+        "planned": len(planned),
+        "frames": frames(),
+        "pictures": (digests.entry(file, name) for file, name in made if file.is_file()),
+    }
+    written = write_manifest(plan.output, manifest)
+    digests.save()
+    return written
+
+
+class _Digests:
+    """SHA-256 of files, kept beside their size and time of change."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._old = _read(file)
+        self._new: dict[str, list[Any]] = {}
+
+    def entry(self, file: Path, name: str) -> dict[str, Any]:
+        """Return the entry of a file under a name."""
+        status = file.stat()
+        stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
+        known = self._old.get(str(file))
+        digest = known[-1] if isinstance(known, list) and known[:-1] == stamp else file_digest(file)
+        self._new[str(file)] = [*stamp, digest]
+        return {"file": name, "sha256": digest}
+
+    def save(self) -> None:
+        """Keep what was asked for."""
+        if self._new != self._old:
+            with atomic_path(self._file) as temporary:
+                temporary.write_text(json.dumps(self._new))
+
+
+def verify(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:
+    """Return the manifest of an output folder and all that deviates from it; raises as `read_manifest`."""
+    manifest = read_manifest(folder)
+    return manifest, tuple(deviations(folder.absolute(), manifest))
+
+
+def manifest_text(folder: Path, manifest: Mapping[str, Any], found: Iterable[Deviation] | None) -> str:
+    """Return a manifest in short as text, with what was found where it was verified."""
+    frames = manifest["frames"]
+    errors = [float(frame["header"]["relmse"]) for frame in frames if "relmse" in frame.get("header", {})]
+    worst = f", largest relMSE {max(errors):.1e}" if errors else ""
+    lines = [
+        f"{folder / NAME}: {len(frames)} of {manifest['planned']} frames, {len(manifest['pictures'])} pictures, "
+        f"{len(manifest['inputs'])} inputs{worst}"
+    ]
+    if found is None:
+        return lines[0]
+    problems = list(found)
+    lines += map(str, problems)
+    wrong = sum(problem.fails for problem in problems)
+    lines.append(f"{wrong} files are not as they are listed" if wrong else "all files are as they are listed")
+    return "\n".join(lines)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = parse_json(read_text(path), path)
+    except TextError:  # lost or spoilt: all files are read
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,213 @@
+"""The outputs of a plan: files made of finished frames, and made again only when they would differ.
+
+A ledger (`lookdev.run.ledger`) records what each file was made of, the frame digests and the options, and its digest.
+So a new view, another number of frames, or a file that was damaged is noticed although no frame was rendered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, islice, product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import file_digest, share
+from lookdev.job import JobOutputs
+from lookdev.output import Frames, Output, composite, laid_over
+from lookdev.output.color import DisplayView
+from lookdev.output.exr import read_shown
+from lookdev.plan import Plan, Reel
+from lookdev.rendering.task import FrameTask
+from lookdev.run.ledger import Ledger
+from lookdev.space import REC709, to_rec709
+
+Floats = NDArray[np.float32]
+Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
+"""Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureFile:
+    """A file to come, under each of its paths; its frames in order, and a label of each."""
+
+    output: Output
+    paths: tuple[Path, ...]
+    title: str
+    frames: dict[Path, FrameTask]
+    labels: tuple[str, ...]
+    columns: int | None = None
+
+
+class Pictures:
+    """The files that outputs make of frames.
+
+    Parameters
+    ----------
+    plan, outputs
+        The frames, and what is made of them.
+    background, light
+        What is behind the frames, as the ledger records it, and the light that it has.
+    ledger
+        What was made before, and by other runs; the caller closes it.
+    """
+
+    def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
+        self._outputs = outputs
+        self._root = plan.output
+        self._background = light
+        self._behind = background
+        self._ledger = ledger
+        self._overdue = set(plan.pictures)
+        self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
+        self._charts = plan.charts
+        files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
+        self._sheets = [file for output, file in files if output.of != "frame"]
+        self._singles: dict[Path, list[PictureFile]] = {}
+        for output, file in files:
+            if output.of == "frame":
+                self._singles.setdefault(next(iter(file.frames)), []).append(file)
+
+    def refresh(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is missing or out of date of a single frame on disk, if the props over it are `done`.
+
+        Raises
+        ------
+        OutputError
+            The frame cannot be read, or a file not be written.
+        """
+        for file in self._singles.get(task.files[0], ()):
+            if not self._over(file) <= done:
+                continue
+            key = self._key(file)
+            due = [path for path in file.paths if path in self._overdue or not self._is_current(path, key)]
+            if due:
+                self._write(file, due)
+
+    def write(self, task: FrameTask, beauty: Floats, alpha: Floats, done: set[Path]) -> None:
+        """Make what is made of a single frame, which was just rendered, if the props over it are `done`."""
+        for file in self._singles.get(task.files[0], ()):
+            if self._over(file) <= done:
+                self._write(file, file.paths, (beauty, alpha))
+
+    def refresh_under(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is out of date of single frames that are `done`, over which a new frame of props is laid."""
+        under = {self._tasks[frame].files for frame, over in self._charts.items() if over in task.files}
+        for files in under:
+            if files[0] in done:
+                self.refresh(self._tasks[files[0]], done)
+
+    def sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
+        """Yield what is made of several frames, if they are all done; with `task`, only what shows it."""
+        for file in self._sheets:
+            shown = file.frames.keys() | self._over(file)
+            if shown <= done and not (task is not None and shown.isdisjoint(task.files)):
+                yield file
+
+    def is_due(self, file: PictureFile) -> bool:
+        """Return whether a file is missing or out of date."""
+        return not self._is_current(file.paths[0], self._key(file))
+
+    def make(self, file: PictureFile) -> None:
+        """Make a file of several frames."""
+        self._write(file, file.paths)
+
+    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
+        """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
+
+        def layers(frame: Path) -> tuple[Floats, Floats]:
+            over = self._charts.get(frame)
+            if pixels is None:
+                shown = read_shown(frame)
+            else:
+                beauty, alpha = pixels
+                space = file.frames[frame].scene.space
+                shown = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+            return shown if over is None else laid_over(read_shown(over), shown)
+
+        def light(frame: Path) -> Floats:
+            return composite(*layers(frame), self._background(file.frames[frame]))
+
+        frames = Frames(
+            tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
+        )
+        write_shared(paths, lambda path: file.output.write(path, frames))
+        key = self._key(file)
+        digest = file_digest(paths[0])
+        for path in paths:
+            self._ledger.add(self._name(path), key, digest)
+
+    def _over(self, file: PictureFile) -> set[Path]:
+        """Return the frames of props that are laid over the frames of a file."""
+        return {self._charts[frame] for frame in file.frames if frame in self._charts}
+
+    def _key(self, file: PictureFile) -> str:
+        digests = [task.digest for task in file.frames.values()]
+        digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
+        made_of = [digests, file.labels, self._behind, self._options(file.output)]
+        made_of += [file.columns] if file.columns else []
+        return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()
+
+    def _options(self, output: Output) -> dict[str, object]:
+        own = {name: getattr(self._outputs, name) for name in output.options}
+        burned = {"burn_in": True} if output.name in self._outputs.burn_in else {}
+        return {"view": self._outputs.shown(output.name), **burned, **own}
+
+    def _is_current(self, path: Path, key: str) -> bool:
+        return path.is_file() and self._ledger.has(self._name(path), key, path)
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self._root).as_posix()
+
+
+def _view_digest(view: DisplayView) -> str:
+    return view.digest
+
+
+def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
+    """Write the first path, and give the same content to the others."""
+    write(paths[0])
+    for path in paths[1:]:
+        share(paths[0], path)
+
+
+def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
+    """Yield the files of an output."""
+    tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
+
+    def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> PictureFile:
+        return PictureFile(
+            output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels)
+        )
+
+    if output.of == "frame":
+        for files in (planned.task.files for planned in plan.frames):
+            name = files[0].relative_to(plan.output).with_suffix("")
+            yield file((path.with_suffix(output.suffix) for path in files), name.parts, files[:1], [_number(files[0])])
+    elif output.of == "turntable":
+        for reel in plan.reels:
+            path = reel.files[0].with_name(reel.turntable + output.suffix)
+            yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_number, reel.files))
+    elif output.of == "wedge":
+        reels_of = {(reel.look, reel.ibl, reel.turntable): reel for reel in plan.reels}
+        for sheet, turntable in product(plan.sheets, dict.fromkeys(reel.turntable for reel in plan.reels)):
+            cells = [reels_of[look, rig, turntable].files[0] for look, rig in sheet.cells]
+            path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
+            yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
+    else:
+        sides: dict[tuple[str, str], list[Reel]] = {}
+        for reel in plan.reels:
+            sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
+        for (ibl, turntable), reels in sides.items():
+            path = plan.output / ibl / (turntable + output.suffix)
+            shown = zip(*(reel.files for reel in reels), strict=True)
+            steps = shown if output.of == "step" else islice(shown, 1)
+            yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
+
+
+def _number(frame: Path) -> str:
+    return frame.stem.rpartition(".")[2]

@@ -1,0 +1,181 @@
+"""Progress of a run: one live display in a terminal, plain lines in a log file."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from datetime import timedelta
+from typing import TYPE_CHECKING, TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+
+from lookdev.errors import printable
+from lookdev.run.events import (
+    Event,
+    FrameDone,
+    FrameFailed,
+    FrameFound,
+    FrameProgressed,
+    FrameRetried,
+    FrameStarted,
+    LogFormat,
+    Noted,
+    Report,
+    RunEnded,
+    RunJoined,
+    RunStarted,
+    SheetWritten,
+)
+from lookdev.run.log import JsonReport
+
+if TYPE_CHECKING:
+    from lookdev.fitting.picture.search import Point
+
+_MOST_BARS = 8  # of frames
+
+
+@contextmanager
+def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[Report]:
+    """Yield a report that writes to `stream`: as text live in a terminal, otherwise a line for each event."""
+    if form is LogFormat.JSON:
+        yield JsonReport(stream)
+    elif form is LogFormat.OPENJD:
+        yield _OpenJdReport(stream)
+    elif stream.isatty():
+        with _columns(Console(file=stream)) as display:
+            yield _LiveReport(display)
+    else:
+        yield _PlainReport(stream)
+
+
+@contextmanager
+def show_fit(stream: TextIO) -> Iterator[Callable[[Point], None]]:
+    """Yield a report of the renders that a fit tries: in a terminal a line that is replaced, else nothing."""
+    counts: Counter[str] = Counter()
+    with Console(file=stream).status("reading") if stream.isatty() else nullcontext() as status:
+
+        def report(point: Point) -> None:
+            counts[point.stage] += 1
+            if status is not None:
+                tried = ", ".join(f"{count} {stage}" for stage, count in counts.items())
+                status.update(f"difference {100.0 * max(point.loss, 0.0) ** 0.5:.3g} %  ({tried})")
+
+        yield report
+
+
+class Tally:
+    """The events so far, as numbers and text."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self.pending = 0
+        self.settled = 0  # rendered or given up, by this run
+        self._started = time.monotonic()
+
+    def take(self, event: Event) -> str | None:
+        """Count an event; return its line, or None for events of the live display only."""
+        match event:
+            case Noted():
+                return f"note: {event.text}"
+            case RunStarted():
+                self.total, self.pending = event.total, event.pending
+                self._started = time.monotonic()
+                return f"{event.total} frames, {event.pending} to render"
+            case FrameDone():
+                self.settled += 1
+                left = f"  left {left}" if (left := self.time_left()) else ""
+                figures = f"{event.seconds:.1f} s  {event.samples} samples  relMSE {event.relmse:.1e}"
+                return f"{self._place()} {event.name}  {figures}{left}"
+            case FrameFound():
+                self.settled += 1
+                return f"{self._place()} {event.name}  rendered by another run"
+            case FrameRetried():
+                return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
+            case FrameFailed():
+                self.settled += 1
+                return f"{self._place()} {event.name}  FAILED: {event.reason}"
+            case SheetWritten():
+                return f"sheet {event.path}"
+            case FrameStarted() | FrameProgressed() | RunJoined() | RunEnded():
+                return None
+
+    def time_left(self) -> str:
+        """Return the time left, by that since the start; empty before the first frame and after the last."""
+        waiting = self.pending - self.settled
+        if not (self.settled and waiting):
+            return ""
+        return str(timedelta(seconds=round(waiting * (time.monotonic() - self._started) / self.settled)))
+
+    def _place(self) -> str:
+        return f"[{self.total - self.pending + self.settled}/{self.total}]"
+
+
+class _PlainReport:
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._tally = Tally()
+
+    def __call__(self, event: Event) -> None:
+        if (line := self._tally.take(event)) is not None:
+            self._stream.write(printable(line) + "\n")
+            self._stream.flush()  # a log file is followed while the run goes on
+
+
+class _OpenJdReport(_PlainReport):
+    """Messages to a session besides: percent of the frames to render, and of what they are."""
+
+    def __call__(self, event: Event) -> None:
+        super().__call__(event)
+        tally = self._tally
+        if isinstance(event, FrameFailed):
+            self._tell("fail", f"{event.name}: {event.reason}")
+        if isinstance(event, FrameStarted):
+            self._tell("status", f"rendering {event.name}, {tally.settled} of {tally.pending} frames are done")
+        if isinstance(event, RunStarted | FrameDone | FrameFailed | FrameFound):
+            self._tell("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
+
+    def _tell(self, what: str, text: str) -> None:
+        self._stream.write(f"openjd_{what}: {' '.join(printable(text).split())}\n")
+        self._stream.flush()
+
+
+class _LiveReport:
+    """A bar over all frames and one over the samples of each that is being rendered, below the lines of events."""
+
+    def __init__(self, display: Progress) -> None:
+        self._display = display
+        self._tally = Tally()
+        self._frames = display.add_task("frames", total=None, note="")
+        self._rendering: dict[str, TaskID] = {}
+
+    def __call__(self, event: Event) -> None:
+        tally = self._tally
+        if (line := tally.take(event)) is not None:
+            self._display.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
+        match event:
+            case FrameStarted() if len(self._rendering) < _MOST_BARS:
+                bar = self._display.add_task(printable(event.name), total=None, note="starting")
+                self._rendering[event.name] = bar
+            case FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
+                error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
+                note = f"{event.samples}/{event.of} samples{error}"
+                self._display.update(task, completed=event.samples, total=event.of, note=note)
+            case RunStarted() | FrameDone() | FrameFound() | FrameFailed():
+                ended = tally.total - tally.pending + tally.settled
+                left = tally.time_left()
+                note = f"{ended}/{tally.total}" + (f"  left {left}" if left else "")
+                self._display.update(self._frames, completed=ended, total=tally.total, note=note)
+                if not isinstance(event, RunStarted) and event.name in self._rendering:
+                    self._display.remove_task(self._rendering.pop(event.name))
+
+
+def _columns(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=30),
+        TextColumn("{task.fields[note]}", markup=False),
+        console=console,
+    )

@@ -1,0 +1,251 @@
+"""How far a job is that any number of runs render: what is done, who renders what, who stands still, what failed.
+
+A run records its plan, and each frame that it gives up, in the output's state folder. All else is read off the frames
+and the claims on disk, so that nothing has to be running to answer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import timedelta
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from lookdev.cache import atomic_path
+from lookdev.errors import LookdevError, OutputError
+from lookdev.output.exr import read_header
+from lookdev.output.manifest import STATE_FOLDER
+from lookdev.plan import Plan
+from lookdev.plan.costs import estimated
+from lookdev.run.listing import table
+from lookdev.run.runs import Run, RunInfo, Runs, claim_key, claims, lease
+from lookdev.text import TextError, parse_json, read_text
+
+_PLAN, _FAILED = "plan.json", "failed"
+_LARGEST = 1 << 28  # bytes of a plan
+_SHOWN = 10  # failures in the text
+
+
+@dataclass(frozen=True)
+class FailedFrame:
+    """A frame that a run gave up."""
+
+    name: str
+    reason: str
+    host: str
+    log: str
+
+
+@dataclass(frozen=True)
+class ActiveRun:
+    """A run that has not ended by itself: its frames, and whether it lives.
+
+    `silent` are the seconds since its last sign of life, by the clock of the file system; `state` is ``working``,
+    ``stalled`` without a sign for a lease, or ``dead`` where its process is known to have ended.
+    """
+
+    run: RunInfo
+    state: str
+    silent: float
+    frames: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of a job's frames in its output folder.
+
+    `frame_seconds` is the mean of the frames that are done, None before the first; `seconds` are the time left, None
+    where no run works.
+    """
+
+    output: Path
+    job: str
+    total: int
+    done: int
+    waiting: int
+    rendering: int
+    failed: tuple[FailedFrame, ...]
+    runs: tuple[ActiveRun, ...]
+    frame_seconds: float | None
+    seconds: float | None
+
+
+def record_plan(run: Run, job: Path, plan: Plan) -> None:
+    """Write what a run renders to the state folder, unless it is there; raises OSError."""
+    file = run.state / _PLAN
+    if _read_plan(file).get("plan") == plan.digest:
+        return
+    costs = estimated(plan).frames
+    frames = {
+        str(frame.task.files[0].relative_to(plan.output).with_suffix("")): [frame.task.digest, cost]
+        for frame, cost in zip(plan.frames, costs, strict=True)
+    }
+    with atomic_path(file) as temporary:
+        temporary.write_text(json.dumps({"plan": plan.digest, "job": str(job), "frames": frames}))
+
+
+def record_failure(run: Run, name: str, reason: str, log: Path | None) -> None:
+    """Write why a run gave up a frame."""
+    failed = FailedFrame(name, reason, run.info.host, str(log or ""))
+    with suppress(OSError), atomic_path(run.state / _FAILED / f"{claim_key(name)}.json") as temporary:
+        temporary.write_text(json.dumps(asdict(failed)))
+
+
+def forget_failures(state: Path) -> None:
+    """Remove the failures of an output whose frames are all done."""
+    for file in (state / _FAILED).glob("*.json"):
+        file.unlink(missing_ok=True)
+    with suppress(OSError):
+        (state / _FAILED).rmdir()
+
+
+def read_status(output: Path) -> Status:
+    """Return the state of the job of an output folder; raises OutputError where no run has recorded its plan."""
+    state = output / STATE_FOLDER
+    plan = _read_plan(state / _PLAN)
+    if not plan:
+        raise OutputError(f"{output}: no run of 'lookdev render' has left its plan there; is it the output of a job?")
+    left: dict[str, tuple[str, float]] = {}
+    times: dict[str, list[float]] = {}
+    for name, (digest, cost) in plan["frames"].items():
+        header = _header(output / f"{name}.exr")
+        if header.get("digest") == digest:
+            with suppress(KeyError, ValueError):
+                times.setdefault(_scene(name), []).append(float(header["seconds"]))
+        else:
+            left[name] = digest, cost
+    claimed = claims(state)
+    names = {claim_key(name): name for name in left}
+    runs = tuple(_active(state, {run: [names[key] for key in keys if key in names] for run, keys in claimed.items()}))
+    rendering = {name for run in runs if run.state == "working" for name in run.frames}
+    failed = tuple(each for each in _failures(state) if each.name in left and each.name not in rendering)
+    return Status(
+        output,
+        plan["job"],
+        len(plan["frames"]),
+        len(plan["frames"]) - len(left),
+        len(left) - len(rendering) - len(failed),
+        len(rendering),
+        failed,
+        runs,
+        fmean(each for scene in times.values() for each in scene) if times else None,
+        _time_left(plan["frames"], {name: cost for name, (_, cost) in left.items()}, times, len(rendering)),
+    )
+
+
+def status_text(status: Status) -> str:
+    """Return a status as lines of text."""
+    percent = 100.0 * status.done / max(status.total, 1)
+    lines = [
+        f"{status.job}: {status.done} of {status.total} frames are done ({percent:.1f} %), {status.rendering} are "
+        f"rendered now, {status.waiting} wait, {len(status.failed)} failed"
+    ]
+    if status.runs:
+        rows = [["run", "chunk", "state", "last sign", "frame"]]
+        for each in status.runs:
+            frames = ", ".join(each.frames[:3]) + ("" if len(each.frames) <= 3 else f" and {len(each.frames) - 3} more")
+            name = f"{each.run.host} {each.run.process}"
+            rows.append([name, each.run.part or "-", each.state, f"{max(each.silent, 0.0):.0f} s ago", frames or "-"])
+        lines.append(table(rows))
+    lines += [f"failed: {each.name}: {each.reason} ({each.host}, log: {each.log})" for each in status.failed[:_SHOWN]]
+    lines += [f"and {len(status.failed) - _SHOWN} more failed"] if len(status.failed) > _SHOWN else []
+    if status.seconds is not None:
+        lines.append(f"left: {timedelta(seconds=round(status.seconds))} with {status.rendering} frames at a time")
+    elif status.done < status.total:
+        lines.append(f"no run is at work; 'lookdev render {status.job}' goes on")
+    return "\n".join(lines)
+
+
+def status_data(status: Status) -> dict[str, object]:
+    """Return a status as plain data for JSON."""
+    return asdict(status) | {"output": str(status.output)}
+
+
+def status_metrics(status: Status) -> str:
+    """Return a status in the text format of Prometheus; raises LookdevError where its client is not installed."""
+    try:
+        from prometheus_client import CollectorRegistry, Gauge, generate_latest
+    except ImportError:
+        raise LookdevError("metrics are written by prometheus-client: pip install 'lookdev[farm]'") from None
+
+    registry = CollectorRegistry()
+
+    def gauge(name: str, text: str, values: Mapping[str, float | None], label: str) -> None:
+        metric = Gauge(f"lookdev_{name}", text, ["output", label] if label else ["output"], registry=registry)
+        for value, number in values.items():
+            if number is not None:
+                metric.labels(str(status.output), *([value] if label else [])).set(number)
+
+    frames = {"done": status.done, "rendering": status.rendering, "waiting": status.waiting}
+    gauge("frames", "Frames of the job, by state.", frames | {"failed": len(status.failed)}, "state")
+    runs = Counter(each.state for each in status.runs)
+    gauge(
+        "runs", "Runs that have not ended by themselves.", {s: runs[s] for s in ("working", "stalled", "dead")}, "state"
+    )
+    gauge("frame_seconds", "Mean render time of the frames that are done.", {"": status.frame_seconds}, "")
+    gauge("left_seconds", "Estimate of the time until all is rendered.", {"": status.seconds}, "")
+    return str(generate_latest(registry).decode())
+
+
+def _active(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:
+    now = _file_system_time(state)
+    for run in Runs(state).all():
+        silent = now - (state / "runs" / run.id).stat().st_mtime
+        how = "dead" if run.has_ended else "stalled" if silent > lease() else "working"
+        yield ActiveRun(run, how, silent, tuple(frames.get(run.id, ())))
+
+
+def _file_system_time(folder: Path) -> float:
+    """Return the time of the clock that gives files theirs; this machine's where nothing can be written."""
+    file = folder / f".time.{os.getpid()}"
+    try:
+        file.touch()
+        found = file.stat().st_mtime
+        file.unlink()
+    except OSError:
+        return time.time()
+    return found
+
+
+def _time_left(
+    planned: Mapping[str, tuple[str, float]], left: Mapping[str, float], times: Mapping[str, list[float]], at_once: int
+) -> float | None:
+    """Return the time of the frames left, by those of their scenes, else by their costs in the ratio of the others."""
+    if not at_once:
+        return None
+    known = {scene: fmean(each) for scene, each in times.items()}
+    ratios = [known[_scene(name)] / cost for name, (_, cost) in planned.items() if _scene(name) in known and cost]
+    ratio = fmean(ratios) if ratios else 1.0
+    return sum(known.get(_scene(name), ratio * cost) for name, cost in left.items()) / at_once
+
+
+def _scene(name: str) -> str:
+    return name.rpartition("/")[0]
+
+
+def _header(file: Path) -> Mapping[str, str]:
+    try:
+        return read_header(file, check=False)
+    except OutputError:
+        return {}
+
+
+def _failures(state: Path) -> Iterator[FailedFrame]:
+    for file in sorted((state / _FAILED).glob("*.json")):
+        with suppress(TextError, TypeError):
+            yield FailedFrame(**parse_json(read_text(file), file))
+
+
+def _read_plan(file: Path) -> dict[str, Any]:
+    try:
+        found = parse_json(read_text(file, _LARGEST), file)
+    except TextError:
+        return {}
+    return found if isinstance(found, dict) and found.keys() >= {"plan", "job", "frames"} else {}
