@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS
+from lookdev.build.scenes import each_variant
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, altered, unaltered
@@ -24,7 +25,6 @@ from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
 from lookdev.job.keys import MATERIAL_SUFFIXES
-from lookdev.job.scenes import each_variant
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.material.usd.bound import read_any_look

@@ -10,9 +10,9 @@ import numpy as np
 
 from lookdev.asset import Asset
 from lookdev.asset.silhouette import outline
+from lookdev.build.refine import Refinery
 from lookdev.cache import cache_dir
 from lookdev.job import JobOutputs, JobTurntable
-from lookdev.job.refinery import Refinery
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output import OUTPUTS

@@ -1,4 +1,4 @@
-"""The table of the ground, and the ground of each asset."""
+"""The table of the ground."""
 
 from __future__ import annotations
 
@@ -7,14 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from lookdev.asset import Asset
-from lookdev.errors import AssetError
-from lookdev.job.kept import kept_outline
 from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, wrong
-from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, job_backends
-from lookdev.scene import Camera
-from lookdev.scene.ground import GREY, Ground
 
 _UNCAUGHT = ("lobes", "direct", "lights", "cryptomatte")
 """Passes that sum up to the beauty, or to its alpha, which a catcher takes light and coverage away from."""
@@ -64,14 +58,3 @@ class JobGround(Table):
                 f"a shadow catcher has no {' and no '.join(uncaught)}, which sum up to a frame with all of the ground",
                 'passes without them, or kind = "plane"',
             )
-
-    def under(self, asset: Asset, look: Look | None, camera: Camera) -> Ground:
-        """Return the ground of an asset that a camera sees; raises AssetError where the camera is not above it."""
-        height = float(kept_outline(asset)[:, 2].min()) if self.height is None else self.height
-        above = float(camera.position[2]) - height
-        if above <= 0.0:
-            raise AssetError(
-                f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
-                "lower 'height' would be right"
-            )
-        return Ground(look or GREY, self.size * asset.radius, height, self.kind == "catcher")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
-from lookdev.job.keys import Name, Table, Text, instead_of
+from lookdev.job.keys import Degrees, Exposure, Name, Table, Text, instead_of
 
 Number = Annotated[float, Field(ge=-1e18, le=1e18)]
 WedgeValue = Annotated[
@@ -17,6 +17,9 @@ WedgeValue = Annotated[
     Discriminator(lambda value: "text" if isinstance(value, str) else "rgb" if isinstance(value, tuple) else "number"),
 ]
 Value = float | tuple[float, float, float] | str
+
+LIGHT_KEYS: dict[str, TypeAdapter[float]] = {"exposure": TypeAdapter(Exposure), "rotation": TypeAdapter(Degrees)}
+"""The keys of a light of a job that a wedge may vary."""
 
 
 class JobAxis(Table):
@@ -78,3 +81,12 @@ class JobWedge(JobAxis):
     def title(self) -> str:
         """The name of its sheets."""
         return self.name or "_".join(axis.short for axis in self.axes)
+
+
+def light_key_error(key: str, value: Value) -> str:
+    """Return what is wrong with a value for one of `LIGHT_KEYS`, or an empty text."""
+    try:
+        LIGHT_KEYS[key].validate_python(value, strict=True)
+    except ValidationError as error:
+        return error.errors()[0]["msg"]
+    return ""

@@ -13,8 +13,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
+from lookdev.build.wedges import WedgeSheet
 from lookdev.errors import OutputError
-from lookdev.job.wedges import WedgeSheet
 from lookdev.plan.digest import PARTS, frame_digest, pose_digest, scene_digests
 from lookdev.plan.poses import turntable_poses
 from lookdev.plan.setup import Setup, Turns

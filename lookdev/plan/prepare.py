@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lookdev.asset import Asset, load_asset, make_asset
+from lookdev.build.faults import collected, raise_all
+from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import take_notes
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.share import shared_programs
 from lookdev.errors import EnvironmentMapError, Fault, LookdevError
 from lookdev.job import Job, load_job
-from lookdev.job.faults import collected, raise_all
-from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.job.schema import JobRig
-from lookdev.job.wedges import WedgeSheet
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header

@@ -26,10 +26,10 @@ from lookdev.asset import Instance, Slot, load_asset, read_asset
 from lookdev.asset.mesh import Subdivision
 from lookdev.asset.store import asset_digest, make_asset, save_asset
 from lookdev.bench.looks import _mask
+from lookdev.build.refine import Refinery
 from lookdev.cache import take_notes
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import open_image, whole_image
-from lookdev.job.refinery import Refinery
 from lookdev.light import make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
 from lookdev.material import Texture

@@ -148,7 +148,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
         tables = dict.fromkeys(("points_file", "slots_file", "bins_file"), white.dome.radiance_file)
         return replace(white, dome=replace(white.dome, constant=False, map_digest=builtin, **tables))
 
-    monkeypatch.setattr("lookdev.job.lights.load_dome", varied)
+    monkeypatch.setattr("lookdev.build.lights.load_dome", varied)
     lights = [f'[[ibl]]\nname = "{name}"\nbuiltin = "{name}"\n' for name in ("city", "forest")]
     job.write_text(job.read_text() + "".join(lights))
     setups = prepare_job(job).setups

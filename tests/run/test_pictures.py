@@ -10,8 +10,8 @@ import batch_case as case
 import numpy as np
 import pytest
 
+from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import share
-from lookdev.job.wedges import WedgeSheet
 from lookdev.output.sheet import write_sheet
 from lookdev.run.pictures import write_shared
 from lookdev.run.render import RunResult, run_plan

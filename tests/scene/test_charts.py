@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lookdev.asset import load_asset
+from lookdev.build.cameras import job_cameras
 from lookdev.errors import AssetError
 from lookdev.job import parse_job
-from lookdev.job.cameras import job_cameras
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.scene import Camera, Lens, Pose, camera_rays, frame_camera

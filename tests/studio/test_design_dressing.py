@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
-from lookdev.job.scenes import job_scenes
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit
 from lookdev.studio.designer.opening import open_document

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
 from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
@@ -19,7 +20,6 @@ from lookdev.fitting.picture.search import Point
 from lookdev.fitting.picture.target import block_of, blocks
 from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.job import load_job
-from lookdev.job.scenes import job_scenes
 from lookdev.material import Look
 from lookdev.material.library.constants import check_writable, write_changed
 from lookdev.material.library.edit import check_suffix

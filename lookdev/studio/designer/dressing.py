@@ -13,16 +13,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from lookdev.build.assets import Assets, Turned
+from lookdev.build.assign import Cover, covering
+from lookdev.build.assign import Place as JobPlace
+from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import Job, parse_job
 from lookdev.job.edit import Wear, assign, unassign, wear_all
 from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.job.parts import JobAssign, JobLook
-from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.job.schema import JobIbl, JobRig
-from lookdev.job.turned import Assets, Turned
-from lookdev.job.wear import Cover, covering
-from lookdev.job.wear import Place as JobPlace
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.material.library import find_preset, library_folders

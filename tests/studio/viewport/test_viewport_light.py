@@ -19,9 +19,9 @@ from viewport_page import STATIC, ViewportPage
 
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
+from lookdev.build.scenes import job_scenes
 from lookdev.cache import Content
 from lookdev.job import load_job
-from lookdev.job.scenes import job_scenes
 from lookdev.light import LIGHT_KINDS, Emission, Light, Profile, Shaping
 from lookdev.light.dome.maps import load_dome
 from lookdev.material import Layer, Look

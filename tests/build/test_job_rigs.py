@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from usd_text import JOB_KEYS, METRES, job_toml, material, translate, variant_set
 
+from lookdev.build.scenes import job_scenes
 from lookdev.errors import FaultsError, JobError
 from lookdev.job import Job, parse_job
-from lookdev.job.scenes import job_scenes
 from lookdev.light import Dome, RectLight, load_environment, prepare_light
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.placed import PlacedLight

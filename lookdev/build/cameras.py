@@ -12,7 +12,8 @@ from lookdev.asset import Asset
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Instance, Mesh
 from lookdev.asset.usd_camera import UsdCamera
-from lookdev.job.kept import kept_outline
+from lookdev.build.charts import camera_beside_strip, overlap_notes
+from lookdev.build.geometry_cache import kept_outline
 from lookdev.job.schema import Job
 from lookdev.scene import Camera, frame_camera, frame_fill
 from lookdev.scene.framing import DEFAULT_FILL, Arc
@@ -48,7 +49,7 @@ def job_cameras(
     points = _outlines(assets)
     camera, notes = shot_camera(shot, points), list(shot_notes(shot, points, job.render.resolution))
     if job.charts is not None:
-        notes += job.charts.hidden(camera, points, element_arcs(job), job.render.resolution)
+        notes += overlap_notes(job.charts.strip(job.render.resolution), camera, points, element_arcs(job))
     return dict.fromkeys(shown, camera), tuple(notes)
 
 
@@ -82,7 +83,7 @@ def _framed(job: Job, assets: list[Asset]) -> Camera:
 
     if job.charts is None:
         return frame(resolution, camera.horizontal_fov)
-    return job.charts.framed(resolution, camera.horizontal_fov, share, frame)
+    return camera_beside_strip(job.charts.strip(resolution), camera.horizontal_fov, share, frame)
 
 
 def _outlines(assets: list[Asset]) -> Floats:

@@ -7,16 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
-from pydantic import TypeAdapter, ValidationError
-
 from lookdev.errors import Fault, ModelError, nearest_hint
-from lookdev.job.keys import Degrees, Exposure
 from lookdev.job.schema import Job, JobIbl, JobRig
-from lookdev.job.wedge import JobAxis, JobWedge, Value
+from lookdev.job.wedge import LIGHT_KEYS, JobAxis, JobWedge, Value, light_key_error
 from lookdev.material import Look
 from lookdev.material.change import changed_look
-
-_KEYS: dict[str, TypeAdapter[float]] = {"exposure": TypeAdapter(Exposure), "rotation": TypeAdapter(Degrees)}
 
 
 @dataclass(frozen=True)
@@ -102,12 +97,12 @@ def varied_rig(given: JobIbl | JobRig, name: str, varied: Varied, job: Job, faul
     """Return the table of a light of a wedge; adds to `faults`."""
     update: dict[str, object] = {"name": name}
     for parameter, value in varied.changes:
-        if parameter in _KEYS:
-            try:
-                update[parameter] = _KEYS[parameter].validate_python(value, strict=True)
-            except ValidationError as error:
-                what = f"{parameter} cannot be {value!r}: {error.errors()[0]['msg']}"
+        if parameter in LIGHT_KEYS:
+            if error := light_key_error(parameter, value):
+                what = f"{parameter} cannot be {value!r}: {error}"
                 faults.append(Fault(str(job.file), varied.place, what))
+            else:
+                update[parameter] = value
         elif isinstance(given, JobIbl):
             what, hint = f"'{given.name}' is one image", "a [[rig]] has lights with values; of an [[ibl]] 'exposure'"
             faults.append(Fault(str(job.file), varied.place, what, hint))

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 from lookdev.asset import Asset
 from lookdev.asset.usd_camera import UsdCamera
+from lookdev.build.assign import Dressed
+from lookdev.build.cameras import job_cameras
+from lookdev.build.faults import collected, raise_all
+from lookdev.build.refine import Refinery
 from lookdev.errors import Fault
-from lookdev.job.cameras import job_cameras
-from lookdev.job.faults import collected, raise_all
-from lookdev.job.refinery import Refinery
 from lookdev.job.schema import Job
-from lookdev.job.wear import Dressed
 from lookdev.material import Look
 from lookdev.scene import Camera
 from lookdev.scene.displace import as_cage, displace, is_displaced

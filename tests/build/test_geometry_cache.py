@@ -9,10 +9,10 @@ from lookdev.asset import Asset, Instance, Mesh, Slot, load_asset
 from lookdev.asset.mesh import Subdivision
 from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
+from lookdev.build import refine as refinery
+from lookdev.build.geometry_cache import kept_outline, key_of
+from lookdev.build.refine import Refinery
 from lookdev.cache import take_notes
-from lookdev.job import refinery
-from lookdev.job.kept import kept_outline, key_of
-from lookdev.job.refinery import Refinery
 from lookdev.scene import Camera
 
 CAMERA = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0, axis=(1.0, 2.0))
@@ -125,5 +125,5 @@ def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -
     pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
     expected = outline(pair)
     np.testing.assert_array_equal(kept_outline(pair), expected)
-    monkeypatch.delattr("lookdev.job.kept.outline")
+    monkeypatch.delattr("lookdev.build.geometry_cache.outline")
     np.testing.assert_array_equal(kept_outline(pair), expected)

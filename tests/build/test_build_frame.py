@@ -11,11 +11,11 @@ from usd_text import METRES, image, job_toml, material, shader
 
 from lookdev.asset import load_asset
 from lookdev.asset.silhouette import outline
+from lookdev.build.assign import NEUTRAL, Dressed
+from lookdev.build.frame import rendered
+from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job
-from lookdev.job.rendered import rendered
-from lookdev.job.scenes import JobScenes, job_scenes
-from lookdev.job.wear import NEUTRAL, Dressed
 from lookdev.scene import Pose, Scene
 
 CUBE = f"""{METRES}
@@ -160,7 +160,7 @@ def test_an_asset_that_no_camera_frames_is_a_fault_of_the_camera(make: Make, tmp
 
 
 def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.job.refinery._MOST_CORNERS", 24 * 4**3)
+    monkeypatch.setattr("lookdev.build.refine._MOST_CORNERS", 24 * 4**3)
     assert faces(scene_of(make(asset=", subdivision = 3"))) == 6 * 4**3
     with pytest.raises(FaultsError, match=r"look\[0\]: subdivision = 4 makes 6144 corners of faces; at most 1536"):
         make(asset=", subdivision = 4")

@@ -8,9 +8,10 @@ import OpenImageIO as oiio
 import pytest
 from usd_text import METRES, image, job_toml, material, shader, textured, variant_set
 
+from lookdev.build import scenes
+from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import FaultsError
-from lookdev.job import parse_job, scenes, schema
-from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.job import parse_job, schema
 
 
 def overridden(name: str, line: str) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lookdev.asset import Asset
+from lookdev.build.faults import collected
+from lookdev.build.wedges import Wedges, varied_rig
 from lookdev.errors import Fault
-from lookdev.job.faults import collected
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import Value
-from lookdev.job.wedges import Wedges, varied_rig
 from lookdev.light import Light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.dome.maps import load_dome

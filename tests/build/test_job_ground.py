@@ -7,12 +7,15 @@ import pytest
 from usd_text import job_toml
 
 from lookdev.asset import load_asset
+from lookdev.build.charts import overlap_notes
+from lookdev.build.ground import ground_under
+from lookdev.build.scenes import job_scenes
 from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.charts import JobCharts
 from lookdev.job.ground import JobGround
-from lookdev.job.scenes import job_scenes
 from lookdev.scene import Camera
+from lookdev.scene.charts import Strip
 from lookdev.scene.ground import GREY, PATH, on_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"
@@ -57,10 +60,10 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     sphere = load_asset(builtin="sphere")
     wears = {"/sphere": GREY}
     camera = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 5.0)
-    JobGround(height=camera.position[2] - 0.1).under(sphere, None, camera)
+    ground_under(JobGround(height=camera.position[2] - 0.1), sphere, None, camera)
     with pytest.raises(AssetError, match=r"the camera is 0\.1 m below the ground"):
-        JobGround(height=camera.position[2] + 0.1).under(sphere, None, camera)
-    ground = JobGround(height=-3.0).under(sphere, None, camera)
+        ground_under(JobGround(height=camera.position[2] + 0.1), sphere, None, camera)
+    ground = ground_under(JobGround(height=-3.0), sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
     grounded = on_ground(sphere, wears, ground, (0.0, 0.0))[0]
     assert grounded.revolved
@@ -78,10 +81,10 @@ def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:
 def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:
     points = load_asset(builtin="sphere").meshes[0].points.astype(float)
     near, far = (Camera(40.0, 0.0, (0.0, 0.0, 0.0), distance) for distance in (3.0, 8.0))
-    arcs = [(0.0, 360.0)]
-    (note,) = JobCharts(place="left").hidden(near, points, arcs, (320, 320))
+    arcs, left = [(0.0, 360.0)], Strip("left", 0.12, (320, 320))
+    (note,) = overlap_notes(left, near, points, arcs)
     assert "hides a part of the asset at the left edge" in note
-    assert list(JobCharts(place="left").hidden(far, points, arcs, (320, 320))) == []
+    assert list(overlap_notes(left, far, points, arcs)) == []
 
 
 @pytest.mark.parametrize(("edge", "covered"), [("left", 0.22680), ("bottom", 0.20395)])
@@ -90,5 +93,5 @@ def test_props_hide_what_is_at_their_pixels(edge: str, covered: float) -> None:
     camera = Camera(60.0, 0.0, (0.0, 0.0, 0.0), 2.0, shift=(0.1, -0.05))
     points = np.array([(-0.4, 0.0, -0.5)])
     for size, hides in ((covered + 0.002, True), (covered - 0.002, False)):
-        notes = JobCharts(place=edge, size=size).hidden(camera, points, [(0.0, 0.0)], (3200, 1800))
+        notes = overlap_notes(Strip(edge, size, (3200, 1800)), camera, points, [(0.0, 0.0)])
         assert bool([*notes]) == hides

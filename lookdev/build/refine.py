@@ -12,8 +12,8 @@ from typing import Literal
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.store import make_asset
 from lookdev.asset.subdivision import orbit_pixel, refine_all, refinement_levels
+from lookdev.build.geometry_cache import keep_levels, keep_refined, kept_levels, kept_refined, key_of
 from lookdev.errors import AssetError
-from lookdev.job.kept import keep_levels, keep_refined, kept_levels, kept_refined, key_of
 from lookdev.scene import Camera
 
 _MOST_CORNERS = 32_000_000

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from usd_text import METRES, card, job_toml, shader
 
+from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.wedges import expand_wedges
 from lookdev.codegen import ShaderSource
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import parse_job
-from lookdev.job.scenes import JobScenes, job_scenes
-from lookdev.job.wedges import expand_wedges
 from lookdev.plan.prepare import plan_job, prepare_job, read_setups
 
 STACK = (
@@ -166,9 +166,9 @@ def test_the_frames_of_wedges_are_bounded(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "paint.usda").write_text(LOOK)
     text = JOB.replace("frames = 1", "frames = 3") + ROUGHNESS
     job = parse_job(text, tmp_path / "job.toml")
-    monkeypatch.setattr("lookdev.job.scenes.MOST_FRAMES", 24)
+    monkeypatch.setattr("lookdev.build.scenes.MOST_FRAMES", 24)
     assert len(job_scenes(job).scenes) == 8
-    monkeypatch.setattr("lookdev.job.scenes.MOST_FRAMES", 23)
+    monkeypatch.setattr("lookdev.build.scenes.MOST_FRAMES", 23)
     with pytest.raises(FaultsError, match=r"wedge: wedges make 24 frames of the job; at most 23 .*\(write several"):
         job_scenes(job)
 

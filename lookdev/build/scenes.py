@@ -6,27 +6,26 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lookdev.asset import Asset
 from lookdev.asset.usd_camera import UsdCamera, read_camera
+from lookdev.build.assets import Assets, Turned
+from lookdev.build.assign import NEUTRAL, Dressed, Place, dress_as, lost_notes
+from lookdev.build.faults import collected, raise_all
+from lookdev.build.frame import rendered
+from lookdev.build.ground import job_grounds
+from lookdev.build.lights import job_lights, wedge_lights
+from lookdev.build.wedges import WedgeSheet, expand_wedges, varied_looks
 from lookdev.errors import Fault, FaultsError, shortened
-from lookdev.job.faults import collected, raise_all
-from lookdev.job.ground import JobGround
-from lookdev.job.lights import job_lights, wedge_lights
 from lookdev.job.parts import JobAssign, JobLook
-from lookdev.job.rendered import rendered
 from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job, excess_frames
-from lookdev.job.turned import Assets, Turned
-from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
-from lookdev.job.wedges import WedgeSheet, expand_wedges, varied_looks
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
 from lookdev.material.variants import MOST_COMBINATIONS
-from lookdev.scene import Camera, Film, Scene
+from lookdev.scene import Film, Scene
 from lookdev.scene.charts import props_camera, props_scene
 from lookdev.scene.ground import PATH as GROUND
-from lookdev.scene.ground import Ground, on_ground
+from lookdev.scene.ground import on_ground
 from lookdev.scene.linking import link_lights
 from lookdev.stage import open_stage
 
@@ -110,7 +109,7 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None, assets: 
     catchers: frozenset[str] = frozenset()
     if job.ground is not None:
         with collected(job, "ground", faults):
-            for name, ground in _grounds(job, job.ground, shown, cameras, notes).items():
+            for name, ground in job_grounds(job.ground, shown, cameras, notes).items():
                 placed[name] = on_ground(*placed[name], ground, cameras[name].pivot)
         parts.add(GROUND)
         catchers = frozenset([GROUND] if job.ground.kind == "catcher" else [])
@@ -139,20 +138,6 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None, assets: 
         raise_all(faults)
     shortly = tuple(dict.fromkeys(map(shortened, notes)))
     return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets, charts)
-
-
-def _grounds(
-    job: Job, given: JobGround, shown: Mapping[str, Asset], cameras: Mapping[str, Camera], notes: list[str]
-) -> dict[str, Ground]:
-    """Return the ground of each look, and add to `notes`; all wear one look."""
-    look = None
-    if given.material is not None:
-        found = read_any_look(given.material, given.prim, given.variants, "ground")
-        notes += lost_notes(found.lost)
-        look = found.look
-        if look.displacement is not None:
-            notes.append(f"{given.material}: the ground is flat: the displacement of its look is left out")
-    return {name: given.under(asset, look, cameras[name]) for name, asset in shown.items()}
 
 
 def each_variant(

@@ -13,9 +13,9 @@ import numpy as np
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.usd.collections import is_collection
+from lookdev.build.assets import Turned
 from lookdev.errors import AssetError, Fault
 from lookdev.job.parts import JobLook
-from lookdev.job.turned import Turned
 from lookdev.material import Layer, Look
 from lookdev.material.translate import display_color_look
 from lookdev.scene.dress import Part, dress, fit_patterns, path_hint
