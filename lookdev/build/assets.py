@@ -19,7 +19,7 @@ from lookdev.stage import Composed, Composition, compose, is_animated, variant_c
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
+class ComposedAsset:
     """An asset, its parts, and the stage that it was read from; a built-in asset has none."""
 
     asset: Asset
@@ -30,16 +30,16 @@ class Turned:
     @property
     def paths(self) -> tuple[str, ...]:
         """The path of every part."""
-        return tuple(part.path for own in self.parts.values() for part in own)
+        return tuple(part.path for parts in self.parts.values() for part in parts)
 
     @cached_property
     def collections(self) -> Mapping[str, frozenset[str]]:
-        """The parts that each collection includes which the prims at and above parts have, and which is valid."""
-        found: dict[str, frozenset[str]] = {}
-        for each in collections_above(self.composed.stage, self.paths) if self.composed else ():
+        """The parts in each valid collection of the prims at and above parts."""
+        members: dict[str, frozenset[str]] = {}
+        for collection in collections_above(self.composed.stage, self.paths) if self.composed else ():
             with suppress(AssetError):
-                found[each] = self.members(each)
-        return found
+                members[collection] = self.members(collection)
+        return members
 
     def members(self, pattern: str) -> frozenset[str]:
         """Return the parts that a collection includes; raises AssetError where there is no such collection."""
@@ -51,58 +51,58 @@ class Turned:
         """Return whether the asset has a prim, whatever is rendered of it."""
         return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
-    def bound(self, materials: Iterable[str]) -> dict[str, BoundLook]:
+    def bound_looks(self, materials: Iterable[str]) -> dict[str, BoundLook]:
         """Return the looks of materials that the asset binds; errors as `read_bound`."""
-        wanted = dict.fromkeys(materials)
-        if self.composed is not None and (unread := [each for each in wanted if each not in self._bound]):
+        paths = dict.fromkeys(materials)
+        if self.composed is not None and (unread := [path for path in paths if path not in self._bound]):
             self._bound.update(read_bound(self.composed, unread))
-        return {each: self._bound[each] for each in wanted if each in self._bound}
+        return {path: self._bound[path] for path in paths if path in self._bound}
 
 
-class Assets:
-    """The asset of a job as looks compose it."""
+class AssetReader:
+    """Reads the asset of a job as looks compose it, each composition once."""
 
-    def __init__(self, given: JobAsset) -> None:
-        self._given = given
-        self._turned: dict[Composition | None, Turned] = {}
+    def __init__(self, table: JobAsset) -> None:
+        self._table = table
+        self._assets: dict[Composition | None, ComposedAsset] = {}
 
     def composition(self, look: JobLook) -> Composition | None:
-        """Return what a look composes the asset of; None for a built-in one.
+        """Return the composition of the asset for a look; None for a built-in asset.
 
-        Without a material of its own, a look's variants are those of the asset.
+        The variants of a look without a material of its own are those of the asset.
         """
-        given = self._given
-        if given.usd is None:
+        table = self._table
+        if table.usd is None:
             return None
-        variants = {**given.variants, **({} if look.material else look.variants)}
-        return Composition(given.usd, look.layer, given.prim, tuple(variants.items()), given.missing)
+        variants = {**table.variants, **({} if look.material else look.variants)}
+        return Composition(table.usd, look.layer, table.prim, tuple(variants.items()), table.missing)
 
-    def looks(self, look: JobLook) -> tuple[dict[str, str], ...]:
-        """Return the variants of each look that a look without a material stands for; errors as `compose`."""
+    def variant_choices(self, look: JobLook) -> tuple[dict[str, str], ...]:
+        """Return the variants of each look that a look without a material expands to; errors as `compose`."""
         composition = self.composition(look)
         assert composition is not None, "a look of a built-in asset has a material, or no variants"
 
-        def choices(chosen: dict[str, str], wanted: str) -> tuple[str, ...]:
-            given = {**self._given.variants, **chosen}
-            settled = tuple(each for each in given.items() if each[1] != "*")
-            return variant_choices(compose(replace(composition, variants=settled)), wanted)
+        def choices(chosen: dict[str, str], variant_set: str) -> tuple[str, ...]:
+            variants = {**self._table.variants, **chosen}
+            settled = tuple(choice for choice in variants.items() if choice[1] != "*")
+            return variant_choices(compose(replace(composition, variants=settled)), variant_set)
 
         return combinations(look.variants, choices, str(composition.file), composition.prim or "")
 
-    def turned(self, look: JobLook) -> Turned:
+    def read(self, look: JobLook) -> ComposedAsset:
         """Return the asset as a look composes it; raises AssetError, or FaultsError of `compose`."""
         composition = self.composition(look)
-        if composition not in self._turned:
-            self._turned[composition] = self._read(composition)
-        return self._turned[composition]
+        if composition not in self._assets:
+            self._assets[composition] = self._read(composition)
+        return self._assets[composition]
 
-    def _read(self, composition: Composition | None) -> Turned:
+    def _read(self, composition: Composition | None) -> ComposedAsset:
         if composition is None:
-            asset = load_asset(builtin=self._given.builtin)
-            return Turned(asset, asset_parts(asset))
+            asset = load_asset(builtin=self._table.builtin)
+            return ComposedAsset(asset, asset_parts(asset))
         composed = compose(composition)
-        asset = read_usd(composed, self._given.time, self._given.purposes)
-        if self._given.time is not None and not is_animated(composed.stage):
-            note = f"{composition.file}: time = {self._given.time:g} has no effect: nothing in it is animated"
+        asset = read_usd(composed, self._table.time, self._table.purposes)
+        if self._table.time is not None and not is_animated(composed.stage):
+            note = f"{composition.file}: time = {self._table.time:g} has no effect: nothing in it is animated"
             asset = replace(asset, notes=(*asset.notes, note))
-        return Turned(asset, asset_parts(asset), composed)
+        return ComposedAsset(asset, asset_parts(asset), composed)

@@ -1,7 +1,7 @@
-"""What each part of an asset wears in a look of a job.
+"""The look of each part of an asset, for a look of a job.
 
-That is the first `assign` that fits it, else the look's `material`, else what the asset binds: a material, or the
-primvar displayColor. What nothing covers is the grey of a photographer's card, with a note.
+It is that of the first `assign` that fits the part, else the job look's `material`, else what the asset binds: a
+material, or the primvar displayColor. A part that nothing covers gets the grey of a photographer's card, with a note.
 """
 
 from __future__ import annotations
@@ -13,106 +13,122 @@ import numpy as np
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.usd.collections import is_collection
-from lookdev.build.assets import Turned
+from lookdev.build.assets import ComposedAsset
+from lookdev.build.faults import Findings
 from lookdev.errors import AssetError, Fault
-from lookdev.job.parts import JobLook
+from lookdev.job.parts import JobAssign, JobLook
 from lookdev.material import Layer, Look
 from lookdev.material.translate import display_color_look
+from lookdev.material.usd.bound import read_any_look
 from lookdev.scene.dress import Part, dress, fit_patterns, path_hint
 
-NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
+NEUTRAL_LOOK = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
 _COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 
 @dataclass(frozen=True, eq=False)
-class Dressed:
-    """An asset with the look of each slot, as in `Scene`; those of the slots `own` are the asset's own."""
+class AssignedAsset:
+    """An asset with the look of each slot, by the slot's path; the looks of the slots `bound` are the asset's own."""
 
     asset: Asset
-    wears: Mapping[str, Look]
-    own: frozenset[str]
-    notes: tuple[str, ...]
+    looks: Mapping[str, Look]
+    bound: frozenset[str]
 
 
 @dataclass(frozen=True)
-class Place:
-    """A table of a job file, in which faults are."""
-
-    file: str
-    key: str
-
-    def fault(self, key: str, what: str, hint: str = "") -> Fault:
-        """Return the fault of a key of the table."""
-        return Fault(self.file, f"{self.key}.{key}", what, hint)
-
-
-def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: Place, faults: list[Fault]) -> Dressed:
-    """Dress an asset as a look of a job; adds patterns that fit nothing to `faults`.
-
-    `materials` are the looks of each `assign`, and last that of `material`, if the look has one. Errors as
-    `Turned.bound`.
-    """
-    covered = covering(given, turned, place, faults)
-
-    def own_material(part: Part) -> int | None:
-        """Return the number of the material of the job that covers a part."""
-        cover = covered.get(part.path)
-        return None if cover is None else len(given.assign) if cover.assign is None else cover.assign
-
-    parts = [part for own in turned.parts.values() for part in own]
-    left = [part for part in parts if own_material(part) is None]
-    bound = turned.bound(part.slot.material for part in left if part.slot.material is not None)
-
-    def choose(part: Part) -> int | str | None:
-        if (number := own_material(part)) is not None:
-            return number
-        if part.slot.material in bound:
-            return part.slot.material
-        return _displayed(part.mesh)
-
-    asset, chosen = dress(turned.asset, turned.parts, choose)
-    looks: dict[int | str | None, Look] = {**dict(enumerate(materials)), None: NEUTRAL}
-    looks |= {path: each.look for path, each in bound.items()}
-    looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
-    notes = list(lost_notes(fault for each in bound.values() for fault in each.lost))
-    worn = {own_material(part) for part in parts}
-    for number in range(len(materials)):
-        if number not in worn:
-            which = f"assign[{number}]" if number < len(given.assign) else "'material'"
-            notes.append(f"look '{given.name}': {which} covers no part: others come first for all that it fits")
-    if bare := [part.path for part in left if choose(part) is None]:
-        more = f" and {len(bare) - 1} more; they are" if len(bare) > 1 else "; it is"
-        notes.append(f"look '{given.name}': nothing covers {bare[0]}{more} rendered neutral grey")
-    own = frozenset(path for path, key in chosen.items() if isinstance(key, str))
-    return Dressed(asset, {path: looks[key] for path, key in chosen.items()}, own, tuple(notes))
-
-
-@dataclass(frozen=True)
-class Cover:
-    """What of a look of a job covers a part: the number of an `assign` and its pattern, or the look's `material`."""
+class Assignment:
+    """What covers a part: the number of an `assign` of the look and its pattern, or the look's `material`."""
 
     assign: int | None = None
     pattern: str = ""
 
 
-def covering(given: JobLook, turned: Turned, place: Place, faults: list[Fault]) -> dict[str, Cover]:
-    """Return what covers each part that wears a material of the job; adds patterns that fit nothing to `faults`."""
+def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
+    """Return the looks of each `assign` of a look, and last that of its `material`; grey where one has a fault."""
+    materials: list[Look] = []
+    tables: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
+    for number, table in enumerate(tables):
+        if table.material is None:
+            continue
+        table_key, name = (key, look.name) if table is look else (f"{key}.assign[{number}]", None)
+        materials.append(NEUTRAL_LOOK)
+        with findings.collect(table_key):
+            read = read_any_look(table.material, table.prim, table.variants, name)
+            materials[-1] = read.look
+            findings.note(*loss_notes(read.lost))
+    return materials
+
+
+def assign_looks(
+    look: JobLook, materials: Sequence[Look], composed: ComposedAsset, key: str, findings: Findings
+) -> AssignedAsset:
+    """Return the asset with the look of each of its slots, for a look of a job.
+
+    Parameters
+    ----------
+    materials
+        As `read_materials` returns them.
+    key
+        The key of the look in the job: patterns that fit no part are faults below it.
+
+    Raises
+    ------
+    LookError, FaultsError
+        A material that the asset binds cannot be read.
+    """
+    assignments = assignments_of_parts(look, composed, key, findings)
+
+    def material_number(part: Part) -> int | None:
+        """Return the number of the material of the job that covers a part."""
+        assignment = assignments.get(part.path)
+        if assignment is None:
+            return None
+        return len(look.assign) if assignment.assign is None else assignment.assign
+
+    parts = [part for parts in composed.parts.values() for part in parts]
+    uncovered = [part for part in parts if material_number(part) is None]
+    bound = composed.bound_looks(part.slot.material for part in uncovered if part.slot.material is not None)
+
+    def choose(part: Part) -> int | str | None:
+        if (number := material_number(part)) is not None:
+            return number
+        return part.slot.material if part.slot.material in bound else _display_primvar(part.mesh)
+
+    asset, choices = dress(composed.asset, composed.parts, choose)
+    looks: dict[int | str | None, Look] = {**dict(enumerate(materials)), None: NEUTRAL_LOOK}
+    looks |= {path: material.look for path, material in bound.items()}
+    looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
+    findings.note(*loss_notes(fault for material in bound.values() for fault in material.lost))
+    for number in sorted(set(range(len(materials))) - {material_number(part) for part in parts}):
+        table = f"assign[{number}]" if number < len(look.assign) else "'material'"
+        findings.note(f"look '{look.name}': {table} covers no part: others come first for all that it fits")
+    if bare := [part.path for part in uncovered if choose(part) is None]:
+        more = f" and {len(bare) - 1} more; they are" if len(bare) > 1 else "; it is"
+        findings.note(f"look '{look.name}': nothing covers {bare[0]}{more} rendered neutral grey")
+    of_asset = frozenset(path for path, choice in choices.items() if isinstance(choice, str))
+    return AssignedAsset(asset, {path: looks[choice] for path, choice in choices.items()}, of_asset)
+
+
+def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
+    """Return the assignment of each part that a material of the job covers; patterns that fit no part are faults."""
     assigned = [
-        (f"assign[{number}].prims", pattern) for number, each in enumerate(given.assign) for pattern in each.prims
+        (f"{key}.assign[{number}].prims", pattern)
+        for number, assign in enumerate(look.assign)
+        for pattern in assign.prims
     ]
-    owners = [number for number, each in enumerate(given.assign) for _ in each.prims]
-    first = _fit(assigned, turned, place, faults)
-    whole = _fit([("parts", pattern) for pattern in given.parts or ()], turned, place, faults)
-    found = {path: Cover(owners[number], assigned[number][1]) for path, number in first.items()}
-    if given.material is not None:
-        found |= {
-            path: Cover() for path in turned.paths if path not in first and (given.parts is None or path in whole)
+    owners = [number for number, assign in enumerate(look.assign) for _ in assign.prims]
+    first = _fit(assigned, composed, findings)
+    whole = _fit([(f"{key}.parts", pattern) for pattern in look.parts or ()], composed, findings)
+    assignments = {path: Assignment(owners[number], assigned[number][1]) for path, number in first.items()}
+    if look.material is not None:
+        assignments |= {
+            path: Assignment() for path in composed.paths if path not in first and (look.parts is None or path in whole)
         }
-    return found
+    return assignments
 
 
-def lost_notes(lost: Iterable[Fault]) -> Iterator[str]:
-    """Yield what materials lose, once for all that lose an input of the same name for the same reason."""
+def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
+    """Yield the inputs that materials lose, in one note for those of the same name and reason."""
     alike: dict[tuple[str, str, str, str], list[Fault]] = {}
     for fault in lost:
         alike.setdefault((fault.file, fault.where.rpartition(".")[2], fault.what, fault.hint), []).append(fault)
@@ -121,34 +137,34 @@ def lost_notes(lost: Iterable[Fault]) -> Iterator[str]:
         yield str(replace(faults[0], where=f"{faults[0].where}{more}"))
 
 
-def _displayed(mesh: Mesh) -> str | None:
-    """Return the primvar that says most of how a mesh without a material looks; None where it has neither."""
+def _display_primvar(mesh: Mesh) -> str | None:
+    """Return the primvar that shows most of a mesh without a material; None where it has neither."""
     if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any():
         return _OPACITY
     return _COLOR if _COLOR in mesh.primvars else None
 
 
-def _fit(patterns: Sequence[tuple[str, str]], turned: Turned, place: Place, faults: list[Fault]) -> Mapping[str, int]:
-    """Return the number of the first pattern that fits each part; `patterns` are beside the keys of their lists."""
+def _fit(patterns: Sequence[tuple[str, str]], composed: ComposedAsset, findings: Findings) -> Mapping[str, int]:
+    """Return the number of the first pattern that fits each part; `patterns` are pairs of a key and a pattern."""
     members: dict[str, frozenset[str]] = {}
     broken = set()
     for key, pattern in patterns:
         if is_collection(pattern):
             try:
-                members[pattern] = turned.members(pattern)
+                members[pattern] = composed.members(pattern)
             except AssetError as error:
-                faults.append(place.fault(key, str(error)))
+                findings.add(key, str(error))
                 broken.add(pattern)
                 members[pattern] = frozenset()
-    fits = fit_patterns([pattern for _, pattern in patterns], turned.paths, members)
+    fits = fit_patterns([pattern for _, pattern in patterns], composed.paths, members)
     for key, pattern in (patterns[number] for number in fits.unfit):
         if pattern in broken:
             continue
         if pattern in members:
             hint = "it includes none that is rendered"
-        elif turned.has_prim(pattern):
+        elif composed.has_prim(pattern):
             hint = "the asset has this prim, but renders nothing of it"
         else:
-            hint = path_hint(pattern, turned.paths)
-        faults.append(place.fault(key, f"'{pattern}' fits no part", hint))
+            hint = path_hint(pattern, composed.paths)
+        findings.add(key, f"'{pattern}' fits no part", hint)
     return fits.first

@@ -1,4 +1,4 @@
-"""Faults of the files that a job names, collected so that all are reported together."""
+"""Faults and notes about the files of a job, collected so that all are reported together."""
 
 from __future__ import annotations
 
@@ -9,18 +9,33 @@ from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault,
 from lookdev.job.schema import Job
 
 
-@contextmanager
-def collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
-    """Add errors of a file of the job to `faults`, with the key that names the file."""
-    try:
-        yield
-    except FaultsError as error:
-        faults += error.faults
-    except (AssetError, CodegenError, EnvironmentMapError, TextureError, ModelError) as error:
-        faults.append(Fault(str(job.file), where, str(error)))
+class Findings:
+    """Faults of the files of a job, each with the key of the job that names its file, and notes for the user."""
 
+    def __init__(self, job: Job) -> None:
+        self._file = str(job.file)
+        self.faults: list[Fault] = []
+        self.notes: list[str] = []
 
-def raise_all(faults: Iterable[Fault]) -> None:
-    """Raise a FaultsError of all faults, each once, if there are any."""
-    if unique := tuple(dict.fromkeys(faults)):
-        raise FaultsError(unique)
+    def add(self, key: str, problem: str, hint: str = "") -> None:
+        """Add the fault of a key of the job."""
+        self.faults.append(Fault(self._file, key, problem, hint))
+
+    def note(self, *notes: str) -> None:
+        """Add notes."""
+        self.notes += notes
+
+    @contextmanager
+    def collect(self, key: str) -> Iterator[None]:
+        """Add the errors of the file that a key of the job names, instead of raising them."""
+        try:
+            yield
+        except FaultsError as error:
+            self.faults += error.faults
+        except (AssetError, CodegenError, EnvironmentMapError, TextureError, ModelError) as error:
+            self.add(key, str(error))
+
+    def raise_faults(self, more: Iterable[Fault] = ()) -> None:
+        """Raise a FaultsError of all faults, each once, if there are any."""
+        if unique := tuple(dict.fromkeys((*self.faults, *more))):
+            raise FaultsError(unique)

@@ -1,4 +1,4 @@
-"""From dressed assets to those that are rendered, and the cameras that see them.
+"""The geometry that each look of a job renders, and the cameras: framed by it, or read from a USD file.
 
 Cages are refined by their size in the frame of a camera that frames the cages themselves. The camera of the scenes
 frames what is rendered: the limit surface, displaced.
@@ -6,59 +6,157 @@ frames what is rendered: the limit surface, displaced.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.asset import Asset
-from lookdev.asset.usd_camera import UsdCamera
-from lookdev.build.assign import Dressed
-from lookdev.build.cameras import job_cameras
-from lookdev.build.faults import collected, raise_all
-from lookdev.build.refine import Refinery
-from lookdev.errors import Fault
+from lookdev.asset.bounds import bounding_sphere
+from lookdev.asset.mesh import Instance, Mesh
+from lookdev.asset.usd_camera import UsdCamera, read_camera
+from lookdev.build.assets import ComposedAsset
+from lookdev.build.assign import AssignedAsset
+from lookdev.build.charts import camera_beside_strip, overlap_notes
+from lookdev.build.faults import Findings
+from lookdev.build.geometry_cache import cached_outline
+from lookdev.build.refine import Refiner, cages_of_displaced
 from lookdev.job.schema import Job
-from lookdev.material import Look
-from lookdev.scene import Camera
-from lookdev.scene.displace import as_cage, displace, is_displaced
+from lookdev.scene import Camera, frame_camera, frame_fill
+from lookdev.scene.displace import displace
+from lookdev.scene.framing import DEFAULT_FILL, Arc
+from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import absent_primvars, with_uvs
+from lookdev.stage import open_stage
+
+Floats = NDArray[np.float64]
 
 
-def rendered(
-    job: Job, dressed: Mapping[str, Dressed], shot: UsdCamera | None, places: Mapping[str, str], notes: list[str]
+def refine_and_frame(
+    job: Job,
+    assigned: Mapping[str, AssignedAsset],
+    shot: UsdCamera | None,
+    keys: Mapping[str, str],
+    findings: Findings,
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
-    """Return the asset and the camera of each look, and add to `notes`.
+    """Return the asset of each look as it is rendered, refined and displaced, and its camera.
 
-    `shot` is the camera that the job names, `places` are the keys of looks in its file. Raises FaultsError with the
-    faults of all looks.
+    Parameters
+    ----------
+    shot
+        The camera that the job names.
+    keys
+        The key of each look in the job.
+
+    Raises
+    ------
+    FaultsError
+        With the faults of all looks.
     """
-    faults: list[Fault] = []
-    cages = {name: _with_cages(each.asset, each.wears) for name, each in dressed.items()}
-    with collected(job, "camera", faults):
-        cameras, found = job_cameras(job, {name: asset for name, (asset, _) in cages.items()}, shot)
-    raise_all(faults)
-    refinery = Refinery(job.asset.subdivision, job.render.resolution[0])
-    shown: dict[str, Asset] = {}
-    for name, each in dressed.items():
+    cages = {name: cages_of_displaced(each.asset, each.looks) for name, each in assigned.items()}
+    with findings.collect("camera"):
+        cameras, camera_notes = job_cameras(job, {name: asset for name, (asset, _) in cages.items()}, shot)
+    findings.raise_faults()
+    refiner = Refiner(job.asset.subdivision, job.render.resolution[0])
+    assets: dict[str, Asset] = {}
+    for name, each in assigned.items():
         asset, displaced = cages[name]
-        with collected(job, places[name], faults):
-            refined, on_levels = refinery.refined(asset, cameras[name], displaced)
-            complete, on_uvs = with_uvs(refined, each.wears, each.own)
-            shown[name] = displace(complete, each.wears)
-            notes += (*on_levels, *on_uvs, *absent_primvars(complete, each.wears))
-    raise_all(faults)
+        with findings.collect(keys[name]):
+            refined, level_notes = refiner.refine(asset, cameras[name], displaced)
+            complete, uv_notes = with_uvs(refined, each.looks, each.bound)
+            assets[name] = displace(complete, each.looks)
+            findings.note(*level_notes, *uv_notes, *absent_primvars(complete, each.looks))
+    findings.raise_faults()
     if any(mesh.subdivision is not None for asset, _ in cages.values() for mesh in asset.meshes):
-        cameras, found = job_cameras(job, shown, shot)
-    notes += found
-    return shown, cameras
+        cameras, camera_notes = job_cameras(job, assets, shot)
+    findings.note(*camera_notes)
+    return assets, cameras
 
 
-def _with_cages(asset: Asset, wears: Mapping[str, Look]) -> tuple[Asset, Sequence[int]]:
-    """Return the asset with cages for the meshes that its looks displace, and the numbers of these."""
-    looks = [wears[slot.path] for slot in asset.slots]
-    if all(look.displacement is None for look in looks):
-        return asset, ()
-    displaced = [number for number, mesh in enumerate(asset.meshes) if is_displaced(mesh, looks)]
-    meshes = list(asset.meshes)
-    for number in displaced:
-        meshes[number] = as_cage(meshes[number])
-    return replace(asset, meshes=tuple(meshes)), displaced
+def read_shot(job: Job, composed: ComposedAsset) -> UsdCamera | None:
+    """Return the camera that a job names, of the asset as a look composes it, or of another file."""
+    if job.camera.usd is None:
+        return None
+    if job.camera.file is not None:
+        return read_camera(open_stage(job.camera.file), job.camera.usd)
+    assert composed.composed is not None, "a built-in asset has no camera"
+    return read_camera(composed.composed.stage, job.camera.usd)
+
+
+def job_cameras(
+    job: Job, assets: Mapping[str, Asset], shot: UsdCamera | None = None
+) -> tuple[dict[str, Camera], tuple[str, ...]]:
+    """Return the camera of each look, and notes for the user.
+
+    Parameters
+    ----------
+    assets
+        The asset of each look as it is rendered: refined, displaced.
+    shot
+        The camera that ``camera.usd`` names.
+
+    Raises
+    ------
+    AssetError
+        An asset has no size.
+    """
+    different = {asset.digest: asset for asset in assets.values()}
+    if shot is None and job.camera.framing == "each":
+        cameras = {digest: _frame(job, [asset]) for digest, asset in different.items()}
+        return {look: cameras[asset.digest] for look, asset in assets.items()}, ()
+    if shot is None:
+        return dict.fromkeys(assets, _frame(job, list(different.values()))), ()
+    points = _outlines(list(different.values()))
+    camera, notes = shot_camera(shot, points), list(shot_notes(shot, points, job.render.resolution))
+    if job.charts is not None:
+        notes += overlap_notes(job.charts.strip(job.render.resolution), camera, points, element_arcs(job))
+    return dict.fromkeys(assets, camera), tuple(notes)
+
+
+def element_arcs(job: Job) -> tuple[Arc, ...]:
+    """Return the angles at which a job shows its asset, as `Pose.element`: whole turns, however many their frames."""
+    azimuth = job.camera.azimuth
+    arcs = []
+    for turntable in job.turntable:
+        turns_asset = turntable.kind == "element"
+        start = turntable.start - azimuth if turns_asset else -azimuth
+        arcs.append((start, turntable.degrees if turns_asset and turntable.frames > 1 else 0.0))
+    return tuple(dict.fromkeys(arcs))
+
+
+def _frame(job: Job, assets: list[Asset]) -> Camera:
+    camera, resolution = job.camera, job.render.resolution
+    elevation, arcs = camera.elevation, element_arcs(job)
+    fill = DEFAULT_FILL if camera.fill is None else camera.fill
+
+    def frame(resolution: tuple[float, float], fov: float) -> Camera:
+        if camera.margin is not None:
+            center, radius = _sphere(assets)
+            return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
+        return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
+
+    def share(half: float) -> float:
+        """Return the part of the tangent of half an angle of view that the asset covers at most."""
+        if camera.margin is None:
+            return fill
+        return math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
+
+    if job.charts is None:
+        return frame(resolution, camera.horizontal_fov)
+    return camera_beside_strip(job.charts.strip(resolution), camera.horizontal_fov, share, frame)
+
+
+def _outlines(assets: list[Asset]) -> Floats:
+    return np.concatenate([cached_outline(asset) for asset in assets])
+
+
+def _sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:
+    if len(assets) == 1:
+        return assets[0].center, assets[0].radius
+    meshes: list[Mesh] = []
+    instances: list[Instance] = []
+    for asset in assets:
+        instances += [Instance(instance.mesh + len(meshes), instance.matrix) for instance in asset.instances]
+        meshes += asset.meshes
+    return bounding_sphere(meshes, instances)

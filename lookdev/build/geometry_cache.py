@@ -1,7 +1,6 @@
-"""Refined assets, levels of refinement and outlines that are kept in the cache from one run to the next.
+"""Refined assets, levels of refinement and outlines in the cache, from one run to the next.
 
-What is kept is the levels, or the name of the file of a refined asset, which the render worker reads too, or of an
-outline. The key is that of all that the result depends on, the code that makes it included.
+The key is a digest of all that the result depends on, the code that computes it included.
 """
 
 from __future__ import annotations
@@ -24,33 +23,34 @@ from lookdev.cache import Content, code_digest, derived, keep, kept
 _ROOM = "refined"
 
 
-def key_of(asset: Asset, detailed: Collection[int], by: Sequence[float]) -> str:
-    """Return the key of what becomes of an asset, of which some meshes carry detail, by a camera or by levels."""
+def geometry_key(asset: Asset, detailed: Collection[int], parameters: Sequence[float]) -> str:
+    """Return the key of a result that depends on an asset, its meshes `detailed`, and a camera or levels."""
     digest = asset.digest or asset_digest(asset)
-    return hashlib.sha256(json.dumps([code_digest("asset"), digest, sorted(detailed), list(by)]).encode()).hexdigest()
+    content = [code_digest("asset"), digest, sorted(detailed), list(parameters)]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def keep_levels(key: str, chosen: Refinement) -> None:
+def store_levels(key: str, refinement: Refinement) -> None:
     """Write levels and their notes to the cache."""
-    keep(_ROOM, key, {"levels": chosen.levels, "notes": chosen.notes})
+    keep(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
 
 
-def kept_levels(key: str, count: int) -> Refinement | None:
-    """Return the levels of so many meshes that `keep_levels` wrote; None where there are none."""
+def load_levels(key: str, count: int) -> Refinement | None:
+    """Return the levels of `count` meshes from the cache; None where it has none."""
     match kept(_ROOM, key):
-        case {"levels": [*levels], "notes": [*own]} if len(levels) == count:
-            return Refinement(tuple(levels), tuple(own))
+        case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
+            return Refinement(tuple(levels), tuple(notes))
     return None
 
 
-def keep_refined(key: str, whole: Asset) -> None:
+def store_refined(key: str, asset: Asset) -> None:
     """Write a refined asset to the cache."""
-    file = Content.of(save_asset(whole))
+    file = Content.of(save_asset(asset))
     keep(_ROOM, key, {"asset": [file.digest, file.suffix]})
 
 
-def kept_refined(key: str, cages: Asset) -> Asset | None:
-    """Return the refined asset of some cages that `keep_refined` wrote; None where there is none."""
+def load_refined(key: str, cages: Asset) -> Asset | None:
+    """Return the refined asset of cages from the cache; None where it has none."""
     match kept(_ROOM, key):
         case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
             read = read_asset(file.path)
@@ -61,15 +61,15 @@ def kept_refined(key: str, cages: Asset) -> Asset | None:
     return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
-def kept_outline(asset: Asset) -> NDArray[np.float64]:
-    """Return the `outline` of an asset, (n, 3), which is found once where it is of several instances."""
+def cached_outline(asset: Asset) -> NDArray[np.float64]:
+    """Return the `outline` of an asset, (n, 3); that of several instances is computed once."""
     if len(asset.instances) == 1:
         return outline(asset)
 
-    def found() -> tuple[Content, ...]:
+    def compute() -> tuple[Content, ...]:
         data = io.BytesIO()
         np.save(data, outline(asset))
         return (Content.holding(data.getvalue(), ".npy"),)
 
-    (file,) = derived("outlines", key_of(asset, (), ()), found)
+    (file,) = derived("outlines", geometry_key(asset, (), ()), compute)
     return np.asarray(np.load(file.path))

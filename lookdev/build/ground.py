@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lookdev.asset import Asset
-from lookdev.build.assign import lost_notes
-from lookdev.build.geometry_cache import kept_outline
+from lookdev.build.assign import loss_notes
+from lookdev.build.faults import Findings
+from lookdev.build.geometry_cache import cached_outline
 from lookdev.errors import AssetError
 from lookdev.job.ground import JobGround
 from lookdev.material import Look
@@ -17,7 +18,7 @@ from lookdev.scene.ground import GREY, Ground
 
 def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
     """Return the ground of an asset that a camera sees; raises AssetError where the camera is not above it."""
-    height = float(kept_outline(asset)[:, 2].min()) if table.height is None else table.height
+    height = float(cached_outline(asset)[:, 2].min()) if table.height is None else table.height
     above = float(camera.position[2]) - height
     if above <= 0.0:
         raise AssetError(
@@ -28,17 +29,17 @@ def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Came
 
 
 def job_grounds(
-    table: JobGround, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], notes: list[str]
+    table: JobGround, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], findings: Findings
 ) -> dict[str, Ground]:
-    """Return the ground of each look of a job, all of one material, and add to `notes`.
+    """Return the ground of each look of a job, all of one material.
 
     Raises LookError as `read_any_look`, and AssetError as `ground_under`.
     """
     look = None
     if table.material is not None:
         bound = read_any_look(table.material, table.prim, table.variants, "ground")
-        notes += lost_notes(bound.lost)
+        findings.note(*loss_notes(bound.lost))
         look = bound.look
         if look.displacement is not None:
-            notes.append(f"{table.material}: the ground is flat: the displacement of its look is left out")
+            findings.note(f"{table.material}: the ground is flat: the displacement of its look is left out")
     return {name: ground_under(table, asset, look, cameras[name]) for name, asset in assets.items()}

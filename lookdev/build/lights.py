@@ -1,4 +1,4 @@
-"""The rigs of a job: their lights, and those of a fitted rig as they stand around its asset."""
+"""The rigs of a job: their lights, those of wedges, and those of a fitted rig as they are placed around its asset."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lookdev.asset import Asset
-from lookdev.build.faults import collected
-from lookdev.build.wedges import Wedges, varied_rig
-from lookdev.errors import Fault
+from lookdev.build.faults import Findings
+from lookdev.build.wedges import Wedges, vary_rig
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import Value
 from lookdev.light import Light
@@ -20,8 +19,8 @@ from lookdev.light.space import in_space
 
 
 @dataclass(frozen=True)
-class Lit:
-    """A rig of a job by its name; `fit`: its unit is the radius of the asset. Of an ``[[ibl]]``, `rig` is None."""
+class RigLights:
+    """The lights of a rig of a job, by its name; of an ``[[ibl]]``, `rig` is None."""
 
     name: str
     lights: tuple[Light, ...]
@@ -29,81 +28,82 @@ class Lit:
     check_exposed: Callable[[float], None] = lambda exposure: None
 
     @property
-    def fit(self) -> bool:
-        """Whether it waits for the size of the asset."""
+    def is_fitted(self) -> bool:
+        """Whether the unit of the rig is the radius of the asset."""
         return self.rig is not None and self.rig.fit
 
-    def around(self, asset: Asset) -> tuple[Light, ...]:
-        """Return the lights as they stand around an asset, the largest of a job: so looks remain comparable."""
-        if not self.fit:
+    def placed_around(self, asset: Asset) -> tuple[Light, ...]:
+        """Return the lights around an asset, the largest of a job: so its looks remain comparable."""
+        if not self.is_fitted:
             return self.lights
         x, y, z = asset.center
         return tuple(fitted(light, asset.radius, (x, y, z)) for light in self.lights)
 
-    def unlinked(self, parts: Collection[str]) -> Iterator[str]:
-        """Yield a note on each path that a light is linked to, and that neither is one of the parts nor has any."""
-        for each in self.rig.given if self.rig else ():
-            emission = each.light.emission
+    def link_notes(self, parts: Collection[str]) -> Iterator[str]:
+        """Yield a note on each path that a light is linked to, and that is neither one of the parts nor above one."""
+        for rig_light in self.rig.given if self.rig else ():
+            emission = rig_light.light.emission
             links = (emission.light_link, emission.shadow_link)
             for path in dict.fromkeys(path for link in links if link for path, _ in link.rules):
                 below = "/" if path == "/" else f"{path}/"
                 if not any(part == path or part.startswith(below) for part in parts):
-                    yield f"rig '{self.name}': {each.path} is linked to {path}, but the asset has no such part"
+                    yield f"rig '{self.name}': {rig_light.path} is linked to {path}, but the asset has no such part"
 
 
-def job_lights(job: Job, notes: list[str], faults: list[Fault]) -> tuple[Lit, ...]:
-    """Read the lights of a job; adds to notes and to faults."""
-    found: list[Lit] = []
+def read_lights(job: Job, findings: Findings) -> tuple[RigLights, ...]:
+    """Read the lights of a job."""
+    rigs: list[RigLights] = []
     for index, ibl in enumerate(job.ibl):
-        with collected(job, f"ibl[{index}]", faults):
-            known = load_dome(ibl.file, ibl.builtin)
-            known.check_exposed(ibl.exposure)
-            if known.repairs:
-                notes.append(f"ibl '{ibl.name}': {known.repairs}")
-            lights = (in_space(known.dome, job.render.space),)
-            found.append(Lit(ibl.name, lights, check_exposed=known.check_exposed))
-    for index, given in enumerate(job.rig):
-        with collected(job, f"rig[{index}]", faults):
-            rig = _rig(given)
-            rig.check_exposed(given.exposure)
-            notes += rig.notes
-            found.append(Lit(given.name, _lights(rig, job), rig, rig.check_exposed))
-    return tuple(found)
+        with findings.collect(f"ibl[{index}]"):
+            dome_map = load_dome(ibl.file, ibl.builtin)
+            dome_map.check_exposed(ibl.exposure)
+            if dome_map.repairs:
+                findings.note(f"ibl '{ibl.name}': {dome_map.repairs}")
+            lights = (in_space(dome_map.dome, job.render.space),)
+            rigs.append(RigLights(ibl.name, lights, check_exposed=dome_map.check_exposed))
+    for index, table in enumerate(job.rig):
+        with findings.collect(f"rig[{index}]"):
+            rig = _read_rig(table)
+            rig.check_exposed(table.exposure)
+            findings.note(*rig.notes)
+            rigs.append(RigLights(table.name, _lights(rig, job), rig, rig.check_exposed))
+    return tuple(rigs)
 
 
-def wedge_lights(
-    job: Job, wedges: Wedges, lit: Sequence[Lit], faults: list[Fault]
-) -> tuple[Job, tuple[Lit, ...], dict[str, str]]:
-    """Return the job with the lights of its wedges, these lights, and the key in the job file of each light.
+def vary_lights(
+    job: Job, wedges: Wedges, rigs: Sequence[RigLights], findings: Findings
+) -> tuple[Job, tuple[RigLights, ...], dict[str, str]]:
+    """Return the job with the lights of its wedges, all its lights, and the key in the job file of each.
 
-    `lit` are the lights of the job; what differs in exposure and rotation alone has their tables. Adds to `faults`.
+    `rigs` are the lights that the job has without wedges. Lights that differ in exposure and rotation alone share
+    their tables.
     """
-    places = {rig.name: job.place_of(rig.name) for rig in job.rigs}
-    given = {rig.name: rig for rig in job.rigs}
-    shining = {each.name: each for each in lit}
-    made, tables = [], []
-    for name, varied in wedges.rigs.items():
-        places[name] = varied.place
-        table = varied_rig(given[varied.base], name, varied, job, faults)
-        tables.append(table)
-        with collected(job, varied.place, faults):
-            if (base := shining.get(varied.base)) is None:
+    keys = {rig.name: job.place_of(rig.name) for rig in job.rigs}
+    tables = {rig.name: rig for rig in job.rigs}
+    lights = {rig.name: rig for rig in rigs}
+    varied_lights, varied_tables = [], []
+    for name, variation in wedges.rigs.items():
+        keys[name] = variation.key
+        table = vary_rig(tables[variation.base], name, variation, findings)
+        varied_tables.append(table)
+        with findings.collect(variation.key):
+            if (base := lights.get(variation.base)) is None:
                 continue  # it has faults of its own
-            values = {key.removeprefix("light:"): value for key, value in varied.changes if key.startswith("light:")}
+            values = {key.removeprefix("light:"): value for key, value in variation.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
-                rig = _rig(table, values)
-                base = Lit(name, _lights(rig, job), rig, rig.check_exposed)
+                rig = _read_rig(table, values)
+                base = RigLights(name, _lights(rig, job), rig, rig.check_exposed)
             base.check_exposed(table.exposure)
-            made.append(replace(base, name=name))
-    ibls = (*job.ibl, *(table for table in tables if isinstance(table, JobIbl)))
-    rigs = (*job.rig, *(table for table in tables if isinstance(table, JobRig)))
-    return job.model_copy(update={"ibl": ibls, "rig": rigs}), tuple(made), places
+            varied_lights.append(replace(base, name=name))
+    ibls = (*job.ibl, *(table for table in varied_tables if isinstance(table, JobIbl)))
+    job_rigs = (*job.rig, *(table for table in varied_tables if isinstance(table, JobRig)))
+    return job.model_copy(update={"ibl": ibls, "rig": job_rigs}), (*rigs, *varied_lights), keys
 
 
 def _lights(rig: Rig, job: Job) -> tuple[Light, ...]:
-    return tuple(in_space(each, job.render.space) for each in rig.lights)
+    return tuple(in_space(light, job.render.space) for light in rig.lights)
 
 
-def _rig(given: JobRig, values: Mapping[str, Value] | None = None) -> Rig:
-    file = given.usd if given.usd is not None else rig_file(given.builtin or "")
-    return load_rig(file, given.prim, values)
+def _read_rig(table: JobRig, values: Mapping[str, Value] | None = None) -> Rig:
+    file = table.usd if table.usd is not None else rig_file(table.builtin or "")
+    return load_rig(file, table.prim, values)

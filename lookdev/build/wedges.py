@@ -1,4 +1,4 @@
-"""What the wedges of a job stand for: more looks and lights, which of them are shown together, and sheets of them."""
+"""The looks and lights that the wedges of a job add, which of them are shown together, and sheets of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
-from lookdev.errors import Fault, ModelError, nearest_hint
+from lookdev.build.faults import Findings
+from lookdev.errors import ModelError, nearest_hint
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import LIGHT_KEYS, JobAxis, JobWedge, Value, light_key_error
 from lookdev.material import Look
@@ -28,133 +29,127 @@ class WedgeSheet:
 
 
 @dataclass(frozen=True)
-class Varied:
-    """A look or a light of a wedge: that of the job which it comes from, what differs, and the place in the job."""
+class Variation:
+    """A look or a light of a wedge."""
 
-    base: str
-    changes: tuple[tuple[str, Value], ...]
-    place: str
+    base: str  # the look or light of the job that it varies
+    changes: tuple[tuple[str, Value], ...]  # values by parameter
+    key: str  # of the wedge in the job
 
 
 @dataclass(frozen=True)
 class Wedges:
-    """What wedges add to a job; `pairs` are all that is shown, those of the job first."""
+    """The looks and lights that wedges add to a job; `pairs` are all that are rendered, those of the job first."""
 
-    looks: dict[str, Varied] = field(default_factory=dict)
-    rigs: dict[str, Varied] = field(default_factory=dict)
+    looks: dict[str, Variation] = field(default_factory=dict)
+    rigs: dict[str, Variation] = field(default_factory=dict)
     pairs: dict[tuple[str, str], None] = field(default_factory=dict)
     sheets: tuple[WedgeSheet, ...] = ()
 
 
-def expand_wedges(job: Job, faults: list[Fault]) -> Wedges:
-    """Return what the wedges of a job stand for, whose variants are looks already; adds to `faults`."""
+def expand_wedges(job: Job, findings: Findings) -> Wedges:
+    """Return the looks, lights and sheets of the wedges of a job whose looks are expanded."""
     looks, rigs = [look.name for look in job.look], [rig.name for rig in job.rigs]
-    made = Wedges(pairs=dict.fromkeys(product(looks, rigs)))
+    wedges = Wedges(pairs=dict.fromkeys(product(looks, rigs)))
     sheets: dict[tuple[str, str, str], WedgeSheet] = {}
     for number, wedge in enumerate(job.wedge):
-        place = f"wedge[{number}]"
-        before = len(faults)
+        wedge_key = f"wedge[{number}]"
+        before = len(findings.faults)
         for key, name, names in (("look", wedge.look, looks), ("rig", wedge.rig, rigs)):
             if name is not None and name not in names:
-                what = f"the job has no {key} '{name}'"
-                faults.append(Fault(str(job.file), f"{place}.{key}", what, nearest_hint(name, names)))
-        faults += _doubled(job, wedge, place)
-        if len(faults) > before:
+                findings.add(f"{wedge_key}.{key}", f"the job has no {key} '{name}'", nearest_hint(name, names))
+        _find_duplicates(wedge, wedge_key, findings)
+        if len(findings.faults) > before:
             continue
         for look, rig in product([wedge.look] if wedge.look else looks, [wedge.rig] if wedge.rig else rigs):
-            sheet = _sheet(made, wedge, place, look, rig)
+            sheet = _add_sheet(wedges, wedge, wedge_key, look, rig)
             if (look, rig, wedge.title) in sheets:
-                hint = "give each wedge its own name"
-                faults.append(Fault(str(job.file), place, f"another wedge is called '{wedge.title}'", hint))
+                findings.add(wedge_key, f"another wedge is called '{wedge.title}'", "give each wedge its own name")
                 break
             sheets[look, rig, wedge.title] = sheet
-    for kind, taken, added in (("look", looks, made.looks), ("light", rigs, made.rigs)):
+    for kind, taken, added in (("look", looks, wedges.looks), ("light", rigs, wedges.rigs)):
         lower = {name.casefold() for name in taken}
-        for name, varied in added.items():
+        for name, variation in added.items():
             if name.casefold() in lower:
-                what = f"makes a {kind} called '{name}', as another one is"
-                faults.append(Fault(str(job.file), varied.place, what, "rename that one"))
-    return Wedges(made.looks, made.rigs, made.pairs, tuple(sheets.values()))
+                findings.add(variation.key, f"makes a {kind} called '{name}', as another one is", "rename that one")
+    return Wedges(wedges.looks, wedges.rigs, wedges.pairs, tuple(sheets.values()))
 
 
-def varied_looks(looks: Sequence[Look], varied: Varied, job: Job, faults: list[Fault]) -> list[Look]:
-    """Return the materials of a look of a wedge, from those of the look that it comes from; adds to `faults`."""
-    made = list(looks)
-    for parameter, value in varied.changes:
+def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) -> list[Look]:
+    """Return the materials of a look of a wedge, from those of the look that it varies."""
+    varied = list(looks)
+    for parameter, value in variation.changes:
         reasons = []
-        for number, look in enumerate(made):
+        for number, look in enumerate(varied):
             try:
-                made[number] = changed_look(look, parameter, value)
+                varied[number] = changed_look(look, parameter, value)
             except ModelError as error:
                 reasons.append(str(error))
-        if len(reasons) == len(made):
-            reason = reasons[-1] if reasons else f"look '{varied.base}' has no 'material' of its own"
-            faults.append(Fault(str(job.file), varied.place, reason))
-    return made
+        if len(reasons) == len(varied):
+            reason = reasons[-1] if reasons else f"look '{variation.base}' has no 'material' of its own"
+            findings.add(variation.key, reason)
+    return varied
 
 
-def varied_rig(given: JobIbl | JobRig, name: str, varied: Varied, job: Job, faults: list[Fault]) -> JobIbl | JobRig:
-    """Return the table of a light of a wedge; adds to `faults`."""
+def vary_rig(table: JobIbl | JobRig, name: str, variation: Variation, findings: Findings) -> JobIbl | JobRig:
+    """Return the table of a light of a wedge."""
     update: dict[str, object] = {"name": name}
-    for parameter, value in varied.changes:
+    for parameter, value in variation.changes:
         if parameter in LIGHT_KEYS:
             if error := light_key_error(parameter, value):
-                what = f"{parameter} cannot be {value!r}: {error}"
-                faults.append(Fault(str(job.file), varied.place, what))
+                findings.add(variation.key, f"{parameter} cannot be {value!r}: {error}")
             else:
                 update[parameter] = value
-        elif isinstance(given, JobIbl):
-            what, hint = f"'{given.name}' is one image", "a [[rig]] has lights with values; of an [[ibl]] 'exposure'"
-            faults.append(Fault(str(job.file), varied.place, what, hint))
-    return given.model_copy(update=update)
+        elif isinstance(table, JobIbl):
+            hint = "a wedge can vary values of the lights of a [[rig]], and 'exposure' and 'rotation' of an [[ibl]]"
+            findings.add(variation.key, f"'{table.name}' is one image", hint)
+    return table.model_copy(update=update)
 
 
-def _sheet(made: Wedges, wedge: JobWedge, place: str, look: str, rig: str) -> WedgeSheet:
+def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -> WedgeSheet:
     """Add the looks and lights of a wedge of one look under one light; return its sheet."""
     cells, labels = [], []
     for steps in product(*(axis.steps for axis in wedge.axes)):
         cell = []
-        for base, of_light, added in ((look, False, made.looks), (rig, True, made.rigs)):
+        for base, of_light, added in ((look, False, wedges.looks), (rig, True, wedges.rigs)):
             own = [(axis, step) for axis, step in zip(wedge.axes, steps, strict=True) if axis.of_light == of_light]
             name = "_".join([base, *(f"{axis.short}_{_in_name(axis, step)}" for axis, step in own)])
             if own:
                 changes = tuple((axis.parameter, step) for axis, step in own)
-                added.setdefault(name, Varied(base, changes, place))
+                added.setdefault(name, Variation(base, changes, key))
             cell.append(name)
         cells.append((cell[0], cell[1]))
-        made.pairs[cell[0], cell[1]] = None
-        labels.append(", ".join(map(_shown, steps)))
+        wedges.pairs[cell[0], cell[1]] = None
+        labels.append(", ".join(map(_label, steps)))
     columns = len(wedge.axes[1].steps) if wedge.by else None
     across = f" down, {wedge.axes[1].parameter} across" if wedge.by else ""
     title = f"{look} / {rig}: {wedge.parameter}{across}"
     return WedgeSheet(wedge.title, title, look, rig, tuple(cells), tuple(labels), columns)
 
 
-def _doubled(job: Job, wedge: JobWedge, place: str) -> list[Fault]:
-    """Return faults of values that are there twice, and of a parameter that is."""
-    found = []
-    keys = [(axis, f"{place}{'.by' * number}") for number, axis in enumerate(wedge.axes)]
-    for axis, key in keys:
+def _find_duplicates(wedge: JobWedge, wedge_key: str, findings: Findings) -> None:
+    """Add a fault for a value of an axis that is there twice, and for a parameter that both axes vary."""
+    for number, axis in enumerate(wedge.axes):
+        key = f"{wedge_key}{'.by' * number}"
         names = [_in_name(axis, step) for step in axis.steps]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            found.append(Fault(str(job.file), f"{key}.values", f"{twice[0]} is there twice", "give each value once"))
+            findings.add(f"{key}.values", f"{twice[0]} is there twice", "give each value once")
         if not axis.short:
-            found.append(Fault(str(job.file), f"{key}.parameter", f"'{axis.parameter}' has no name"))
-    if len({axis.parameter for axis, _ in keys}) < len(keys):
-        found.append(Fault(str(job.file), f"{place}.by.parameter", "varies what the wedge varies already"))
-    return found
+            findings.add(f"{key}.parameter", f"'{axis.parameter}' has no name")
+    if len({axis.parameter for axis in wedge.axes}) < len(wedge.axes):
+        findings.add(f"{wedge_key}.by.parameter", "varies what the wedge varies already")
 
 
-def _shown(value: Value) -> str:
+def _label(value: Value) -> str:
     """Return a value as a label."""
     if isinstance(value, tuple):
-        return " ".join(f"{each:.6g}" for each in value)
+        return " ".join(f"{channel:.6g}" for channel in value)
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
 def _in_name(axis: JobAxis, value: Value) -> str:
     """Return a value as a part of a file's name; an expression, which is none, by its number."""
-    text = value if isinstance(value, str) else _shown(value).replace(" ", "_").replace("+", "")
+    text = value if isinstance(value, str) else _label(value).replace(" ", "_").replace("+", "")
     if re.fullmatch(r"[A-Za-z0-9._-]{1,40}", text):
         return text
     return str(axis.steps.index(value) + 1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS
-from lookdev.build.scenes import each_variant
+from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, altered, unaltered
@@ -138,7 +138,7 @@ def _read(
     asset, light = load_asset(builtin=_ASSET), prepare_light(load_environment(builtin=_LIGHT))
     stem = "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
     setups = []
-    for name, chosen in each_variant(stem, file, prim, variants):
+    for name, chosen in expand_material(stem, file, prim, variants):
         scene = Scene.of_look(asset, read_any_look(file, prim, chosen, name).look, light, _RESOLUTION)
         setups.append(make_setup(name, _LIGHT, scene, Sampling(), backend or "exact"))
     return tuple(setups), Turns((_TURNTABLE,), Path())

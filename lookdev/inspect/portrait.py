@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.asset import Asset
 from lookdev.asset.silhouette import outline
-from lookdev.build.refine import Refinery
+from lookdev.build.refine import Refiner
 from lookdev.cache import cache_dir
 from lookdev.job import JobOutputs, JobTurntable
 from lookdev.light import load_environment, prepare_light
@@ -51,7 +51,7 @@ def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: N
     wears = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
     light = prepare_light(load_environment(builtin="white"))
     camera = frame_fill(outline(asset), _SIZE, fill=_FILL, arcs=[(_TURN, 0.0)])
-    refined, _ = Refinery("auto", _SIZE[0]).refined(asset, camera)
+    refined, _ = Refiner("auto", _SIZE[0]).refine(asset, camera)
     setup = make_setup("parts", "white", Scene(refined, wears, (light,), camera, Film(_SIZE)), _SAMPLING)
     output = cache_dir("portraits", refined.digest[:16])
     plan, result = render_setups([setup], Turns(_TURNTABLES, output), _OUTPUTS, report=report)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lookdev.asset import Asset, load_asset, make_asset
-from lookdev.build.faults import collected, raise_all
+from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import take_notes
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.share import shared_programs
-from lookdev.errors import EnvironmentMapError, Fault, LookdevError
+from lookdev.errors import EnvironmentMapError, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.schema import JobRig
 from lookdev.light import Light
@@ -103,27 +103,28 @@ def _card() -> Asset:
 
 def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
     """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
-    job, faults = shown.job, list[Fault]()
+    job, findings = shown.job, Findings(shown.job)
     rigs = {rig.name: rig for rig in job.rigs}
     plain = replace(job.render.sampling, passes=(), denoise="off")
     wanted = [(FOLDER, name, scene, plain, "charts") for name, scene in shown.charts.items()]
     for (look, name), scene in shown.scenes.items():
-        wanted.append((look, name, scene, job.render.sampling, shown.places[look]))
+        wanted.append((look, name, scene, job.render.sampling, shown.look_keys[look]))
     setups = []
-    for look, name, scene, sampling, place in wanted:
-        with collected(job, place, faults):
+    for look, name, scene, sampling, key in wanted:
+        with findings.collect(key):
             rig, render = rigs[name], job.render
             try:
                 setup = make_setup(look, name, scene, sampling, render.backend, render.device, generated)
             except EnvironmentMapError as error:
                 file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
-                where = ": ".join((shown.rig_places[name], *file))
-                faults += (Fault(str(job.file), where, line) for line in error.args[0].splitlines())
+                where = ": ".join((shown.rig_keys[name], *file))
+                for line in error.args[0].splitlines():
+                    findings.add(where, line)
                 continue
             # Props stand still before the camera, whatever turns.
-            around = setup.around or place == "charts"
+            around = setup.around or key == "charts"
             setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation, around=around))
-    raise_all(faults)
+    findings.raise_faults()
     shared = tuple(_sharing(setups))
     count = len(shown.charts)
     return JobSetups(job, shared[count:], (*shown.notes, *take_notes()), shown.sheets, shared[:count])

@@ -11,8 +11,9 @@ from usd_text import METRES, image, job_toml, material, shader
 
 from lookdev.asset import load_asset
 from lookdev.asset.silhouette import outline
-from lookdev.build.assign import NEUTRAL, Dressed
-from lookdev.build.frame import rendered
+from lookdev.build.assign import NEUTRAL_LOOK, AssignedAsset
+from lookdev.build.faults import Findings
+from lookdev.build.frame import refine_and_frame
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job
@@ -154,9 +155,10 @@ def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp
 def test_an_asset_that_no_camera_frames_is_a_fault_of_the_camera(make: Make, tmp_path: Path) -> None:
     job = parse_job(f"{job_toml('paint = paint.usda')}camera.margin = 1.1\n", tmp_path / "job.toml")
     point = replace(load_asset(builtin="plane"), radius=0.0)
-    dressed = {"paint": Dressed(point, dict.fromkeys([slot.path for slot in point.slots], NEUTRAL), frozenset(), ())}
+    looks = dict.fromkeys([slot.path for slot in point.slots], NEUTRAL_LOOK)
+    assigned = {"paint": AssignedAsset(point, looks, frozenset())}
     with pytest.raises(FaultsError, match=r"job\.toml: camera: the asset's bounding radius is 0\.0 m"):
-        rendered(job, dressed, None, {"paint": "look[0]"}, [])
+        refine_and_frame(job, assigned, None, {"paint": "look[0]"}, Findings(job))
 
 
 def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:

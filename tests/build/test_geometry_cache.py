@@ -10,8 +10,8 @@ from lookdev.asset.mesh import Subdivision
 from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
 from lookdev.build import refine as refinery
-from lookdev.build.geometry_cache import kept_outline, key_of
-from lookdev.build.refine import Refinery
+from lookdev.build.geometry_cache import cached_outline, geometry_key
+from lookdev.build.refine import Refiner
 from lookdev.cache import take_notes
 from lookdev.scene import Camera
 
@@ -47,18 +47,18 @@ def same(a: Mesh, b: Mesh) -> bool:
     )
 
 
-def test_the_key_of_an_asset_without_a_digest_is_by_its_arrays(cages) -> None:
+def test_the_geometry_key_an_asset_without_a_digest_is_by_its_arrays(cages) -> None:
     mesh = cages.meshes[0]
     moved = replace(cages, meshes=(replace(mesh, points=mesh.points + np.float32(1.0)),), digest="")
-    assert key_of(replace(cages, digest=""), [], []) != key_of(moved, [], [])
+    assert geometry_key(replace(cages, digest=""), [], []) != geometry_key(moved, [], [])
 
 
 @pytest.mark.parametrize("level", ["auto", 1])
 def test_the_next_run_reads_what_was_refined(level, cages, calls) -> None:
-    first, notes = Refinery(level, 64).refined(cages, CAMERA)
+    first, notes = Refiner(level, 64).refine(cages, CAMERA)
     assert "refine_all" in calls
     calls.clear()
-    second, again = Refinery(level, 64).refined(cages, CAMERA)
+    second, again = Refiner(level, 64).refine(cages, CAMERA)
     assert calls == []
     assert again == notes
     assert same(first.meshes[0], second.meshes[0])
@@ -71,27 +71,27 @@ def test_a_mesh_without_subdivision_stays_as_it_is(cages, monkeypatch) -> None:
     monkeypatch.setattr(refinery, "_MOST_CORNERS", (4 + 1) * len(cages.meshes[0].corner_points))
     plain = replace(cages.meshes[0], name="/b", subdivision=None)
     both = make_asset("a", [cages.meshes[0], plain], [Instance(0, np.eye(4)), Instance(1, np.eye(4))], cages.slots)
-    refined, _ = Refinery(1, 64).refined(both, CAMERA)
+    refined, _ = Refiner(1, 64).refine(both, CAMERA)
     assert same(refined.meshes[1], plain)
     assert not same(refined.meshes[0], plain)
 
 
 @pytest.mark.parametrize("other", ["camera", "axis", "width", "cage", "detailed"])
 def test_what_differs_is_made_anew(other, cages, calls) -> None:
-    Refinery("auto", 64).refined(cages, CAMERA)
+    Refiner("auto", 64).refine(cages, CAMERA)
     calls.clear()
     if other == "cage":
         mesh = replace(cages.meshes[0], subdivision=Subdivision("bilinear"))
         cages = make_asset("a", [mesh], cages.instances, cages.slots)
     camera = {"camera": replace(CAMERA, distance=9.0), "axis": replace(CAMERA, axis=(2.0, 1.0))}.get(other, CAMERA)
-    Refinery("auto", 80 if other == "width" else 64).refined(cages, camera, (0,) if other == "detailed" else ())
+    Refiner("auto", 80 if other == "width" else 64).refine(cages, camera, (0,) if other == "detailed" else ())
     assert "refinement_levels" in calls
 
 
 @pytest.mark.parametrize("folder", ["refined", "content"])
 @pytest.mark.parametrize("harm", ["cut off", "one number"])
 def test_a_damaged_file_is_made_again_with_a_note(folder, harm, cages, calls, tmp_path) -> None:
-    first, notes = Refinery("auto", 64).refined(cages, CAMERA)
+    first, notes = Refiner("auto", 64).refine(cages, CAMERA)
     files = list((tmp_path / folder).iterdir())
     for file in files:
         content = file.read_bytes()
@@ -101,19 +101,19 @@ def test_a_damaged_file_is_made_again_with_a_note(folder, harm, cages, calls, tm
             middle = content.index(b": [") + 3 if b"levels" in content else len(content) // 2
             file.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
     calls.clear()
-    again, more = Refinery("auto", 64).refined(cages, CAMERA)
+    again, more = Refiner("auto", 64).refine(cages, CAMERA)
     assert "refine_all" in calls
     assert again.digest == first.digest
     assert same(again.meshes[0], first.meshes[0])
     assert more == notes
     assert set(take_notes()) == {f"{file}: was damaged, and is made again" for file in files}
     calls.clear()
-    assert Refinery("auto", 64).refined(cages, CAMERA)[1] == notes
+    assert Refiner("auto", 64).refine(cages, CAMERA)[1] == notes
     assert calls == []
     # A file that is missing is not damaged.
     for file in (tmp_path / "content").iterdir():
         file.unlink()
-    assert Refinery("auto", 64).refined(cages, CAMERA)[1] == notes
+    assert Refiner("auto", 64).refine(cages, CAMERA)[1] == notes
     assert calls == ["refine_all"]
     assert take_notes() == ()
 
@@ -124,6 +124,6 @@ def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -
     turned = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
     expected = outline(pair)
-    np.testing.assert_array_equal(kept_outline(pair), expected)
+    np.testing.assert_array_equal(cached_outline(pair), expected)
     monkeypatch.delattr("lookdev.build.geometry_cache.outline")
-    np.testing.assert_array_equal(kept_outline(pair), expected)
+    np.testing.assert_array_equal(cached_outline(pair), expected)

@@ -12,7 +12,7 @@ from lookdev.asset.mesh import Instance
 from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
 from lookdev.asset.usd_camera import read_camera
-from lookdev.build.cameras import element_arcs, job_cameras
+from lookdev.build.frame import element_arcs, job_cameras
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import Job, parse_job

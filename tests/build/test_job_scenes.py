@@ -8,7 +8,7 @@ import OpenImageIO as oiio
 import pytest
 from usd_text import METRES, image, job_toml, material, shader, textured, variant_set
 
-from lookdev.build import scenes
+from lookdev.build import expand
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job, schema
@@ -303,14 +303,14 @@ def test_a_set_without_variants_and_one_with_too_many_are_faults(
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     star = 'variants = { finish = "*" }\n'
     two = star + '[[look]]\nname = "two"\n' + star
-    monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 4)
+    monkeypatch.setattr(expand, "MOST_COMBINATIONS", 4)
     monkeypatch.setattr(schema, "MOST_FRAMES", 8)
     assert len(make(two).job.look) == 4
     monkeypatch.setattr(schema, "MOST_FRAMES", 7)
     with pytest.raises(FaultsError, match=r"turntable: 4 looks under 1 lights .* make 8 frames"):
         make(two)
-    monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 3)
-    with pytest.raises(FaultsError, match=r"look: '\*' stands for variants that make 4 looks, at most 3"):
+    monkeypatch.setattr(expand, "MOST_COMBINATIONS", 3)
+    with pytest.raises(FaultsError, match=r"look: '\*' expands to variants that make 4 looks, at most 3"):
         make(two)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from usd_text import METRES, card, job_toml, shader
 
+from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.build.wedges import expand_wedges
 from lookdev.codegen import ShaderSource
@@ -154,10 +155,10 @@ def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, 
 def test_two_wedges_of_one_name(tmp_path: Path) -> None:
     other = ROUGHNESS.replace("0.1", "0.2")
     (tmp_path / "paint.usda").write_text(LOOK)
-    reported: list[Fault] = []
-    expand_wedges(parse_job(JOB + ROUGHNESS + other, tmp_path / "job.toml"), reported)
+    job = parse_job(JOB + ROUGHNESS + other, tmp_path / "job.toml")
+    expand_wedges(job, findings := Findings(job))
     message, hint = "another wedge is called 'Base.roughness'", "give each wedge its own name"
-    assert reported == [Fault(str(tmp_path / "job.toml"), "wedge[1]", message, hint)]
+    assert findings.faults == [Fault(str(tmp_path / "job.toml"), "wedge[1]", message, hint)]
     shown = scenes(tmp_path, ROUGHNESS + other.replace("values", 'name = "fine"\nvalues'))
     assert {sheet.name for sheet in shown.sheets} == {"Base.roughness", "fine"}
 

@@ -26,7 +26,7 @@ from lookdev.asset import Instance, Slot, load_asset, read_asset
 from lookdev.asset.mesh import Subdivision
 from lookdev.asset.store import asset_digest, make_asset, save_asset
 from lookdev.bench.looks import _mask
-from lookdev.build.refine import Refinery
+from lookdev.build.refine import Refiner
 from lookdev.cache import take_notes
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import open_image, whole_image
@@ -69,7 +69,7 @@ def _asset(folder: Path) -> Result:
 def _refined(folder: Path) -> Result:
     cage = replace(load_asset(builtin="suzanne").meshes[0], subdivision=Subdivision("catmullClark"), default_uv="st")
     asset = make_asset("a", [cage], [Instance(0, np.eye(4), "/a")], [Slot("/a")])
-    refined, notes = Refinery("auto", 300).refined(asset, Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0))
+    refined, notes = Refiner("auto", 300).refine(asset, Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0))
     return {"asset": asset_digest(refined), "notes": notes}
 
 

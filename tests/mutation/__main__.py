@@ -1,6 +1,7 @@
 """How strong the tests are: faults drawn by a seed, and which of them the tests find.
 
     python tests/mutation draw --seed 1      # make the list anew, tests/mutation/mutants.jsonl, and forget all results
+    python tests/mutation redraw --seed 2    # draw others in place of those whose text is no longer in the code
     python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
     python tests/mutation check              # run all tests without a fault, as they run with one: none may fail
     python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
@@ -36,6 +37,8 @@ def main() -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     draw = commands.add_parser("draw", help="draw mutants")
     draw.add_argument("--seed", type=int, default=1)
+    redraw = commands.add_parser("redraw", help="replace mutants that are no longer in the code")
+    redraw.add_argument("--seed", type=int, required=True)
     reach = commands.add_parser("reach", help="record what each test reaches")
     reach.add_argument("arguments", nargs="*", help="arguments of pytest, after --; default: -n 2")
     run = commands.add_parser("run", help="run tests against mutants")
@@ -52,7 +55,7 @@ def main() -> None:
     commands.add_parser("report", help="write docs/testing.md")
     options = vars(parser.parse_args())
     command = options.pop("command")
-    functions = {"draw": draw_list, "reach": record_reach, "check": check_tests, "run": run_list}
+    functions = {"draw": draw_list, "redraw": redraw_lost, "reach": record_reach, "check": check_tests, "run": run_list}
     (functions | {"show": show_survivors, "report": write_report})[command](**options)
 
 
@@ -62,6 +65,16 @@ def draw_list(seed: int) -> None:
     mutants = draw_mutants(seed)
     write_mutants(mutants)
     print(f"{LIST.relative_to(ROOT)}: {len(mutants)} mutants")
+
+
+def redraw_lost(seed: int) -> None:
+    from draw import draw_mutants
+
+    mutants, lost = locate(read_mutants(), read_sources())
+    drawn = draw_mutants(seed, Counter(mutant.room for mutant in lost), mutants)
+    rooms = list(dict.fromkeys(mutant.room for mutant in [*mutants, *lost]))
+    write_mutants(sorted([*mutants, *drawn], key=lambda mutant: rooms.index(mutant.room)))
+    print(f"{LIST.relative_to(ROOT)}: {len(drawn)} mutants in place of {len(lost)}")
 
 
 def record_reach(arguments: list[str]) -> None:

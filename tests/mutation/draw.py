@@ -3,7 +3,7 @@
 import ast
 import random
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice, pairwise
@@ -16,11 +16,11 @@ from cosmic_ray.operators.operator import Operator
 from mutant import Mutant, functions_of, places_of, read_sources
 from parso.python.tree import Keyword
 
-# Rooms by the mutants drawn for them. The first eight are those in which the default tier kills nine in ten.
+# Rooms, or several together, by the mutants drawn for them. In the first eight the default tier kills nine in ten.
 ROOMS = {
     "brdf": 400,
     "light": 390,
-    "job": 260,
+    "job, build": 260,
     "scene": 190,
     "codegen/trace": 120,
     "plan": 100,
@@ -30,7 +30,7 @@ ROOMS = {
     "material": 140,
     "mtlx": 30,
     "output": 100,
-    "run": 100,
+    "run, export, inspect": 100,
     "studio": 100,
 }
 
@@ -152,23 +152,28 @@ def operators() -> list[Operator]:
 
 def room_of(path: str) -> str | None:
     """Return the room that a module's mutants are drawn for: the longest that its path begins with."""
-    inside = path.removeprefix("lookdev/").removesuffix(".py")
-    rooms = [room for room in ROOMS if inside == room or inside.startswith(f"{room}/")]
-    return max(rooms, key=len, default=None)
+    inside = path.removeprefix("lookdev/").removesuffix(".py") + "/"
+    folders = {folder: room for room in ROOMS for folder in room.split(", ") if inside.startswith(f"{folder}/")}
+    return folders[max(folders, key=len)] if folders else None
 
 
-def draw_mutants(seed: int) -> list[Mutant]:
-    """Return mutants drawn by a seed: places without replacement, and at each place one of its faults."""
+def draw_mutants(seed: int, counts: Mapping[str, int] = ROOMS, taken: Collection[Mutant] = ()) -> list[Mutant]:
+    """Return mutants drawn by a seed, `counts` by room: places without replacement, and at each place one fault.
+
+    None of them is one of `taken`.
+    """
     generator, sources = random.Random(seed), read_sources()
     places: dict[str, list[Place]] = defaultdict(list)
     for path, source in sources.items():
         if room := room_of(path):
             places[room] += places_of_faults(path, source)
     drawn: list[Mutant] = []
-    for room, count in ROOMS.items():
+    names = {mutant.name for mutant in taken}
+    for room, count in counts.items():
         generator.shuffle(places[room])
         made = (_make(room, sources[place.path], place, generator) for place in places[room])
-        drawn += sorted(islice(filter(None, made), count), key=lambda mutant: mutant.name)
+        new = (mutant for mutant in made if mutant and mutant.name not in names)
+        drawn += sorted(islice(new, count), key=lambda mutant: mutant.name)
     return drawn
 
 

@@ -44,7 +44,7 @@ def test_a_mutant_outlives_a_rename_where_its_text_is_unique() -> None:
 def test_the_list_is_of_this_code(tmp_path) -> None:
     mutants = read_mutants()
     sources = read_sources()
-    assert not locate(mutants, sources)[1], "draw these anew, or give them the text that they have become"
+    assert not locate(mutants, sources)[1], "`python tests/mutation redraw --seed N` draws others in their place"
     assert len({mutant.name for mutant in mutants}) == len(mutants)
     write_mutants(mutants, tmp_path / "copy.jsonl")
     assert read_mutants(tmp_path / "copy.jsonl") == mutants

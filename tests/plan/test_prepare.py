@@ -84,7 +84,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     (job.parent / "asset.usda").write_text("no USD")
     (job.parent / "good.usda").write_text("no USD either")
     (job.parent / "other.usda").write_text(look_text(7))
-    asset, light, good, other = faults_of(job)
+    light, good, other, asset = faults_of(job)
     assert asset.startswith(f"{job.parent}/asset.usda: USD cannot open it: ")
     assert "pxrInternal" not in asset
     assert light.startswith(f"{job}: ibl[1]: {job.parent}/light.hdr: cannot be read as an image")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lookdev.asset import load_asset
-from lookdev.build.cameras import job_cameras
+from lookdev.build.frame import job_cameras
 from lookdev.errors import AssetError
 from lookdev.job import parse_job
 from lookdev.material import Layer, Look

@@ -13,9 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from lookdev.build.assets import Assets, Turned
-from lookdev.build.assign import Cover, covering
-from lookdev.build.assign import Place as JobPlace
+from lookdev.build.assets import AssetReader, ComposedAsset
+from lookdev.build.assign import Assignment, assignments_of_parts
+from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import Job, parse_job
@@ -51,9 +51,9 @@ class Dressing:
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
         self.content = content
-        self._assets: tuple[Any, Assets] | None = None
+        self._assets: tuple[Any, AssetReader] | None = None
         self._read = lru_cache(8)(self._reading)
-        self._covers = lru_cache(64)(self._covering)
+        self._covers = lru_cache(64)(self._assignments)
         self._paths = lru_cache(16)(_paths)
 
     def read(self, files: Mapping[Path, bytes], light: str = "") -> Read:
@@ -69,16 +69,16 @@ class Dressing:
             more = {"ibl": (*job.ibl, found)} if isinstance(found, JobIbl) else {"rig": (*job.rig, found)}
             job = job.model_copy(update=more)
         if self._assets is None or self._assets[0] != job.asset:
-            self._assets = job.asset, Assets(job.asset)
-        return Read(job, job_scenes(job, assets=self._assets[1]))
+            self._assets = job.asset, AssetReader(job.asset)
+        return Read(job, job_scenes(job, reader=self._assets[1]))
 
-    def _look(self, read: Read, name: str) -> tuple[JobLook, Turned]:
+    def _look(self, read: Read, name: str) -> tuple[JobLook, ComposedAsset]:
         look = next(each for each in read.scenes.job.look if each.name == name)
         assert self._assets is not None, "a job that was read has an asset"
-        return look, self._assets[1].turned(look)
+        return look, self._assets[1].read(look)
 
-    def _covering(self, read: Read, name: str) -> Mapping[str, Cover]:
-        return covering(*self._look(read, name), JobPlace(str(self.file), ""), [])
+    def _assignments(self, read: Read, name: str) -> Mapping[str, Assignment]:
+        return assignments_of_parts(*self._look(read, name), "", Findings(read.job))
 
     def variants(self, read: Read, chosen: tuple[str, str], slot: str) -> dict[str, str]:
         """Return the variants in which a look of the job wears the material of a slot of a scene."""
@@ -166,12 +166,12 @@ class Dressing:
         new_look(file, find_preset(Path(preset).stem))
         return file
 
-    def _cover(self, read: Read, name: str, part: str) -> Cover:
+    def _cover(self, read: Read, name: str, part: str) -> Assignment:
         covers = self._covers(read, name)
         _, turned = self._look(read, name)
         if part not in turned.paths:
             raise LookdevError(f"{part} is no part of the asset ({nearest_hint(part, list(turned.paths))})")
-        return covers.get(part, Cover())
+        return covers.get(part, Assignment())
 
     def _folders(self, read: Read) -> list[Path]:
         of_job = [each.material.parent for each in _given(read.job) if each.material]
@@ -220,7 +220,7 @@ def _given(job: Job) -> list[JobLook | JobAssign]:
 
 def _number(read: Read, name: str) -> int | None:
     """Return the number in the file of a look of the job; None for one that only a wedge has."""
-    found = _LOOK.fullmatch(read.scenes.places[name])
+    found = _LOOK.fullmatch(read.scenes.look_keys[name])
     return int(found[1]) if found else None
 
 
