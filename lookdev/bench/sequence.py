@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -34,6 +34,7 @@ from lookdev.job import JobOutputs, JobTurntable
 from lookdev.light import load_environment, prepare_light
 from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
+from lookdev.output.frame_name import FrameName
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.worker import last_line
@@ -223,15 +224,11 @@ def _error(subject: Subject, one: Path, probes: Path, frames: int) -> float:
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
-        place = Path(subject.look, ibl)
-        a, alpha = read_frame(one / place / _name(kind, number * (frames // _PROBES)))
-        b, _ = read_frame(probes / place / _name(kind, number))
+        whole = FrameName(subject.look, ibl, kind, 1 + number * (frames // _PROBES))
+        a, alpha = read_frame(whole.file(one))
+        b, _ = read_frame(replace(whole, number=1 + number).file(probes))
         errors.append(2.0 * relmse_of_halves(a, b, alpha))
     return statistics.fmean(errors)
-
-
-def _name(kind: str, index: int) -> str:
-    return f"{kind}.{index + 1:04d}.exr"
 
 
 def producers(subject: Subject) -> dict[str, Produce]:
@@ -298,7 +295,7 @@ def _write_request(subject: Subject, folder: Path, samples: int, frames: int, se
                 "light": str(maps[ibl]),
                 "element": 360.0 * index / frames if kind == "element" else 0.0,
                 "lighting": 360.0 * index / frames if kind == "lighting" else 0.0,
-                "file": str(folder / subject.look / ibl / _name(kind, index)),
+                "file": str(FrameName(subject.look, ibl, kind, 1 + index).file(folder)),
             }
             for ibl, kind, index in itertools.product(subject.ibls, KINDS, range(frames))
         ],

@@ -154,7 +154,7 @@ def _list_frames(job: Job, chunk: Chunk | None) -> None:
     for note in prepared.notes:
         say(f"note: {note}", err=True)
     plan = prepared.plan if chunk is None else plan_of_chunk(prepared.plan, chunk)
-    say(plan_text(plan, prepared.job.output))
+    say(plan_text(plan))
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -199,7 +199,7 @@ def plan(
     elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))
     else:
-        say(plan_text(prepared.plan, prepared.job.output))
+        say(plan_text(prepared.plan))
 
 
 @app.command(rich_help_panel=_PANEL)

@@ -13,6 +13,7 @@ from lookdev.asset import Mesh
 from lookdev.codegen import AttributeBinding
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
+from lookdev.output.frame_name import FrameName
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.skips import same_all_around
 from lookdev.rendering.scene import Generated, scene_task
@@ -69,9 +70,9 @@ class Turns:
     azimuth: float = 0.0
 
     def files(self, look: str, ibl: str, turntable: JobTurntable) -> tuple[Path, ...]:
-        """Return each frame's EXR of a turntable: ``<output>/<look>/<ibl>/<turntable>.####.exr``, from 0001."""
-        folder = self.output / look / ibl
-        return tuple(folder / f"{turntable.name}.{number:04d}.exr" for number in range(1, turntable.frames + 1))
+        """Return the EXR of each frame of a turntable."""
+        names = (FrameName(look, ibl, turntable.name, number) for number in range(1, turntable.frames + 1))
+        return tuple(name.file(self.output) for name in names)
 
     def poses(self, setup: Setup) -> tuple[Pose, ...]:
         """Return the distinct poses of a setup, in the order of the turntables."""

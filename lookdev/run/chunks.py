@@ -14,6 +14,7 @@ from pathlib import Path
 
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError
+from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.chunks import Chunk, Costs, Division, part_of, split
@@ -67,7 +68,7 @@ def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
     found, first = [], 0
     for number, end in enumerate(ends, start=1):
         frames = plan.frames[first:end]
-        names = [frame.task.files[0].relative_to(plan.output).with_suffix("").as_posix() for frame in frames]
+        names = [str(FrameName.of(frame.task.files[0])) for frame in frames]
         scenes = len({id(frame.task.scene) for frame in frames})
         seconds = sum(costs.frames[first:end]) + scenes * costs.scene
         done = sum(any(file.state == "done" for file in frame.files) for frame in frames)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import lookdev
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
+from lookdev.output.frame_name import FrameName
 from lookdev.rendering.cryptomatte import matte_header
 from lookdev.rendering.executors import Stored
 from lookdev.rendering.passes import CATCHER, parts_of_light
@@ -36,7 +37,7 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
         found += charts_doubts(readings)
         header = dict(charts_header(readings))
     _write(task, rendered, beauty, header)
-    name = "/".join((*task.files[0].parts[-3:-1], task.files[0].stem))
+    name = FrameName.of(task.files[0])
     return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *(f"{name}: {doubt}" for doubt in found)))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.output.exr import read_frame, read_header
+from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.rendering.executors import (
@@ -158,11 +159,7 @@ class Frames:
 
     def _chosen(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
         """Return the files of the frames that names stand for."""
-        known = {
-            path.relative_to(self._root).with_suffix("").as_posix(): frame.task.files
-            for frame in self._plan.frames
-            for path in frame.task.files
-        }
+        known = {str(FrameName.of(path)): frame.task.files for frame in self._plan.frames for path in frame.task.files}
         for name in names:
             if name not in known:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
@@ -294,7 +291,7 @@ class Frames:
             time.sleep(wait)
 
     def _name(self, task: FrameTask) -> str:
-        return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+        return str(FrameName.of(task.files[0]))
 
 
 def _waits() -> Iterator[float]:

@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 
 from lookdev.codegen import ShaderSource
+from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, PlannedFile
 
 LINKED = "shown by another frame that is done: linked, not rendered"
@@ -25,28 +26,27 @@ class Range:
     reason: str
 
 
-def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
+def plan_ranges(plan: Plan) -> Iterator[Range]:
     """Group the files of a plan, turntable by turntable in the plan's order."""
     linked = {copy.target for copy in plan.copies()}
     turntables: dict[str, list[PlannedFile]] = {}
     for frame in plan.frames:
         for file in frame.files:
-            turntable, _, _ = file.path.relative_to(output).with_suffix("").as_posix().rpartition(".")
-            turntables.setdefault(turntable, []).append(file)
+            turntables.setdefault("/".join(FrameName.of(file.path).reel), []).append(file)
 
     def of_file(file: PlannedFile) -> tuple[str, str]:
         return file.state, LINKED if file.path in linked else file.reason
 
     for turntable, files in turntables.items():
         for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=of_file):
-            numbers = [file.path.stem.rpartition(".")[2] for file in group]
+            numbers = [FrameName.of(file.path).digits for file in group]
             yield Range(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
 
 
-def plan_text(plan: Plan, output: Path) -> str:
+def plan_text(plan: Plan) -> str:
     """Return a plan as an aligned table, a line for each scene with skips, and lines of sums."""
     rows = [("turntable", "frames", "state", "reason")]
-    for part in plan_ranges(plan, output):
+    for part in plan_ranges(plan):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
         rows.append((part.turntable, numbers, part.state, part.reason))
     lines = [table(rows)]

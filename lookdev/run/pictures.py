@@ -21,6 +21,7 @@ from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_shown
+from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, Reel
 from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
@@ -186,12 +187,12 @@ def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
 
     if output.of == "frame":
         for files in (planned.task.files for planned in plan.frames):
-            name = files[0].relative_to(plan.output).with_suffix("")
-            yield file((path.with_suffix(output.suffix) for path in files), name.parts, files[:1], [_number(files[0])])
+            title = str(FrameName.of(files[0])).split("/")
+            yield file((path.with_suffix(output.suffix) for path in files), title, files[:1], [_digits(files[0])])
     elif output.of == "turntable":
         for reel in plan.reels:
             path = reel.files[0].with_name(reel.turntable + output.suffix)
-            yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_number, reel.files))
+            yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_digits, reel.files))
     elif output.of == "wedge":
         reels_of = {(reel.look, reel.ibl, reel.turntable): reel for reel in plan.reels}
         for sheet, turntable in product(plan.sheets, dict.fromkeys(reel.turntable for reel in plan.reels)):
@@ -209,5 +210,5 @@ def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 
-def _number(frame: Path) -> str:
-    return frame.stem.rpartition(".")[2]
+def _digits(frame: Path) -> str:
+    return FrameName.of(frame).digits

@@ -21,6 +21,7 @@ from typing import Any
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
+from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.costs import estimated
@@ -84,7 +85,7 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
         return
     costs = estimated(plan).frames
     frames = {
-        str(frame.task.files[0].relative_to(plan.output).with_suffix("")): [frame.task.digest, cost]
+        str(FrameName.of(frame.task.files[0])): [frame.task.digest, cost]
         for frame, cost in zip(plan.frames, costs, strict=True)
     }
     with atomic_path(file) as temporary:

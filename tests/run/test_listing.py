@@ -11,7 +11,7 @@ def test_states_and_reasons_split_a_range(finished: Path) -> None:
     for name in ("element.0002.exr", "lighting.0001.exr", "lighting.0003.png"):
         (finished / "out" / "gold" / "city" / name).unlink()
     job = case.make_job(finished)
-    assert plan_text(case.make_plan(job), job.output).splitlines() == [
+    assert plan_text(case.make_plan(job)).splitlines() == [
         "turntable           frames     state  reason",
         "gold/city/element   0001       done",
         "gold/city/element   0002       new    no file",
@@ -26,12 +26,12 @@ def test_states_and_reasons_split_a_range(finished: Path) -> None:
 def test_consecutive_frames_in_one_state_are_one_line_and_a_changed_look_is_a_reason(finished: Path) -> None:
     job = case.make_job(finished)
     job = job.model_copy(update={"output": finished / "other"})
-    assert list(plan_ranges(case.make_plan(job), job.output)) == [
+    assert list(plan_ranges(case.make_plan(job))) == [
         Range("gold/city/element", "0001", "0004", 4, "new", "no file"),
         Range("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
     ]
     job = case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
-    (part,) = plan_ranges(case.make_plan(job), job.output)
+    (part,) = plan_ranges(case.make_plan(job))
     assert (part.first, part.last, part.state) == ("0001", "0004", "stale")
     assert "changed" in part.reason
 
@@ -61,7 +61,7 @@ def test_skips_are_listed_scene_by_scene(tmp_path: Path) -> None:
         Skip("gold", "white", "light samples", "constant light"),
     )
     plan = replace(plan, skips=skips)
-    assert plan_text(plan, job.output).splitlines()[-3:] == [
+    assert plan_text(plan).splitlines()[-3:] == [
         "gold/city skipped: bounces (convex asset), 1 texture (reaches no pixel)",
         "gold/white skipped: light samples (constant light)",
         "6 of 6 frames to render (files: 0 done, 0 stale, 7 new)",

@@ -19,6 +19,7 @@ from lookdev.job import Job, JobTurntable
 from lookdev.job.parts import JobLook
 from lookdev.material import Look
 from lookdev.material.change import live_look
+from lookdev.output.frame_name import FrameName
 from lookdev.plan import Setup, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.slopes import SlopeTask, live_inputs
@@ -62,7 +63,7 @@ class JobFrame:
 
     @property
     def name(self) -> str:
-        return f"{self.table.name}/{self.rig.name}/{self.turntable.name}.{self.number:04d}"
+        return str(FrameName(self.table.name, self.rig.name, self.turntable.name, self.number))
 
     @property
     def gain(self) -> float:

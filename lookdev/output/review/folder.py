@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from lookdev.errors import OutputError, shortened
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
+from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
 from lookdev.output.review.page import Written
@@ -18,7 +18,6 @@ from lookdev.scene.charts import FOLDER, STRIP
 PAGE_FOLDER = "review"
 """Folder of the page inside the output folder, unless another is named."""
 
-_FRAME = re.compile(r"(?P<turntable>.+)\.(?P<number>\d{4})\.exr")
 _MOST = 5  # damaged frames that a message names
 
 
@@ -61,7 +60,7 @@ def review(
 
 
 def find_version(folder: Path, page: Path) -> Version:
-    """Return the frames of an output folder: ``<look>/<rig>/<turntable>.####.exr``, with the reference props over each.
+    """Return the frames of an output folder, with the reference props over each.
 
     Damaged frames are left out, and are among its problems; the folder `page` is passed over. Raises OutputError where
     no frame is left.
@@ -71,10 +70,8 @@ def find_version(folder: Path, page: Path) -> Version:
     folder = folder.absolute()
     reels: dict[tuple[str, str, str], list[ReviewFrame]] = {}
     problems, doubted = list[str](), set[str]()
-    for file in sorted(folder.glob("*/*/*.exr")):
-        found = _FRAME.fullmatch(file.name)
-        look, rig = file.parts[-3:-1]
-        if found is None or file.name.startswith(".") or look == STATE_FOLDER or file.is_relative_to(page):
+    for name, file in frame_files(folder):
+        if name.look == STATE_FOLDER or file.is_relative_to(page):
             continue
         try:
             header = read_header(file)
@@ -87,10 +84,10 @@ def find_version(folder: Path, page: Path) -> Version:
         if "charts.doubt" in header and header["digest"] not in doubted:
             doubted.add(header["digest"])  # one picture has several names
             problems.append(f"{file}: {header['charts.doubt']}")
-        reels.setdefault((look, rig, found["turntable"]), []).append(ReviewFrame(file, int(found["number"]), header))
+        reels.setdefault(name.reel, []).append(ReviewFrame(file, name.number, header))
     if not reels:
         why = f": {'; '.join(map(shortened, problems[:_MOST]))}" if problems else ""
-        raise OutputError(f"{folder}: has no frames, <look>/<rig>/<turntable>.####.exr{why}")
+        raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{why}")
     props = {
         frame.file.relative_to(folder / FOLDER): frame.file
         for (look, _, _), frames in reels.items()

@@ -21,6 +21,7 @@ from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 from lookdev.output.display import Pixels as Shown
 from lookdev.output.display import composite, to_display
+from lookdev.output.frame_name import FrameName
 from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
 from lookdev.output.review.pixels import read_pixels, write_pixels_script
 from lookdev.output.review.view import view_shader
@@ -255,7 +256,7 @@ def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple
 
 def _command(reel: Reel, frame: ReviewFrame) -> str:
     """Return the command that renders a frame again; "" where its job is not known."""
-    name = f"{reel.look}/{reel.rig}/{reel.turntable}.{frame.number:04d}"
+    name = str(FrameName(*reel.key, frame.number))
     job = frame.header.get("job")
     return f"lookdev render {shlex.quote(job)} --force --frame {shlex.quote(name)}" if job else ""
 
