@@ -26,7 +26,7 @@ HANGS = "a test that does not end"
 STAGES = (2.0, 20.0)
 FACTOR, LEAST = 10.0, 300.0  # a mutant that takes this many times as long as its tests, and five minutes, hangs
 LONG = 1.0  # seconds of a test that is run again where it fails
-LONGEST = 120  # seconds of a test, of which none takes a tenth of it
+SLOWER, SHORTEST = 5, 30  # a test that takes this many times as long as it does alone, and half a minute, hangs
 
 
 class Reached:
@@ -104,7 +104,8 @@ class Copy:
             "LOOKDEV_TEST_ORDER": str(order),
         }
         options = ["-q", f"--maxfail={failures}", "-n", "0", "-p", "order", "-p", "no:cacheprovider", "-m", marker]
-        options += ["--tb=no", f"--timeout={LONGEST}"]
+        patience = max(SHORTEST, math.ceil(SLOWER * max(seconds for _, seconds in tests)))
+        options += ["--tb=no", f"--timeout={patience}"]
         limit = max(LEAST, FACTOR * sum(seconds for _, seconds in tests))
         process = subprocess.Popen(
             [sys.executable, "-m", "pytest", *options, *files],

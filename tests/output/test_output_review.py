@@ -189,12 +189,15 @@ def test_the_frame_of_a_change_is_the_worst(tmp_path: Path) -> None:
     assert (change["beyond"], change["frame"]) == (None, 2)
 
 
-def test_small_pictures_have_the_shape_of_the_frames(tmp_path: Path) -> None:
+def test_small_pictures_have_the_shape_of_the_frames_and_a_cell_each(tmp_path: Path) -> None:
     out = case.write_job(tmp_path, **LOOK, turntables={"element": 4}, size=(2 * THUMBNAIL, THUMBNAIL))
     page, _, _ = review(out)
     (reel,) = index_of(page)["reels"]
-    sprite = oiio.ImageBuf(str(page.parent / reel["sprite"])).spec()
-    assert (reel["columns"], sprite.width, sprite.height) == (2, 2 * THUMBNAIL, THUMBNAIL)
+    sprite = oiio.ImageBuf(str(page.parent / reel["sprite"])).get_pixels(oiio.UINT8)
+    assert (reel["columns"], *sprite.shape[1::-1]) == (2, 2 * THUMBNAIL, THUMBNAIL)
+    cells = sprite.reshape(2, THUMBNAIL // 2, 2, THUMBNAIL, 3).swapaxes(1, 2).reshape(4, -1)
+    assert len({cell.tobytes() for cell in cells}) == 4
+    assert (cells.max(axis=1) > 2).all()
 
 
 @pytest.mark.parametrize("size", [1, 3, 7])
