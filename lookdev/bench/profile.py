@@ -25,9 +25,10 @@ from lookdev.bench.results import Machine, machine_line, this_machine
 from lookdev.cache import atomic_path
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
+from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import LookdevError
-from lookdev.material.textures import image_file
 from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.scene import Sampling
 
 NAME = "profile"
 """Of the section of the document, and of the file of results."""
@@ -153,18 +154,10 @@ def stages(cell: Cell, resolution: int) -> list[Stage]:
 
     def without(bounces: int, shadows: bool, *left_out: Sections) -> SceneTask:
         lines = {name: section for each in left_out for name, section in each.items()}
-        made = generate_surface(
-            look,
-            image_file,
-            brdf_samples=brdf_samples,  # otherwise they depend on the bounces
-            ibl_samples=ibl_samples,
-            bounces=bounces,
-            lights=lights,
-            shadows=shadows,
-            resolution=whole.resolution,
-            replaced=lines,
-        )
-        return replace(whole, shaders=(made,), sampling=replace(whole.sampling, bounces=bounces))
+        # Numbers of directions otherwise depend on the bounces.
+        sampling = Sampling(brdf_samples=brdf_samples, ibl_samples=ibl_samples, bounces=bounces)
+        shader = generate_surface(look, SourceSetting(lights, whole.resolution, sampling, shadows), lines)
+        return replace(whole, shaders=(shader,), sampling=replace(whole.sampling, bounces=bounces))
 
     left_out = (_LOOK_UPS, _EVALUATION, _LIGHT_DRAWN, _BSDF_DRAWN)
     empty = replace(without(0, False), shaders=(ShaderSource(look.name, _EMPTY, (), (), f"empty {look.name}"),))

@@ -7,20 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import Catching, NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.passes import PASSES
-from lookdev.scene import Sampling
 from lookdev.space import OCIO_NAMES, REC709, Space
 
 if TYPE_CHECKING:
-    from lookdev.material import Bump, Look, Texture
+    from lookdev.material import Look
 
 RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
@@ -30,32 +29,6 @@ MITSUBA_VERSION = 5
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 """The worker of Cycles."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a source is generated for besides its look.
-
-    Without `shadows` the asset never occludes light. In a scene with a shadow catcher, `catching` is what wears the
-    look. `resolve` returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the
-    cache. `light_groups` has the number of each light's group, where a pass has them. `space` is that of the lights,
-    and of what is rendered.
-    """
-
-    lights: tuple[Light, ...]
-    resolution: tuple[int, int]
-    sampling: Sampling
-    shadows: bool = True
-    catching: Catching = ""
-    resolve: Callable[[Texture | Bump], Path] | None = None
-    light_groups: tuple[int, ...] = ()
-    space: Space = REC709
-
-    def image_file(self, source: Texture | Bump) -> Path:
-        """Return the file of an image."""
-        from lookdev.material.textures import image_file
-
-        return (self.resolve or image_file)(source)
 
 
 @cache
@@ -82,7 +55,7 @@ class Backend:
     name: str
     help: str
     source: type[Source]
-    generate: Callable[[Look, Setting], Source]  # raises CodegenError
+    generate: Callable[[Look, SourceSetting], Source]  # raises CodegenError
     command: tuple[str, ...] = WORKER_COMMAND  # a program that takes tasks of this backend, and its arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
     cannot_show: Callable[[Look], str | None] = lambda look: None  # the reason, known before a source is generated
@@ -102,39 +75,25 @@ class Backend:
 
 
 # Workers read this registry to decode tasks and generate nothing, so generators are imported where they run.
-def _exact(look: Look, setting: Setting) -> Source:
+def _exact(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.osl.surface import generate_surface
 
-    return generate_surface(
-        look,
-        setting.image_file,
-        brdf_samples=setting.sampling.brdf_samples,
-        ibl_samples=setting.sampling.ibl_samples,
-        bounces=setting.sampling.bounces,
-        lights=setting.lights,
-        shadows=setting.shadows,
-        resolution=setting.resolution,
-        features=setting.sampling.features,
-        recorded=setting.sampling.recorded,
-        catching=setting.catching,
-        light_groups=setting.light_groups,
-        space=setting.space,
-    )
+    return generate_surface(look, setting)
 
 
-def _nodes(look: Look, setting: Setting) -> Source:
+def _nodes(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.nodes.look import generate_nodes
 
     return generate_nodes(look, setting.image_file)
 
 
-def _nodes_exact(look: Look, setting: Setting) -> Source:
+def _nodes_exact(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.nodes.exact import generate_nodes_exact
 
     return generate_nodes_exact(look, setting.image_file, bounces=setting.sampling.bounces)
 
 
-def _program(look: Look, setting: Setting) -> Source:
+def _program(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
     return generate_program(
@@ -146,7 +105,7 @@ def _program(look: Look, setting: Setting) -> Source:
     )
 
 
-def _principled(look: Look, setting: Setting) -> Source:
+def _principled(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.principled import generate_principled
 
     return generate_principled(look)

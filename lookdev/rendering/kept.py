@@ -12,16 +12,17 @@ from pydantic import TypeAdapter, ValidationError
 from lookdev.brdf import MODELS, Parameter
 from lookdev.cache import code_digest, file_digest, keep, kept
 from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import TextureError
 from lookdev.images import check_file
 from lookdev.material import Bump, Look, Primvar, Texture
-from lookdev.rendering.backends import Backend, Setting
+from lookdev.rendering.backends import Backend
 
 _ROOM = "sources"
 _SOURCE: TypeAdapter[ShaderSource] = TypeAdapter(ShaderSource)
 
 
-def kept_source(backend: Backend, look: Look, setting: Setting, lit: tuple[object, ...]) -> Source:
+def kept_source(backend: Backend, look: Look, setting: SourceSetting, lit: tuple[object, ...]) -> Source:
     """Return ``backend.generate(look, setting)``, of the cache where it is known; errors as that.
 
     Only OSL is kept, of looks without expressions, measurements and sets of tiles: it depends on no more than the

@@ -10,11 +10,12 @@ import numpy as np
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Catching, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.lamps import CodedRig
 from lookdev.light.link import MOST_GROUPS
-from lookdev.rendering.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.kept import kept_source
 from lookdev.rendering.passes import LIGHTS, light_groups
 from lookdev.rendering.task import SceneTask
@@ -77,7 +78,7 @@ def scene_task(
         sources = []
         for (number, lit), look in different.items():
             catching: Catching = "" if not caught else "ground" if number in caught else "asset"
-            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows, catching)
+            setting = SourceSetting(lit_by[lit], scene.film.resolution, sampling, shadows, catching)
             setting = replace(setting, light_groups=grouped[lit], space=scene.film.space)
             key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space, catching)
             if key not in known:

@@ -5,9 +5,11 @@ from typing import Any
 
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
+from lookdev.codegen.setting import SourceSetting
 from lookdev.light import Dome
 from lookdev.material import Bump, Formula, Layer, Look, Texture, View
 from lookdev.material.expression import parse
+from lookdev.scene import Sampling
 
 DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
@@ -26,5 +28,7 @@ def of_view(text: str) -> Formula:
 
 def surface(*layers: Layer, resolve: Any = own_file, **options: Any) -> ShaderSource:
     """Return the shader of layers, by default with one sample of each kind and one bounce."""
-    defaults: dict[str, Any] = {"brdf_samples": 1, "ibl_samples": 1, "bounces": 1, "lights": (DOME,)}
-    return generate_surface(Look("test", layers), resolve, resolution=(8, 8), **defaults | options)
+    directions = {"brdf_samples": 1, "ibl_samples": 1, "bounces": 1} | options
+    own = {name: directions.pop(name) for name in ("lights", "shadows", "catching") if name in directions}
+    setting = SourceSetting(own.pop("lights", (DOME,)), (8, 8), Sampling(**directions), resolve=resolve, **own)
+    return generate_surface(Look("test", layers), setting)

@@ -14,12 +14,13 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.mixture import evaluate_cosine
 from lookdev.codegen import TANGENT, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import symbol, symbols
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
-from lookdev.rendering.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Sampling
 
 
@@ -136,7 +137,7 @@ def test_a_source_reads_the_tangents_where_its_look_needs_them(
     monkeypatch.chdir(tmp_path)
     MAPPED.file.write_bytes(b"pixels")
     look = Look("look", (PLAIN | DIRECTED)[name])
-    setting = Setting((DOME,), (8, 8), Sampling(), resolve=lambda image: MAPPED.file.resolve())
+    setting = SourceSetting((DOME,), (8, 8), Sampling(), resolve=lambda image: MAPPED.file.resolve())
     source: Source = BACKENDS[backend].generate(look, setting)
     # The stand-ins of what is transmitted have a normal made of all axes; that it does not turn is not found.
     needs = name in DIRECTED or (backend, name) == ("nodes", "glass")

@@ -5,15 +5,16 @@ from pathlib import Path
 import pytest
 
 from lookdev.codegen.osl.catching import catching_sections
+from lookdev.codegen.setting import SourceSetting
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.rendering.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Sampling
 
 
 def osl(catching: str) -> str:
     light = prepare_light(load_environment(builtin="white"))
-    setting = Setting((light,), (8, 8), Sampling(), catching=catching, resolve=lambda image: Path())  # type: ignore[arg-type]
+    setting = SourceSetting((light,), (8, 8), Sampling(), catching=catching, resolve=lambda image: Path())  # type: ignore[arg-type]
     return BACKENDS["exact"].generate(Look("a", (Layer("a", "disney"),)), setting).osl  # type: ignore[attr-defined]
 
 

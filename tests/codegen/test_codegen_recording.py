@@ -1,25 +1,25 @@
 """The lines of a shader that record light are in no other shader."""
 
-from pathlib import Path
-
 import pytest
 
+from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import _without_recording, generate_surface
+from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import LOBE_GROUPS
-from lookdev.light import load_environment, prepare_light
+from lookdev.light import Light, load_environment, prepare_light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.rig import load_rig
 from lookdev.material import Layer, Look
+from lookdev.scene import Sampling
 
 TEXT = "a|#if RECORDED|b|#if X|c|#else|d|#endif|#else|e|#if X|f|#endif|#endif|#if X|g|#if RECORDED|h|#endif|#endif|"
 VELVET = Look("velvet", (Layer("v", "disney", {"baseColor": (0.3, 0.1, 0.1), "sheen": 1.0}),))
 
 
-def surface(recorded: bool, **given: object) -> object:
-    return generate_surface(
-        VELVET, lambda texture: Path(), brdf_samples=None, ibl_samples=None, bounces=1, resolution=(8, 8),
-        recorded=recorded, **given,
-    )  # fmt: skip
+def surface(lights: tuple[Light, ...], *passes: str) -> ShaderSource:
+    groups = tuple(range(len(lights))) if passes else ()
+    sampling = Sampling(bounces=1, passes=passes)
+    return generate_surface(VELVET, SourceSetting(lights, (8, 8), sampling, light_groups=groups))
 
 
 def test_conditions_of_other_names_stay() -> None:
@@ -29,12 +29,12 @@ def test_conditions_of_other_names_stay() -> None:
 @pytest.mark.parametrize("rig", [False, True], ids=["dome", "rig"])
 def test_what_records_nothing_has_no_line_for_it(rig: bool) -> None:
     lights = load_rig(rig_file("three_point")).lights if rig else (prepare_light(load_environment(builtin="white")),)
-    plain = surface(False, lights=lights)
+    plain = surface(lights)
     # But for the definition that it does not.
     lines = [line for line in plain.osl.splitlines() if "RECORDED" in line.upper() or "by_light" in line]
     assert lines == ["#define RECORDED 0"]
     assert plain.recorded == ()
-    shown = surface(True, lights=lights, light_groups=range(len(lights)))
+    shown = surface(lights, "lights")
     assert shown.recorded == ("diffuse", "specular", "sheen")
     assert f"#define LIGHT_GROUPS {len(lights)}" in shown.osl
     numbers = ", ".join(str(LOBE_GROUPS.index(group)) for group in shown.recorded)

@@ -14,6 +14,7 @@ from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.codegen.osl.surface import generate_surface
+from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import TANGENT
 from lookdev.errors import CodegenError, LookError, ModelError
 from lookdev.light import Dome
@@ -21,6 +22,7 @@ from lookdev.material.library.edit import measured_look
 from lookdev.material.library.preview import preview_values
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_bsdf
+from lookdev.scene import Sampling
 
 _WO, _WI = np.array([0.0, 0.6, 0.8]), np.array([0.6, 0.0, 0.8])
 _LIGHT: Any = Dome(None, None, None, None, 8, 4, "")  # type: ignore[arg-type]
@@ -109,8 +111,8 @@ def test_the_preview_has_the_mean_albedo(write) -> None:
 
 
 def source(file: Path) -> Any:
-    samples = {"brdf_samples": 2, "ibl_samples": 0, "bounces": 0}
-    return generate_surface(read_look(file), lambda texture: Path(), **samples, lights=[_LIGHT], resolution=(8, 8))
+    sampling = Sampling(brdf_samples=2, ibl_samples=0, bounces=0)
+    return generate_surface(read_look(file), SourceSetting((_LIGHT,), (8, 8), sampling))
 
 
 def test_a_digest_depends_on_the_samples_not_on_their_path(write, tmp_path: Path) -> None:

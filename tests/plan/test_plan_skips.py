@@ -13,6 +13,7 @@ from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
+from lookdev.codegen.setting import SourceSetting
 from lookdev.job import Job
 from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.light.mapping import rotate_z
@@ -21,7 +22,7 @@ from lookdev.material.expression import parse
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.plan.plan import find_skips
 from lookdev.plan.skips import same_all_around, scene_skips
-from lookdev.rendering.backends import BACKENDS, Setting
+from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Sampling, Scene
 
@@ -56,7 +57,7 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image.touch()
 
     def generate(one_look: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
-        setting = Setting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
+        setting = SourceSetting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
         return BACKENDS["exact"].generate(one_look, setting)
 
     return generate
@@ -271,7 +272,9 @@ def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: S
     image = tmp_path / "linear.exr"
     image.touch()
     one_look = look(base(roughness=MAP), dirt(roughness=OTHER))
-    source = BACKENDS[backend].generate(one_look, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
+    source = BACKENDS[backend].generate(
+        one_look, SourceSetting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image)
+    )
     found = skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look)
     assert found == ["light from behind (nothing transmits)", "1 texture (reaches no pixel)"]
 

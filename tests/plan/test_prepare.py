@@ -10,12 +10,13 @@ import pytest
 from usd_text import card, material, textured, variant_set
 
 from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome.maps import KnownMap, load_dome
 from lookdev.material import Look
 from lookdev.plan.prepare import plan_job, prepare_job
-from lookdev.rendering.backends import BACKENDS, Setting, job_backends
+from lookdev.rendering.backends import BACKENDS, job_backends
 from lookdev.rendering.task import SceneTask
 
 JOB = """
@@ -134,7 +135,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
     generated = []
     generate = BACKENDS["exact"].generate
 
-    def counted(look: Look, setting: Setting) -> Source:
+    def counted(look: Look, setting: SourceSetting) -> Source:
         generated.append((look.name, setting.lights[0].constant))
         return generate(look, setting)
 

@@ -11,12 +11,13 @@ import pytest
 
 from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.setting import SourceSetting
 from lookdev.light import Dome, prepare_light
 from lookdev.light.dome.environment import make_environment
 from lookdev.material import Layer, Look, Texture
 from lookdev.material.expression import parse
 from lookdev.material.look import Bump, Coordinates, Formula, Primvar
-from lookdev.rendering.backends import BACKENDS, Backend, Setting
+from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.kept import kept_source
 from lookdev.scene import Sampling
 
@@ -35,7 +36,7 @@ def counted() -> Counted:
     """The exact backend, and the names of the looks that it generates."""
     made: list[str] = []
 
-    def generate(look: Look, setting: Setting) -> Source:
+    def generate(look: Look, setting: SourceSetting) -> Source:
         made.append(look.name)
         return BACKENDS["exact"].generate(look, setting)
 
@@ -52,8 +53,8 @@ def painted(file: Path, value: float) -> Path:
     return file
 
 
-def setting_of(light: Dome, **sampling: int) -> Setting:
-    return Setting((light,), (8, 8), Sampling(samples=4, **sampling))
+def setting_of(light: Dome, **sampling: int) -> SourceSetting:
+    return SourceSetting((light,), (8, 8), Sampling(samples=4, **sampling))
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)

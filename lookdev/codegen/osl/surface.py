@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -23,12 +22,12 @@ from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
+from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import (
     FIRST_LIGHT_PART,
     HANDEDNESS,
     LOBE_GROUPS,
     TANGENT_BINDING,
-    Catching,
     ShaderSource,
 )
 from lookdev.codegen.trace.azimuth import reads_tangent
@@ -38,10 +37,10 @@ from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
 from lookdev.light.lamps import CodedRig
-from lookdev.material import Bump, Look, Texture
+from lookdev.material import Look
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import LIFT
-from lookdev.space import REC709, Space, from_rec709
+from lookdev.space import REC709, from_rec709
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
@@ -74,21 +73,7 @@ def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
 
 
 def generate_surface(
-    look: Look,
-    resolve: Callable[[Texture | Bump], Path],
-    *,
-    brdf_samples: int | None,
-    ibl_samples: int | None,
-    bounces: int,
-    lights: Sequence[Light],
-    shadows: bool = True,
-    resolution: tuple[int, int],
-    features: bool = False,
-    recorded: bool = False,
-    catching: Catching = "",
-    light_groups: Sequence[int] = (),
-    space: Space = REC709,
-    replaced: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    look: Look, setting: SourceSetting, replaced: Mapping[str, Sequence[str]] = MappingProxyType({})
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
 
@@ -96,41 +81,21 @@ def generate_surface(
     ----------
     look
         Constants in it are folded; textures that only vanished lobes read are not looked up.
-    resolve
-        Turns a texture into its linear EXR file, a height map into that of its slopes.
-    brdf_samples, ibl_samples
-        Directions drawn at a shading point from the BSDF and from the light; None: as many as suit the look.
-    bounces
-        Largest number of reflections on a path of light, besides the last, towards the camera.
-    lights
-        Their OSL and its `LightCode.constants` are part of the shader, their files and numbers are not.
-    shadows
-        Whether rays towards the light are traced; without, there are no `bounces` either.
-    resolution
-        Width and height of the picture in pixels: each pixel has a scramble of its own.
-    features
-        Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
-    recorded
-        Whether the shader can record parts of its light, besides.
-    catching
-        Of a scene with a shadow catcher, what this is the look of.
-    light_groups
-        The number of each light's group, where these are recorded.
-    space
-        That of the lights, and of the light that is reflected.
     replaced
-        Other lines for sections of the template, by their names: what the benchmark takes the time of.
+        Other lines for sections of the template, by their names: the benchmark leaves parts out.
     """
+    sampling, lights, space = setting.sampling, setting.lights, setting.space
+    features, recorded, bounces = sampling.features, sampling.recorded, sampling.bounces
     graph = Graph()
-    inputs = Inputs(graph, resolve)
+    inputs = Inputs(graph, setting.image_file)
     bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
     if space != REC709:
         bsdf = bsdf.converted(from_rec709(space))
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
-    by_light = ibl_samples != 0 and not constant
-    drawn = directions(lobes, brdf_samples, ibl_samples, bounces, constant_light=constant)
+    by_light = sampling.ibl_samples != 0 and not constant
+    drawn = directions(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
     # Of a single direction none is for light from behind.
     from_behind = min(drawn.ibl, drawn.ibl_onward) > 1
     if by_light:
@@ -172,17 +137,17 @@ def generate_surface(
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
                 f"#define LEAST_DENSITY {_LEAST_DENSITY}",
                 f"#define BOUNCES {bounces}",
-                f"#define SHADOWS {int(shadows)}",
+                f"#define SHADOWS {int(setting.shadows)}",
                 f"#define LIFT {LIFT}",
-                f"#define IMAGE_WIDTH {resolution[0]}",
-                f"#define IMAGE_HEIGHT {resolution[1]}",
+                f"#define IMAGE_WIDTH {setting.resolution[0]}",
+                f"#define IMAGE_HEIGHT {setting.resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define DELTAS {len(deltas)}",
                 f"#define DELTAS_TRANSMIT {int(passes)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
                 f"#define RECORDED {int(recorded)}",
-                *(_recording(groups, _shader_order(lights, light_groups)) if recorded else ()),
+                *(_recording(groups, _shader_order(lights, setting.light_groups)) if recorded else ()),
                 *lights_code(lights, sampled=drawn.ibl > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
@@ -192,7 +157,7 @@ def generate_surface(
                 *tables.parameters,
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
-            **catching_sections(catching),
+            **catching_sections(setting.catching),
             "frame": emit_frame(directed=directed, leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **code.sections,
@@ -208,8 +173,8 @@ def generate_surface(
     for attribute in attributes:
         digest.update(repr(attribute).encode())
     passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
-    known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
-    made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf), catching=catching)
+    known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, setting.shadows, tables.bindings, constants
+    made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf), catching=setting.catching)
     return replace(made, recorded=groups) if recorded else made
 
 

@@ -1,4 +1,5 @@
 """Every translation has the inputs of its node's definition, and is traced, folded and masked as any layer is.
+from lookdev.scene import Sampling
 
 Directional albedos are compared with the foreign models' own definitions; an error is a part of the light that arrives.
 """
@@ -18,6 +19,7 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.codegen.osl.surface import generate_surface
+from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError, ModelError
@@ -34,6 +36,7 @@ from lookdev.material.translate import (
 from lookdev.material.translate.fitting import FUNCTIONS
 from lookdev.material.translate.lobes import fit
 from lookdev.material.values import look_bsdf, look_layers
+from lookdev.scene import Sampling
 
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
 LIGHT = prepare_light(load_environment(builtin="white"))
@@ -60,8 +63,8 @@ def no_textures(texture: Texture | Bump) -> Path:
 
 
 def surface(layers: tuple[Layer, ...]) -> Any:
-    samples = {"brdf_samples": None, "ibl_samples": None, "bounces": 0}
-    return generate_surface(Look("look", layers), no_textures, **samples, lights=(LIGHT,), resolution=(8, 8))
+    setting = SourceSetting((LIGHT,), (8, 8), Sampling(bounces=0), resolve=no_textures)
+    return generate_surface(Look("look", layers), setting)
 
 
 def lobes_of(*layers: Layer) -> list[tuple[str, str]]:
