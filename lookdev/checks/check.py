@@ -33,7 +33,7 @@ from lookdev.plan.prepare import read_setups
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.backends import BACKENDS, Backend, job_backends
-from lookdev.rendering.scene import scene_task
+from lookdev.rendering.scene import SceneTasks, scene_task
 from lookdev.rendering.task import SceneTask, one_frame
 from lookdev.rendering.worker import renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
@@ -137,10 +137,10 @@ def _read(
         raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, known)})")
     asset, light = load_asset(builtin=_ASSET), prepare_light(load_environment(builtin=_LIGHT))
     stem = "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
-    setups = []
+    setups, tasks = [], SceneTasks(backend or "exact")
     for name, chosen in expand_material(stem, file, prim, variants):
         scene = Scene.of_look(asset, read_any_look(file, prim, chosen, name).look, light, _RESOLUTION)
-        setups.append(make_setup(name, _LIGHT, scene, Sampling(), backend or "exact"))
+        setups.append(make_setup(name, _LIGHT, scene, Sampling(), tasks))
     return tuple(setups), Turns((_TURNTABLE,), Path())
 
 

@@ -21,7 +21,7 @@ from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
-from lookdev.rendering.scene import Generated, scene_task
+from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Film, Scene
 from lookdev.scene.charts import FOLDER
@@ -62,16 +62,16 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     `ahead` is called before the asset is read, with a scene of a card that wears a look of the job: a worker that
     prepares it has compiled the shader when the frames are planned.
     """
-    generated: Generated = {}
+    tasks = SceneTasks(job.render.backend, job.render.device)
 
     def show(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # the setups report it
                 scene = Scene.of_look(_card(), look, lights[0], job.render.resolution)
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
-                ahead(scene_task(scene, job.render.sampling, job.render.backend, job.render.device, generated))
+                ahead(tasks.task(scene, job.render.sampling))
 
-    made = make_setups(job_scenes(job, show), generated)
+    made = make_setups(job_scenes(job, show), tasks)
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     charts = Charts(made.charts, job.charts.strip(job.render.resolution)) if job.charts else None
@@ -86,7 +86,8 @@ def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     plane = job.ground if job.ground and job.ground.kind == "plane" else None
     render = job.render.model_copy(update={"space": REC709})
     job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
-    return make_setups(job_scenes(_with_backend(job, backend)), {})
+    job = _with_backend(job, backend)
+    return make_setups(job_scenes(job), SceneTasks(job.render.backend, job.render.device))
 
 
 def _with_backend(job: Job, backend: str | None) -> Job:
@@ -101,7 +102,7 @@ def _card() -> Asset:
     return make_asset("card", plane.meshes, plane.instances, plane.slots)
 
 
-def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
+def make_setups(shown: JobScenes, tasks: SceneTasks) -> JobSetups:
     """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
     job, findings = shown.job, Findings(shown.job)
     rigs = {rig.name: rig for rig in job.rigs}
@@ -112,9 +113,9 @@ def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
     setups = []
     for look, name, scene, sampling, key in wanted:
         with findings.collect(key):
-            rig, render = rigs[name], job.render
+            rig = rigs[name]
             try:
-                setup = make_setup(look, name, scene, sampling, render.backend, render.device, generated)
+                setup = make_setup(look, name, scene, sampling, tasks)
             except EnvironmentMapError as error:
                 file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
                 where = ": ".join((shown.rig_keys[name], *file))

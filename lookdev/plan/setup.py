@@ -16,7 +16,7 @@ from lookdev.job import JobTurntable
 from lookdev.output.frame_name import FrameName
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.skips import same_all_around
-from lookdev.rendering.scene import Generated, scene_task
+from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -45,15 +45,14 @@ def make_setup(
     ibl: str,
     scene: Scene,
     sampling: Sampling,
-    backend: str = "exact",
-    device: str = "cpu",
-    generated: Generated | None = None,
+    tasks: SceneTasks | None = None,
 ) -> Setup:
-    """Generate the sources of a scene, and decide whether it looks the same all around; `generated` as `scene_task`.
+    """Generate the sources of a scene, and decide whether it looks the same all around.
 
-    Raises as `scene_task`, and FaultsError where the asset lacks an attribute that the looks read.
+    `tasks` are those of the backend; None: of "exact" on the CPU. Raises as `SceneTasks.task`, and FaultsError where
+    the asset lacks an attribute that the looks read.
     """
-    task = scene_task(scene, sampling, backend, device, generated)
+    task = (tasks or SceneTasks()).task(scene, sampling)
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
     # Passes show places, which turn with the asset.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,114 +15,153 @@ from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.lamps import CodedRig
 from lookdev.light.link import MOST_GROUPS
-from lookdev.rendering.backends import BACKENDS
+from lookdev.material import Look
+from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.kept import kept_source
 from lookdev.rendering.passes import LIGHTS, light_groups
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
-Generated = dict[tuple[object, ...], Source]
-"""Sources by what they were generated for. The looks among it, by their ids, must live as long."""
+
+def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu") -> SceneTask:
+    """Return the task of a single scene, as `SceneTasks.task`."""
+    return SceneTasks(backend, device).task(scene, sampling)
 
 
-def scene_task(
-    scene: Scene,
-    sampling: Sampling,
-    backend: str = "exact",
-    device: str = "cpu",
-    generated: Generated | None = None,
-) -> SceneTask:
-    """Generate the sources of a scene, but for those in `generated`, to which they are added.
+class SceneTasks:
+    """Makes the tasks of scenes for a backend; a source that several scenes need is generated once."""
 
-    Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless it is
-    closed and a look transmits. Lights that reach nothing are left out. Raises CodegenError or EnvironmentMapError,
-    a line each, where the backend cannot show a look or lights.
-    """
-    # A light that reaches nothing is a black layer.
-    named = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
-    scene = scene.without_idle_lights()
-    record, asset = BACKENDS[backend], scene.asset
-    # Slots that share a look, and are lit by the same lights, share its source.
-    worn_by = [(id(look), lit) for look, lit in zip(scene.looks, scene.lit_by, strict=True)]
-    caught = {id(scene.wears[path]) for path in scene.catchers}
-    if caught and not record.catches:
-        raise CodegenError(f"backend '{backend}' renders no shadow catcher: 'exact' does")
-    different = dict(zip(worn_by, scene.looks, strict=True))
-    for look in different.values():
-        if reason := record.cannot_show(look):
-            raise CodegenError(reason)
-    if not record.any_light and (gaps := record.cannot_light(scene.lights)):
-        raise EnvironmentMapError("\n".join(f"{gap}: backend 'exact' renders it, '{backend}' does not" for gap in gaps))
+    def __init__(self, backend: str = "exact", device: str = "cpu") -> None:
+        self._backend = BACKENDS[backend]
+        self._device = device
+        # The look is beside its source, so that no other look gets its id.
+        self._sources: dict[tuple[object, ...], tuple[Source, Look]] = {}
 
-    if max(scene.grouped) > MOST_GROUPS:
-        raise EnvironmentMapError(
-            f"shadow links divide the parts into {max(scene.grouped) + 1} groups that cast the shadows of different "
-            f"lights; at most {MOST_GROUPS + 1} would be right"
+    def task(self, scene: Scene, sampling: Sampling) -> SceneTask:
+        """Generate the sources of a scene, and return its task.
+
+        Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless
+        it is closed and a look transmits. Lights that reach nothing are left out.
+
+        Raises
+        ------
+        CodegenError
+            The backend cannot show a look, a catcher, or a look that is seen through under these lights.
+        EnvironmentMapError
+            The backend cannot show lights, a line each.
+        """
+        every_group = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+        scene = scene.without_idle_lights()  # the pass of a light that reaches nothing is black
+        self._check(scene)
+        surfaces, surface_of_slot = _surfaces(scene)
+        groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+        layers = tuple(dict.fromkeys((*groups, *every_group)))
+        numbers = tuple(layers.index(group) for group in groups)
+        asset = scene.asset
+        used = replace(sampling, bounces=0) if asset.convex else sampling
+        sources = [self._source(surface, scene, used, numbers, not asset.convex) for surface in surfaces]
+        if asset.convex and not asset.sheet and any(source.transmits or source.see_through for source in sources):
+            used = sampling
+            sources = [self._source(surface, scene, used, numbers, True) for surface in surfaces]
+        for source, surface in zip(sources, surfaces, strict=True):
+            _check_shadows(source, [scene.lights[number] for number in surface.lights])
+        # Equal looks of two materials have one source, unless messages name them differently.
+        keys = [(source.name, source.digest, surface.lights) for source, surface in zip(sources, surfaces, strict=True)]
+        different = dict(zip(keys, sources, strict=True))
+        order = {key: number for number, key in enumerate(different)}
+        shaders, slots = tuple(different.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
+        return SceneTask(
+            asset=Content.of(save_asset(asset, _directed(asset, [shaders[number] for number in slots]))),
+            backend=self._backend.name,
+            shaders=shaders,
+            worn=slots,
+            lights=scene.lights,
+            lit=tuple(lights for _, _, lights in different) if scene.lit else (),
+            groups=scene.grouped if scene.groups else (),
+            resolution=scene.film.resolution,
+            space=scene.film.space,
+            sampling=used,
+            prims=tuple(instance.path for instance in asset.instances) if "cryptomatte" in used.passes else (),
+            light_groups=layers,
+            camera=scene.camera,
+            device=self._device,
         )
-    known: Generated = {} if generated is None else generated
-    groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
-    numbers_of_groups = {name: number for number, name in enumerate(dict.fromkeys((*groups, *named)))}
-    # The files of a light are values that a source is given, so lights of one kind and size have one source.
-    by_light = record.any_light and sampling.ibl_samples != 0
 
-    def lit_as(lights: Sequence[Light]) -> tuple[object, ...]:
-        sampled = by_light and not all(light.constant for light in lights)
-        kinds = tuple((light.kind, light.constant) for light in lights)
-        return kinds, lights_code(lights, sampled=sampled).constants if record.any_light else ()
-
-    lit_by = {lit: tuple(scene.lights[number] for number in lit) for _, lit in different}
-    grouped = {lit: tuple(numbers_of_groups[groups[each]] for each in lit) if groups else () for lit in lit_by}
-    like = {lit: (*lit_as(lights), grouped[lit]) if groups else lit_as(lights) for lit, lights in lit_by.items()}
-
-    def generate(sampling: Sampling, shadows: bool) -> list[Source]:
-        sources = []
-        for (number, lit), look in different.items():
-            catching: Catching = "" if not caught else "ground" if number in caught else "asset"
-            setting = SourceSetting(lit_by[lit], scene.film.resolution, sampling, shadows, catching)
-            setting = replace(setting, light_groups=grouped[lit], space=scene.film.space)
-            key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space, catching)
-            if key not in known:
-                known[key] = kept_source(record, look, setting, like[lit])
-            sources.append(known[key])
-        return sources
-
-    chosen = replace(sampling, bounces=0) if asset.convex else sampling
-    sources = generate(chosen, shadows=not asset.convex)
-    if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in sources):
-        chosen = sampling
-        sources = generate(sampling, shadows=True)
-    for source, (_, lit) in zip(sources, different, strict=True):
-        rig = CodedRig.of(lit_by[lit])
-        if source.see_through and (rig.shadowed or rig.spared):
-            raise CodegenError(
-                f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
-                "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"
+    def _check(self, scene: Scene) -> None:
+        """Raise the errors of `task` that are known before a source is generated."""
+        backend = self._backend
+        if scene.catchers and not backend.catches:
+            raise CodegenError(f"backend '{backend.name}' renders no shadow catcher: 'exact' does")
+        for look in {id(look): look for look in scene.looks}.values():
+            if reason := backend.cannot_show(look):
+                raise CodegenError(reason)
+        if not backend.any_light and (gaps := backend.cannot_light(scene.lights)):
+            lines = (f"{gap}: backend 'exact' renders it, '{backend.name}' does not" for gap in gaps)
+            raise EnvironmentMapError("\n".join(lines))
+        if (groups := max(scene.grouped)) > MOST_GROUPS:
+            raise EnvironmentMapError(
+                f"shadow links divide the parts into {groups + 1} groups that cast the shadows of different lights; at "
+                f"most {MOST_GROUPS + 1} would be right"
             )
-    # Equal looks of two materials have one source, unless messages name them differently.
-    kept = {(source.name, source.digest, lit): source for (_, lit), source in zip(different, sources, strict=True)}
-    numbers = {key: number for number, key in enumerate(kept)}
-    worn = {key: numbers[source.name, source.digest, key[1]] for key, source in zip(different, sources, strict=True)}
-    shaders, slots = tuple(kept.values()), tuple(worn[key] for key in worn_by)
-    return SceneTask(
-        asset=Content.of(save_asset(asset, _directed(asset, [shaders[number] for number in slots]))),
-        backend=backend,
-        shaders=shaders,
-        worn=slots,
-        lights=scene.lights,
-        lit=tuple(lit for _, _, lit in kept) if scene.lit else (),
-        groups=scene.grouped if scene.groups else (),
-        resolution=scene.film.resolution,
-        space=scene.film.space,
-        sampling=chosen,
-        prims=tuple(each.path for each in asset.instances) if "cryptomatte" in chosen.passes else (),
-        light_groups=(*groups, *(name for name in named if name not in groups)),
-        camera=scene.camera,
-        device=device,
-    )
+
+    def _source(
+        self, surface: _Surface, scene: Scene, sampling: Sampling, numbers: Sequence[int], shadows: bool
+    ) -> Source:
+        """Return the source of a surface; `numbers` are those of the groups of the scene's lights."""
+        lights = tuple(scene.lights[number] for number in surface.lights)
+        groups = tuple(numbers[number] for number in surface.lights) if numbers else ()
+        resolution, space = scene.film.resolution, scene.film.space
+        setting = SourceSetting(lights, resolution, sampling, shadows, surface.catching, None, groups, space)
+        of_lights = _code_of_lights(lights, self._backend, sampling)
+        like = (*of_lights, groups) if groups else of_lights
+        key = (id(surface.look), *like, resolution, sampling, shadows, space, surface.catching)
+        if key not in self._sources:
+            self._sources[key] = kept_source(self._backend, surface.look, setting, like), surface.look
+        return self._sources[key][0]
 
 
-def _directed(asset: Asset, worn: Sequence[Source]) -> Iterator[int]:
-    """Yield the numbers of meshes whose tangents are read by a source that one of their slots wears."""
-    reading = np.array([any(each.attribute == TANGENT for each in source.attributes) for source in worn])
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """A look, and the numbers of the lights that reach the slots with this look."""
+
+    look: Look
+    lights: tuple[int, ...]
+    catching: Catching
+
+
+def _surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
+    """Return the different surfaces of a scene, and the number of that of each slot."""
+    caught = {id(scene.wears[path]) for path in scene.catchers}
+    surfaces: dict[tuple[int, tuple[int, ...]], _Surface] = {}
+    keys = [(id(look), lights) for look, lights in zip(scene.looks, scene.lit_by, strict=True)]
+    for key, look in zip(keys, scene.looks, strict=True):
+        catching: Catching = "" if not caught else "ground" if key[0] in caught else "asset"
+        surfaces[key] = _Surface(look, key[1], catching)
+    numbers = {key: number for number, key in enumerate(surfaces)}
+    return list(surfaces.values()), [numbers[key] for key in keys]
+
+
+def _code_of_lights(lights: Sequence[Light], backend: Backend, sampling: Sampling) -> tuple[object, ...]:
+    """Return all of lights that a source depends on: their kinds and sizes; their files are values that it is given."""
+    kinds = tuple((light.kind, light.constant) for light in lights)
+    if not backend.any_light:
+        return kinds, ()
+    sampled = sampling.ibl_samples != 0 and not all(light.constant for light in lights)
+    return kinds, lights_code(lights, sampled=sampled).constants
+
+
+def _check_shadows(source: Source, lights: Sequence[Light]) -> None:
+    """Raise CodegenError where a look can be seen through under lights whose shadows are not plainly black."""
+    rig = CodedRig.of(lights)
+    if source.see_through and (rig.shadowed or rig.spared):
+        raise CodegenError(
+            f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
+            "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"
+        )
+
+
+def _directed(asset: Asset, sources: Sequence[Source]) -> Iterator[int]:
+    """Yield the numbers of meshes with a slot whose source, of `sources` by slot, reads tangents."""
+    reading = np.array([any(attribute.attribute == TANGENT for attribute in source.attributes) for source in sources])
     if reading.any():
         yield from (number for number, mesh in enumerate(asset.meshes) if reading[mesh.face_slots].any())

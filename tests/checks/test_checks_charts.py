@@ -22,7 +22,7 @@ def task() -> FrameTask:
     light = prepare_light(load_environment(builtin="white"))
     seen = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
     scene = props_scene(STRIP, seen, [light])
-    setup = make_setup("charts", "white", scene, Sampling(samples=8), "exact")
+    setup = make_setup("charts", "white", scene, Sampling(samples=8))
     return replace(one_frame(setup.task, Pose(0.0, 0.0), "charts"), exposure=1.0)
 
 

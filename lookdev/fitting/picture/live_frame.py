@@ -22,6 +22,7 @@ from lookdev.material.change import live_look
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Setup, make_setup
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.slopes import SlopeTask, live_inputs
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import Worker, last_line
@@ -124,7 +125,7 @@ def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, .
     backend = BACKENDS[BACKEND]
     device = job.render.device if job.render.device in backend.devices else "cpu"
     backend.check_device(device)
-    setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, BACKEND, device)
+    setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, SceneTasks(BACKEND, device))
     setup = replace(setup, exposure=frame.rig.exposure, rotation=frame.rig.rotation)
     pose = setup.poses(frame.turntable, job.camera.azimuth)[frame.number - 1]
     with (

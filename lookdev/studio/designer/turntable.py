@@ -16,6 +16,7 @@ from typing import Any
 from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.job import Job
 from lookdev.plan import Setup, Turns, make_setup
+from lookdev.rendering.scene import SceneTasks
 from lookdev.run.events import Event, FrameDone, FrameFailed, FrameFound, FrameProgressed, Noted, RunStarted
 from lookdev.scene import Scene
 
@@ -135,6 +136,6 @@ class Turntable:
 
 def _setup(job: Job, scene: Scene, look: str, rig: str) -> Setup:
     render = job.render
-    setup = make_setup(look, rig, scene, render.sampling, render.backend, render.device)
+    setup = make_setup(look, rig, scene, render.sampling, SceneTasks(render.backend, render.device))
     found = next(each for each in job.rigs if each.name == rig)
     return replace(setup, exposure=found.exposure, rotation=found.rotation)
