@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from lookdev.job.features import check_feature
 from lookdev.job.keys import Table, wrong
-from lookdev.rendering.backends import BACKENDS, job_backends
 from lookdev.scene.charts import FOLDER, Strip
 from lookdev.scene.charts.props import Place
 
@@ -32,8 +32,6 @@ class JobCharts(Table):
         what, hint = self.strip(resolution).misfit()
         if what:
             raise wrong(what, hint)
-        if backend in BACKENDS and not BACKENDS[backend].apart:
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.apart)
-            raise wrong(f"backend '{backend}' lets the props shadow one another", f"backend = {others}")
+        check_feature("charts", backend, self)
         if FOLDER in {name.casefold() for name in looks}:
             raise wrong(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")

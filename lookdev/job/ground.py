@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from lookdev.job.features import check_feature
 from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, wrong
-from lookdev.rendering.backends import BACKENDS, job_backends
 
 _UNCAUGHT = ("lobes", "direct", "lights", "cryptomatte")
 """Passes that sum up to the beauty, or to its alpha, which a catcher takes light and coverage away from."""
@@ -46,11 +46,9 @@ class JobGround(Table):
 
     def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
         """Raise the fault of a job, by what its [render] has."""
+        check_feature("ground", backend, self.kind)
         if self.kind != "catcher":
             return
-        if backend in BACKENDS and not BACKENDS[backend].catches:
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.catches)
-            raise wrong(f"backend '{backend}' renders no shadow catcher", f'backend = {others}, or kind = "plane"')
         if denoise != "off":
             raise wrong("the alpha of a shadow catcher is not denoised", 'denoise = "off", or kind = "plane"')
         if uncaught := [name for name in passes if name in _UNCAUGHT]:

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
 from lookdev.job.charts import JobCharts
+from lookdev.job.features import check_feature
 from lookdev.job.ground import JobGround
 from lookdev.job.keys import (
     BackendName,
@@ -39,7 +40,7 @@ from lookdev.job.keys import (
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.wedge import JobWedge
-from lookdev.rendering.backends import BACKENDS, job_backends
+from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
@@ -225,58 +226,23 @@ class JobRender(Table):
         default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
     )
 
-    @field_validator("device")
+    @field_validator("device", "denoise", "space")
     @classmethod
-    def _device_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
-        backend = BACKENDS.get(info.data.get("backend", ""))
-        if backend is not None and value not in backend.devices:
-            own = " or ".join(f'"{each}"' for each in backend.devices)
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.devices)
-            raise wrong(
-                f"backend '{backend.name}' cannot run on '{value}': it is {backend.help}",
-                f"device = {own}, or backend = {others}",
-            )
+    def _value_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
+        check_feature(info.field_name or "", info.data.get("backend", ""), value)
         return value
 
     @field_validator("brdf_samples", "ibl_samples")
     @classmethod
     def _directions_of_the_backend(cls, value: int, info: ValidationInfo) -> int:
-        backend = BACKENDS.get(info.data.get("backend", ""))
-        if backend is not None and not backend.directions:
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.directions)
-            raise wrong(f"has no meaning with backend '{backend.name}'", f"it goes with backend = {others}")
-        return value
-
-    @field_validator("denoise")
-    @classmethod
-    def _features_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
-        backend = BACKENDS.get(info.data.get("backend", ""))
-        if backend is not None and value != "off" and not backend.features:
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.features)
-            raise wrong(f"backend '{backend.name}' renders no albedos and normals to denoise by", f"backend = {others}")
-        return value
-
-    @field_validator("space")
-    @classmethod
-    def _space_of_the_backend(cls, value: Space, info: ValidationInfo) -> Space:
-        backend = BACKENDS.get(info.data.get("backend", ""))
-        if backend is not None and value not in backend.spaces:
-            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.spaces)
-            raise wrong(f"backend '{backend.name}' renders in linear Rec.709 alone", f"backend = {others}")
+        check_feature("directions", info.data.get("backend", ""), value)
         return value
 
     @field_validator("passes")
     @classmethod
     def _passes_of_the_backend(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        backend = BACKENDS.get(info.data.get("backend", ""))
         value = tuple(name for name in value if name not in IN_EACH_FRAME)
-        lacking = [name for name in value if backend is not None and name not in backend.passes]
-        if backend is not None and lacking:
-            others = " or ".join(f'"{n}"' for n, each in job_backends().items() if {*lacking} <= {*each.passes})
-            made = ", ".join(backend.passes)
-            raise wrong(
-                f"backend '{backend.name}' makes no {' and no '.join(lacking)}; it makes {made}", f"backend = {others}"
-            )
+        check_feature("passes", info.data.get("backend", ""), value)
         # One picture has one digest.
         return tuple(name for name in PASSES if name in value)
 

@@ -1,0 +1,84 @@
+"""The features of a job that only some backends have: one table, and one check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from lookdev.job.keys import wrong
+from lookdev.rendering.backends import BACKENDS, Backend, job_backends
+
+
+@dataclass(frozen=True)
+class BackendFeature:
+    """A feature of backends.
+
+    Attributes
+    ----------
+    available
+        Returns whether a backend has it, for a value of the job.
+    problem
+        Returns the message about a backend without it, after the backend's name.
+    hint
+        Returns what would be right besides another backend.
+    """
+
+    available: Callable[[Backend, Any], bool]
+    problem: Callable[[Backend, Any], str]
+    hint: Callable[[Backend], tuple[str, ...]] = lambda backend: ()
+
+
+def _quoted(names: Any) -> str:
+    return " or ".join(f'"{name}"' for name in names)
+
+
+def _without(backend: Backend, passes: Any) -> str:
+    return " and no ".join(name for name in passes if name not in backend.passes)
+
+
+BACKEND_FEATURES: dict[str, BackendFeature] = {
+    "device": BackendFeature(
+        lambda backend, device: device in backend.devices,
+        lambda backend, device: f"cannot run on '{device}': it is {backend.help}",
+        lambda backend: (f"device = {_quoted(backend.devices)}",),
+    ),
+    "directions": BackendFeature(
+        lambda backend, count: backend.directions,
+        lambda backend, count: "does not use it",
+    ),
+    "denoise": BackendFeature(
+        lambda backend, denoise: denoise == "off" or backend.features,
+        lambda backend, denoise: "renders no albedos and normals to denoise by",
+    ),
+    "space": BackendFeature(
+        lambda backend, space: space in backend.spaces,
+        lambda backend, space: "renders in linear Rec.709 alone",
+    ),
+    "passes": BackendFeature(
+        lambda backend, passes: set(passes) <= set(backend.passes),
+        lambda backend, passes: f"makes no {_without(backend, passes)}; it makes {', '.join(backend.passes)}",
+    ),
+    "charts": BackendFeature(
+        lambda backend, charts: backend.apart,
+        lambda backend, charts: "lets the props shadow one another",
+    ),
+    "ground": BackendFeature(
+        lambda backend, kind: kind != "catcher" or backend.catches,
+        lambda backend, kind: "renders no shadow catcher",
+        lambda backend: ('kind = "plane"',),
+    ),
+}
+
+
+def check_feature(name: str, backend_name: str, value: Any) -> None:
+    """Raise the fault of a value of the job that its backend does not support.
+
+    A backend that does not exist is a fault of its own, and has none here.
+    """
+    feature, backend = BACKEND_FEATURES[name], BACKENDS.get(backend_name)
+    if backend is None or feature.available(backend, value):
+        return
+    others = [name for name, other in job_backends().items() if feature.available(other, value)]
+    hints = (*feature.hint(backend), *([f"backend = {_quoted(others)}"] if others else []))
+    raise wrong(f"backend '{backend.name}' {feature.problem(backend, value)}", ", or ".join(hints))
