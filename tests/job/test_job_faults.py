@@ -107,7 +107,10 @@ OF_OTHER_TABLES = {
     '[charts]\n[render]\nbackend = "nodes"': ("charts", 'lets the props shadow one another (backend = "exact"'),
     "[charts]\nsice = 0.2": ("charts.sice", "unknown key (did you mean 'size'?)"),
     "[charts]\nsize = 0.7": ("charts.size", "equal to 0.5, not 0.7"),
-    '[ground]\n[render]\nbackend = "nodes"': ("ground", "renders no shadow catcher (kind = \"plane\", or backend = \"exact\""),
+    '[ground]\n[render]\nbackend = "nodes"': (
+        "ground",
+        'renders no shadow catcher (kind = "plane", or backend = "exact"',
+    ),
     '[ground]\n[render]\ndenoise = "measured"': ("ground", "the alpha of a shadow catcher is not denoised"),
     '[ground]\n[render]\npasses = ["uv", "direct", "lobes"]': ("ground", "a shadow catcher has no lobes and no direct"),
     '[ground]\nprim = "/A"': ("ground.prim", "has no meaning without 'material'"),

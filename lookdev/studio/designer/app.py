@@ -6,10 +6,11 @@ import json
 import logging
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 import anyio.to_thread
 from starlette.applications import Starlette
@@ -19,7 +20,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from lookdev.errors import FaultsError, LookdevError, shortened
-from lookdev.material.library import Library, library_folders, read_library
+from lookdev.material.library import library_folders, read_library
 from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import parsed
@@ -42,26 +43,102 @@ PICTURE = "/picture"
 _FRESH = {"cache-control": "no-store"}
 
 
-def application(document: Document) -> Starlette:
-    """Return the page of a document."""
-    kept: list[
-        Mapping[str, bytes]
-    ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
+@dataclass(frozen=True)
+class Query:
+    """A request of the page: its body, {} where it is no JSON object, and the parameters of its address."""
 
-    exact, lights, turntable = Exact(), Lights(), Turntable(lambda: document.job)
+    body: Mapping[str, Any]
+    parameters: Mapping[str, str]
+    posted: bool
 
-    def lit() -> Scene:
-        return lights.applied(document.chosen[1], document.scene)
+    def number(self, name: str) -> int:
+        """Return a number of the body; raises LookdevError where it is none."""
+        value = self.body.get(name)
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise LookdevError(f"'{name}' is a number")
+        return value
 
-    drawing = anyio.CapacityLimiter(1)
 
-    @cache
-    def library() -> Library:
-        return read_library(library_folders())
+Method = TypeVar("Method", bound=Callable[..., Any])
 
-    def scene() -> Mapping[str, Any]:
+
+def answers(path: str, *methods: str) -> Callable[[Method], Method]:
+    """Register a method that answers requests with JSON, in a thread: from a `Query` to a mapping."""
+    return _registered(path, methods, "answers")
+
+
+def responds(path: str, *methods: str) -> Callable[[Method], Method]:
+    """Register a method that responds to a request itself."""
+    return _registered(path, methods, "responds")
+
+
+def _registered(path: str, methods: tuple[str, ...], kind: str) -> Callable[[Method], Method]:
+    def register(method: Method) -> Method:
+        method.endpoint = (path, methods or ("GET",), kind)  # type: ignore[attr-defined]
+        return method
+
+    return register
+
+
+class DesignerApp:
+    """The requests of the page of a document."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._exact, self._lights = Exact(), Lights()
+        self._turntable = Turntable(lambda: document.job)
+        self._buffers: list[Mapping[str, bytes]] = []
+        self._library = cache(lambda: read_library(library_folders()))
+        self._drawing = anyio.CapacityLimiter(1)
+
+    def application(self) -> Starlette:
+        """Return the server of the page: each registered method, its scripts, and the channel of exact pictures."""
+        routes = []
+        for name, member in vars(type(self)).items():
+            if (endpoint := getattr(member, "endpoint", None)) is not None:
+                path, methods, kind = endpoint
+                method = getattr(self, name)
+                respond = method if kind == "responds" else partial(_respond, method)
+                routes.append(Route(path, respond, methods=list(methods)))
+        return Starlette(
+            lifespan=self._lifespan,
+            routes=[
+                *routes,
+                WebSocketRoute("/exact", self._pictures),
+                Mount("/viewport", Scripts(directory=VIEWPORT)),
+                Mount("/", Scripts(directory=STATIC, html=True)),
+            ],
+        )
+
+    @asynccontextmanager
+    async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
+        # The view is made while the browser starts; a request reports its faults.
+        Thread(target=_try, args=(self._document.view,), daemon=True).start()
+        try:
+            yield
+        finally:
+            await anyio.to_thread.run_sync(self._turntable.close)
+            await anyio.to_thread.run_sync(self._exact.close)
+
+    async def _pictures(self, socket: WebSocket) -> None:
+        await Pictures(socket, self._lit_scene, self._exact).run()
+
+    def _lit_scene(self) -> Scene:
+        """Return the shown scene, with the lights as the page has set them."""
+        return self._lights.applied(self._document.chosen[1], self._document.scene)
+
+    def _changed(self, compiles: bool = False) -> Mapping[str, Any]:
+        """Return the answer to a change of the document; `compiles`: the viewport needs other programs."""
+        return {"compiles": compiles, **self._document.status()}
+
+    # The scene
+
+    @answers("/scene")
+    def show_scene(self, query: Query) -> Mapping[str, Any]:
+        document = self._document
         view = document.view()
-        kept[:] = [*kept[-1:], view.buffers]
+        # Those of the last two scenes: one may be fetched while the next is made.
+        self._buffers[:] = [*self._buffers[-1:], view.buffers]
         look, rig = document.chosen
         background = document.job.render.background
         return {
@@ -72,255 +149,191 @@ def application(document: Document) -> Starlette:
             **document.status(),
         }
 
-    async def show(request: Request) -> Response:
-        return await _answer(scene)
-
-    async def buffer(request: Request) -> Response:
+    @responds("/buffers/{name}")
+    async def send_buffer(self, request: Request) -> Response:
         name = request.path_params["name"]
-        for buffers in reversed(kept):
+        for buffers in reversed(self._buffers):
             if name in buffers:
                 headers = {"cache-control": "private, max-age=31536000, immutable"}
                 return Response(buffers[name], media_type="application/octet-stream", headers=headers)
         return PlainTextResponse("no such buffer\n", 404)
 
-    def answered(compiles: bool = False) -> Mapping[str, Any]:
-        return {"compiles": compiles, **document.status()}
+    @answers("/choose", "POST")
+    def choose(self, query: Query) -> Mapping[str, Any]:
+        self._document.choose(str(query.body.get("look")), str(query.body.get("rig")))
+        return {}
 
-    async def edit(request: Request) -> Response:
-        body = await _body(request)
-        return await _answer(lambda: answered(document.edit(parsed(body))))
+    @answers("/status")
+    def report_status(self, query: Query) -> Mapping[str, Any]:
+        return self._document.status() if "whole" in query.parameters else self._document.signs()
 
-    async def status(request: Request) -> Response:
-        return await _answer(document.status if "whole" in request.query_params else document.signs)
+    # Edits
 
-    async def stack(request: Request) -> Response:
-        body = await _body(request)
+    @answers("/edit", "POST")
+    def edit(self, query: Query) -> Mapping[str, Any]:
+        return self._changed(self._document.edit(parsed(query.body)))
 
-        def arranged() -> Mapping[str, Any]:
-            look = _number(body, "look")
-            match body.get("op"):
-                case "copy":
-                    return {"text": document.copy(look, _number(body, "layer"))}
-                case "preset":
-                    words = str(body.get("name")), str(body.get("category"))
-                    saved = document.save_preset(look, _number(body, "layer"), *words)
-                    library.cache_clear()
-                    return {"file": str(saved)}
-                case "solo":
-                    document.solo(look, None if body.get("layer") is None else _number(body, "layer"))
-                    return answered(True)
-            return answered(document.arrange(look, body))
+    @answers("/stack", "POST")
+    def edit_stack(self, query: Query) -> Mapping[str, Any]:
+        document, body, look = self._document, query.body, query.number("look")
+        match body.get("op"):
+            case "copy":
+                return {"text": document.copy(look, query.number("layer"))}
+            case "preset":
+                name, category = str(body.get("name")), str(body.get("category"))
+                file = document.save_preset(look, query.number("layer"), name, category)
+                self._library.cache_clear()
+                return {"file": str(file)}
+            case "solo":
+                document.solo(look, None if body.get("layer") is None else query.number("layer"))
+                return self._changed(True)
+        return self._changed(document.arrange(look, body))
 
-        return await _answer(arranged)
+    @answers("/wear", "POST")
+    def assign_look(self, query: Query) -> Mapping[str, Any]:
+        return self._changed(self._document.wear(query.body))
 
-    async def wear(request: Request) -> Response:
-        body = await _body(request)
-        return await _answer(lambda: answered(document.wear(body)))
+    @answers("/wearables")
+    def list_materials(self, query: Query) -> Mapping[str, Any]:
+        return self._document.wearables()
 
-    async def wearables(request: Request) -> Response:
-        return await _answer(document.wearables)
+    @answers("/history", "POST")
+    def step_history(self, query: Query) -> Mapping[str, Any]:
+        redo = query.body.get("redo")
+        if not isinstance(redo, bool):
+            raise LookdevError("a step of the history has 'redo', true or false")
+        return self._changed(self._document.undo(1 if redo else -1))
 
-    async def history(request: Request) -> Response:
-        body = await _body(request)
+    # Files
 
-        def stepped() -> Mapping[str, Any]:
-            if not isinstance(body.get("redo"), bool):
-                raise LookdevError("a step of the history has 'redo', true or false")
-            return answered(document.undo(1 if body["redo"] else -1))
+    @answers("/save", "POST")
+    def save(self, query: Query) -> Mapping[str, Any]:
+        look, name, over = (query.body.get(key) for key in ("look", "name", "over"))
+        wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
+        if wrong or (name is None and not isinstance(over, bool)):
+            raise LookdevError("what is saved has a look's number and a file's name, or 'over', true or false")
+        files = self._document.save(look, name, over=over is True)
+        return {**self._changed(), "files": list(map(str, files))}
 
-        return await _answer(stepped)
+    @answers("/disk", "POST")
+    def settle_change_on_disk(self, query: Query) -> Mapping[str, Any]:
+        document = self._document
+        match query.body.get("do"):
+            case "load":
+                return self._changed(document.reload())
+            case "keep":
+                document.ignore()
+            case "restore":
+                return self._changed(document.recover(take=True))
+            case "discard":
+                document.recover(take=False)
+            case _:
+                raise LookdevError("what is done about a file on disk is load, keep, restore or discard")
+        return self._changed()
 
-    async def disk(request: Request) -> Response:
-        body = await _body(request)
+    @answers("/images")
+    def list_images(self, query: Query) -> Mapping[str, Any]:
+        look = query.parameters.get("look", "")
+        return {"images": self._document.images(int(look) if look.isdecimal() else -1)}
 
-        def done() -> Mapping[str, Any]:
-            match body.get("do"):
-                case "load":
-                    return answered(document.reload())
-                case "keep":
-                    document.ignore()
-                case "restore":
-                    return answered(document.recover(take=True))
-                case "discard":
-                    document.recover(take=False)
-                case _:
-                    raise LookdevError("what is done about a file on disk is load, keep, restore or discard")
-            return answered()
+    # Snapshots
 
-        return await _answer(done)
-
-    async def snapshots(request: Request) -> Response:
-        body = await _body(request)
-
-        def done() -> Mapping[str, Any]:
-            match body.get("do"):
-                case "show":
-                    return answered(document.show_snapshot(_number(body, "number")))
-                case "drop":
-                    document.snapshots.drop(_number(body, "number"))
-                case _:
-                    raise LookdevError("a snapshot is shown or dropped")
-            return answered()
-
-        return await _answer(done)
-
-    async def picture(request: Request) -> Response:
+    @responds(PICTURE, "POST")
+    async def keep_snapshot(self, request: Request) -> Response:
         content = bytearray()
         async for chunk in request.stream():
             content += chunk
             if len(content) > LARGEST:
                 break  # refused as too large
 
-        def kept() -> Mapping[str, Any]:
-            document.keep_snapshot(bytes(content))
-            return answered()
+        def keep() -> Mapping[str, Any]:
+            self._document.keep_snapshot(bytes(content))
+            return self._changed()
 
-        return await _answer(kept)
+        return await _answer(keep)
 
-    async def snapshot(request: Request) -> Response:
+    @answers("/snapshots", "POST")
+    def use_snapshot(self, query: Query) -> Mapping[str, Any]:
+        match query.body.get("do"):
+            case "show":
+                return self._changed(self._document.show_snapshot(query.number("number")))
+            case "drop":
+                self._document.snapshots.drop(query.number("number"))
+            case _:
+                raise LookdevError("a snapshot is shown or dropped")
+        return self._changed()
+
+    @responds("/snapshots/{number:int}")
+    async def send_snapshot(self, request: Request) -> Response:
         try:
-            found = document.snapshots[int(request.path_params["number"])]
+            snapshot = self._document.snapshots[int(request.path_params["number"])]
         except LookdevError as error:
             return PlainTextResponse(f"{error}\n", 404)
-        return Response(found.picture, media_type="image/png", headers=_FRESH)
+        return Response(snapshot.picture, media_type="image/png", headers=_FRESH)
 
-    async def presets(request: Request) -> Response:
-        def listed() -> Mapping[str, Any]:
-            found = library()
-            rows = [
-                {"name": each.name, "category": each.category, "model": each.model, "doc": each.doc}
-                for each in found.presets
-            ]
-            return {"presets": rows, "faults": [str(fault) for fault in found.faults]}
+    # Presets
 
-        return await _answer(listed)
+    @answers("/presets")
+    def list_presets(self, query: Query) -> Mapping[str, Any]:
+        library = self._library()
+        rows = [
+            {"name": preset.name, "category": preset.category, "model": preset.model, "doc": preset.doc}
+            for preset in library.presets
+        ]
+        return {"presets": rows, "faults": [str(fault) for fault in library.faults]}
 
-    async def thumb(request: Request) -> Response:
+    @responds("/presets/{name}")
+    async def send_thumbnail(self, request: Request) -> Response:
         name = request.path_params["name"]
 
-        def drawn() -> bytes | None:
+        def draw() -> bytes | None:
             # Plots take as long to import as the rest of the page.
             from lookdev.studio.designer.thumbnails import thumbnail
 
-            found = next((each for each in library().presets if each.name == name), None)
-            return thumbnail(found).read_bytes() if found else None
+            preset = next((preset for preset in self._library().presets if preset.name == name), None)
+            return thumbnail(preset).read_bytes() if preset else None
 
         try:
-            picture = await anyio.to_thread.run_sync(drawn, limiter=drawing)
+            picture = await anyio.to_thread.run_sync(draw, limiter=self._drawing)
         except LookdevError as error:
             return PlainTextResponse(f"{error}\n", 404)
         if picture is None:
             return PlainTextResponse("no such preset\n", 404)
         return Response(picture, media_type="image/png", headers={"cache-control": "private, max-age=600"})
 
-    async def images(request: Request) -> Response:
-        look = request.query_params.get("look", "")
-        return await _answer(lambda: {"images": document.images(int(look) if look.isdecimal() else -1)})
+    # Lights and turntables
 
-    async def choose(request: Request) -> Response:
-        body = await _body(request)
+    @answers("/lights", "GET", "POST")
+    def set_light(self, query: Query) -> Mapping[str, Any]:
+        scene, rig = self._document.scene, self._document.chosen[1]
+        if query.body.get("reset") is True:
+            self._lights.reset(rig)
+        elif query.posted:
+            self._lights.set(rig, scene, *setting_of(query.body))
+        return self._lights.described(rig, scene)
 
-        def chosen() -> Mapping[str, Any]:
-            document.choose(str(body.get("look")), str(body.get("rig")))
-            return {}
+    @answers("/turntable", "GET", "POST")
+    def render_turntable(self, query: Query) -> Mapping[str, Any]:
+        if query.body.get("do") == "render":
+            self._turntable.start(self._lit_scene, *self._document.chosen)
+        elif query.body.get("do") == "cancel":
+            self._turntable.cancel()
+        return self._turntable.described()
 
-        return await _answer(chosen)
-
-    async def light(request: Request) -> Response:
-        body = await _body(request)
-
-        def changed() -> Mapping[str, Any]:
-            scene, rig = document.scene, document.chosen[1]
-            if body.get("reset") is True:
-                lights.reset(rig)
-            elif request.method == "POST":
-                lights.set(rig, scene, *setting_of(body))
-            return lights.described(rig, scene)
-
-        return await _answer(changed)
-
-    async def turn(request: Request) -> Response:
-        body = await _body(request)
-
-        def changed() -> Mapping[str, Any]:
-            if body.get("do") == "render":
-                turntable.start(lit, *document.chosen)
-            elif body.get("do") == "cancel":
-                turntable.cancel()
-            return turntable.described()
-
-        return await _answer(changed)
-
-    async def turned(request: Request) -> Response:
-        file = turntable.picture(request.path_params["run"], request.path_params["number"])
+    @responds("/turntable/{run:int}/{number:int}.png")
+    async def send_turntable_picture(self, request: Request) -> Response:
+        file = self._turntable.picture(request.path_params["run"], request.path_params["number"])
         return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=_FRESH)
 
-    async def save(request: Request) -> Response:
-        body = await _body(request)
-        look, name = body.get("look"), body.get("name")
 
-        def saved() -> Mapping[str, Any]:
-            wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
-            if wrong or (name is None and not isinstance(body.get("over"), bool)):
-                raise LookdevError("what is saved has a look's number and a file's name, or 'over', true or false")
-            files = document.save(look, name, over=body.get("over") is True)
-            return {**answered(), "files": list(map(str, files))}
-
-        return await _answer(saved)
-
-    async def pictures(socket: WebSocket) -> None:
-        await Pictures(socket, lit, exact).run()
-
-    @asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        # Made while the browser starts; a request says what is wrong with it.
-        Thread(target=_tried, args=(document.view,), daemon=True).start()
-        try:
-            yield
-        finally:
-            await anyio.to_thread.run_sync(turntable.close)
-            await anyio.to_thread.run_sync(exact.close)
-
-    return Starlette(
-        lifespan=lifespan,
-        routes=[
-            Route("/scene", show),
-            Route("/buffers/{name}", buffer),
-            Route("/edit", edit, methods=["POST"]),
-            Route("/stack", stack, methods=["POST"]),
-            Route("/wear", wear, methods=["POST"]),
-            Route("/wearables", wearables),
-            Route("/history", history, methods=["POST"]),
-            Route("/disk", disk, methods=["POST"]),
-            Route("/status", status),
-            Route(PICTURE, picture, methods=["POST"]),
-            Route("/snapshots", snapshots, methods=["POST"]),
-            Route("/snapshots/{number:int}", snapshot),
-            Route("/presets", presets),
-            Route("/presets/{name}", thumb),
-            Route("/images", images),
-            Route("/choose", choose, methods=["POST"]),
-            Route("/save", save, methods=["POST"]),
-            Route("/lights", light, methods=["GET", "POST"]),
-            Route("/turntable", turn, methods=["GET", "POST"]),
-            Route("/turntable/{run:int}/{number:int}.png", turned),
-            WebSocketRoute("/exact", pictures),
-            Mount("/viewport", Scripts(directory=VIEWPORT)),
-            Mount("/", Scripts(directory=STATIC, html=True)),
-        ],
-    )
+async def _respond(answer: Callable[[Query], Mapping[str, Any]], request: Request) -> Response:
+    query = Query(await _body(request), request.query_params, request.method == "POST")
+    return await _answer(lambda: answer(query))
 
 
-def _tried(make: Callable[[], Any]) -> None:
+def _try(make: Callable[[], Any]) -> None:
     with suppress(LookdevError, OSError):
         make()
-
-
-def _number(body: Mapping[str, Any], name: str) -> int:
-    found = body.get(name)
-    if not isinstance(found, int) or isinstance(found, bool):
-        raise LookdevError(f"'{name}' is a number")
-    return found
 
 
 async def _body(request: Request) -> Mapping[str, Any]:
