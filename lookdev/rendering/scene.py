@@ -82,7 +82,7 @@ class SceneTasks:
             space=scene.film.space,
             sampling=used,
             prims=tuple(instance.path for instance in asset.instances) if "cryptomatte" in used.passes else (),
-            light_groups=layers,
+            light_groups=(*groups, *(group for group in layers if group not in groups)),
             camera=scene.camera,
             device=self._device,
         )

@@ -37,8 +37,8 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
         found += charts_doubts(readings)
         header = dict(charts_header(readings))
     _write(task, rendered, beauty, header)
-    name = FrameName.of(task.files[0])
-    return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *(f"{name}: {doubt}" for doubt in found)))
+    notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in found)
+    return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
 
 
 def exposed(task: FrameTask, rendered: Rendered) -> NDArray[np.float32]:
