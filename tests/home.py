@@ -55,5 +55,5 @@ def tmp_path(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRe
 
     No name comes twice in a process: USD would hand the layer out that was there before.
     """
-    name = re.sub(r"\W", "_", request.node.name)[:30]
+    name = re.sub(r"\W", "_", request.node.name)[:25]
     return tmp_path_factory.mktemp(f"{name}-{next(_NUMBERS)}", numbered=False)
