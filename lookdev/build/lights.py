@@ -50,12 +50,12 @@ class RigLights:
                     yield f"rig '{self.name}': {rig_light.path} is linked to {path}, but the asset has no such part"
 
 
-def read_lights(job: Job, findings: Findings) -> tuple[RigLights, ...]:
-    """Read the lights of a job."""
+def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLights, ...]:
+    """Read the lights of a job; without `sampled`, domes have no tables by which shaders draw directions."""
     rigs: list[RigLights] = []
     for index, ibl in enumerate(job.ibl):
         with findings.collect(f"ibl[{index}]"):
-            dome_map = load_dome(ibl.file, ibl.builtin)
+            dome_map = load_dome(ibl.file, ibl.builtin, sampled=sampled)
             dome_map.check_exposed(ibl.exposure)
             if dome_map.repairs:
                 findings.note(f"ibl '{ibl.name}': {dome_map.repairs}")
@@ -63,7 +63,7 @@ def read_lights(job: Job, findings: Findings) -> tuple[RigLights, ...]:
             rigs.append(RigLights(ibl.name, lights, check_exposed=dome_map.check_exposed))
     for index, table in enumerate(job.rig):
         with findings.collect(f"rig[{index}]"):
-            rig = _read_rig(table)
+            rig = _read_rig(table, sampled=sampled)
             rig.check_exposed(table.exposure)
             findings.note(*rig.notes)
             rigs.append(RigLights(table.name, _lights(rig, job), rig, rig.check_exposed))
@@ -71,7 +71,7 @@ def read_lights(job: Job, findings: Findings) -> tuple[RigLights, ...]:
 
 
 def vary_lights(
-    job: Job, wedges: Wedges, rigs: Sequence[RigLights], findings: Findings
+    job: Job, wedges: Wedges, rigs: Sequence[RigLights], findings: Findings, *, sampled: bool
 ) -> tuple[Job, tuple[RigLights, ...], dict[str, str]]:
     """Return the job with the lights of its wedges, all its lights, and the key in the job file of each.
 
@@ -91,7 +91,7 @@ def vary_lights(
                 continue  # it has faults of its own
             values = {key.removeprefix("light:"): value for key, value in variation.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
-                rig = _read_rig(table, values)
+                rig = _read_rig(table, values, sampled=sampled)
                 base = RigLights(name, _lights(rig, job), rig, rig.check_exposed)
             base.check_exposed(table.exposure)
             varied_lights.append(replace(base, name=name))
@@ -104,6 +104,6 @@ def _lights(rig: Rig, job: Job) -> tuple[Light, ...]:
     return tuple(in_space(light, job.render.space) for light in rig.lights)
 
 
-def _read_rig(table: JobRig, values: Mapping[str, Value] | None = None) -> Rig:
+def _read_rig(table: JobRig, values: Mapping[str, Value] | None = None, *, sampled: bool) -> Rig:
     file = table.usd if table.usd is not None else rig_file(table.builtin or "")
-    return load_rig(file, table.prim, values)
+    return load_rig(file, table.prim, values, sampled=sampled)

@@ -41,7 +41,13 @@ class JobScenes:
     charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
 
 
-def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None, reader: AssetReader | None = None) -> JobScenes:
+def job_scenes(
+    job: Job,
+    ahead: Ahead = lambda job, look, lights: None,
+    reader: AssetReader | None = None,
+    *,
+    sampled: bool = True,
+) -> JobScenes:
     """Read the files of a job; raises FaultsError with all faults of all files.
 
     Lights and materials are read before the asset. In between `ahead` is called with a look and a rig, unless there
@@ -51,15 +57,17 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None, reader: 
     ----------
     reader
         That of the job's asset, where it was read before.
+    sampled
+        Whether domes have tables by which shaders draw directions: backends with lights of their own need none.
     """
     findings = Findings(job)
     reader = reader or AssetReader(job.asset)
     job, look_keys = expand_looks(job, reader, findings)
-    lights = read_lights(job, findings)
+    lights = read_lights(job, findings, sampled=sampled)
     wedges = expand_wedges(job, findings)
     _check_frames(job, wedges, findings)
     materials = {look.name: read_materials(look, look_keys[look.name], findings) for look in job.look}
-    job, rigs, rig_keys = vary_lights(job, wedges, lights, findings)
+    job, rigs, rig_keys = vary_lights(job, wedges, lights, findings, sampled=sampled)
     for name, variation in wedges.looks.items():
         materials[name] = vary_looks(materials[variation.base], variation, findings)
     own = [looks[-1] for looks in materials.values() if looks]

@@ -21,6 +21,7 @@ from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
+from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Film, Scene
@@ -71,7 +72,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(tasks.task(scene, job.render.sampling))
 
-    made = make_setups(job_scenes(job, show), tasks)
+    sampled = BACKENDS[job.render.backend].directions
+    made = make_setups(job_scenes(job, show, sampled=sampled), tasks)
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     charts = Charts(made.charts, job.charts.strip(job.render.resolution)) if job.charts else None
@@ -87,7 +89,10 @@ def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     render = job.render.model_copy(update={"space": REC709})
     job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
     job = _with_backend(job, backend)
-    return make_setups(job_scenes(job), SceneTasks(job.render.backend, job.render.device))
+    # Without a backend of its own, whoever asks may compare with one that draws directions.
+    sampled = backend is None or BACKENDS[backend].directions
+    tasks = SceneTasks(job.render.backend, job.render.device)
+    return make_setups(job_scenes(job, sampled=sampled), tasks)
 
 
 def _with_backend(job: Job, backend: str | None) -> Job:

@@ -13,6 +13,7 @@ from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
+from lookdev.light.dome import points
 from lookdev.light.dome.maps import KnownMap, load_dome
 from lookdev.material import Look
 from lookdev.plan.prepare import plan_job, prepare_job
@@ -47,6 +48,19 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "job.toml"
     path.write_text(JOB)
     return path
+
+
+@pytest.mark.parametrize(("backend", "tables"), [("exact", 1), ("nodes", 0), ("nodes-exact", 0)])
+def test_maps_have_tables_where_directions_are_drawn_from_them(
+    job: Path, backend: str, tables: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(points, "SIDE", 32)
+    job.write_text(job.read_text().replace('builtin = "white"', 'builtin = "city"'))
+    digests = [frame.task.digest for frame in prepare_job(job, backend).plan.frames]
+    assert len(list((job.parent / "cache" / "ibl").glob("*.tables.json"))) == tables
+    # The tables are there now, for whatever reason: no digest is another.
+    prepare_job(job, "exact")
+    assert [frame.task.digest for frame in prepare_job(job, backend).plan.frames] == digests
 
 
 def faults_of(job: Path, **options: str) -> list[str]:
@@ -141,7 +155,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
 
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], generate=counted))
 
-    def varied(file: Path | None, builtin: str) -> KnownMap:
+    def varied(file: Path | None, builtin: str, *, sampled: bool) -> KnownMap:
         """Return a map that varies, but for white; its tables of directions are any file: nothing reads them here."""
         white = load_dome(builtin="white")
         if builtin == "white":

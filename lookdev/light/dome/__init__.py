@@ -171,10 +171,10 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     return Dome(radiance_file, drawn_from, cut, weights, width, height, digest, env.is_constant)
 
 
-def known_dome(digest: str, width: int, height: int, constant: bool) -> Dome | None:
-    """Return the sampled dome that `prepare_light` made, by its `map_digest`; None where a file of it is missing."""
+def known_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
+    """Return the dome that `prepare_light` made, by its `map_digest`; None where a file of it is missing."""
     radiance = known("ibl", f"{digest}.radiance")
-    tables = () if constant else known("ibl", f"{digest}.tables")
+    tables = () if constant or not sampled else known("ibl", f"{digest}.tables")
     if radiance is None or tables is None:
         return None
     drawn_from, cut, weights = tables or (None, None, None)

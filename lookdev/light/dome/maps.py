@@ -29,13 +29,13 @@ class KnownMap:
         check_exposed(self.largest, exposure, self.where)
 
 
-def load_dome(file: Path | None = None, builtin: str | None = None) -> KnownMap:
+def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: bool = True) -> KnownMap:
     """Load a map as `load_environment`, and its dome as `prepare_light`; errors as both.
 
     The pixels of a content that was read before are not read while the cache has the dome's files.
     """
     if builtin == "white" or (file is None) == (builtin is None):
-        return _read(file, builtin)
+        return _read(file, builtin, sampled)
     source = builtin_file(builtin or "") if file is None else file
     check_file(source, EnvironmentMapError)
     # The name says how its content is read.
@@ -43,15 +43,15 @@ def load_dome(file: Path | None = None, builtin: str | None = None) -> KnownMap:
     key = hashlib.sha256(named.encode()).hexdigest()
     match kept(_ROOM, key):
         case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
-            if dome := known_dome(digest, width, height, constant):
+            if dome := known_dome(digest, width, height, constant, sampled):
                 return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
-    found = _read(file, builtin)
+    found = _read(file, builtin, sampled)
     dome = found.dome
     keep(_ROOM, key, [dome.map_digest, dome.width, dome.height, dome.constant, found.largest, asdict(found.repairs)])
     return found
 
 
-def _read(file: Path | None, builtin: str | None) -> KnownMap:
+def _read(file: Path | None, builtin: str | None, sampled: bool) -> KnownMap:
     environment = load_environment(file, builtin)
-    dome = prepare_light(environment)
+    dome = prepare_light(environment, sampled=sampled)
     return KnownMap(dome, environment.repairs, float(environment.radiance.max()), environment.where)
