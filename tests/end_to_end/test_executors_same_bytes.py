@@ -46,7 +46,7 @@ SETTINGS = {
             ("mitsuba", "off", 2e-3),
             ("mitsuba", "measured", 2e-4),
             ("nodes", "off", 2e-3),
-            ("nodes-exact", "off", 2e-2),
+            ("nodes-exact", "off", 0.2),
         )
     },
 }
