@@ -19,10 +19,10 @@ class Importers(Contract):  # type: ignore[misc]
         for line in self.importers:
             package, _, names = line.partition(":")
             allowed = [f"lookdev.{name}" for name in names.split()]
-            found = graph.find_modules_that_directly_import(package) if package in graph.modules else ()
+            importers = graph.find_modules_that_directly_import(package) if package in graph.modules else ()
             wrong += [
                 (package, module)
-                for module in sorted(found)
+                for module in sorted(importers)
                 if not any(f"{module}.".startswith(f"{name}.") for name in allowed)
             ]
         return ContractCheck(kept=not wrong, metadata={"wrong": wrong})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
@@ -35,7 +35,7 @@ class Findings:
         except (AssetError, CodegenError, EnvironmentMapError, TextureError, ModelError) as error:
             self.add(key, str(error))
 
-    def raise_faults(self, more: Iterable[Fault] = ()) -> None:
+    def raise_faults(self) -> None:
         """Raise a FaultsError of all faults, each once, if there are any."""
-        if unique := tuple(dict.fromkeys((*self.faults, *more))):
+        if unique := tuple(dict.fromkeys(self.faults)):
             raise FaultsError(unique)

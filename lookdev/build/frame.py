@@ -54,19 +54,22 @@ def refine_and_frame(
     FaultsError
         With the faults of all looks.
     """
-    cages = {name: cages_of_displaced(each.asset, each.looks) for name, each in assigned.items()}
+    cages = {
+        name: cages_of_displaced(assigned_asset.asset, assigned_asset.looks)
+        for name, assigned_asset in assigned.items()
+    }
     with findings.collect("camera"):
         cameras, camera_notes = job_cameras(job, {name: asset for name, (asset, _) in cages.items()}, shot)
     findings.raise_faults()
     refiner = Refiner(job.asset.subdivision, job.render.resolution[0])
     assets: dict[str, Asset] = {}
-    for name, each in assigned.items():
+    for name, assigned_asset in assigned.items():
         asset, displaced = cages[name]
         with findings.collect(keys[name]):
             refined, level_notes = refiner.refine(asset, cameras[name], displaced)
-            complete, uv_notes = with_uvs(refined, each.looks, each.bound)
-            assets[name] = displace(complete, each.looks)
-            findings.note(*level_notes, *uv_notes, *absent_primvars(complete, each.looks))
+            complete, uv_notes = with_uvs(refined, assigned_asset.looks, assigned_asset.bound)
+            assets[name] = displace(complete, assigned_asset.looks)
+            findings.note(*level_notes, *uv_notes, *absent_primvars(complete, assigned_asset.looks))
     findings.raise_faults()
     if any(mesh.subdivision is not None for asset, _ in cages.values() for mesh in asset.meshes):
         cameras, camera_notes = job_cameras(job, assets, shot)

@@ -92,10 +92,11 @@ def job_scenes(
         shot = read_shot(job, next(iter(composed.values())))
     findings.raise_faults()
     assets, cameras = refine_and_frame(job, assigned, shot, look_keys, findings)
-    looks = {name: each.looks for name, each in assigned.items()}
+    looks = {name: assigned_asset.looks for name, assigned_asset in assigned.items()}
     parts = {path for asset in composed.values() for path in asset.paths}
     scenes = _scenes(job, _Subject(assets, looks, cameras, parts), rigs, wedges, findings)
-    charts = _charts(job, assets, cameras, [rig for rig in rigs if rig.name in {name for _, name in scenes}], findings)
+    rig_names = {rig for _, rig in scenes}
+    charts = _charts(job, assets, cameras, [rig for rig in rigs if rig.name in rig_names], findings)
     notes = tuple(dict.fromkeys(map(shortened, findings.notes)))
     return JobScenes(job, scenes, look_keys, notes, rig_keys, wedges.sheets, charts)
 

@@ -57,14 +57,31 @@ class SceneTasks:
         groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
         numbers = tuple(layers.index(group) for group in groups)
+        # Surfaces are many, sets of lights few.
+        lights = {surface.lights: tuple(scene.lights[number] for number in surface.lights) for surface in surfaces}
+        codes = {
+            numbers_of_lights: _code_of_lights(reaching, self._backend, sampling)
+            for numbers_of_lights, reaching in lights.items()
+        }
+
+        def generate(sampling: Sampling, shadows: bool) -> list[Source]:
+            sources = []
+            for surface in surfaces:
+                own = tuple(numbers[number] for number in surface.lights) if numbers else ()
+                setting = SourceSetting(lights[surface.lights], scene.film.resolution, sampling, shadows)
+                setting = replace(setting, catching=surface.catching, light_groups=own, space=scene.film.space)
+                code = codes[surface.lights]
+                sources.append(self._source(surface.look, setting, (*code, own) if own else code))
+            return sources
+
         asset = scene.asset
         used = replace(sampling, bounces=0) if asset.convex else sampling
-        sources = [self._source(surface, scene, used, numbers, not asset.convex) for surface in surfaces]
+        sources = generate(used, not asset.convex)
         if asset.convex and not asset.sheet and any(source.transmits or source.see_through for source in sources):
             used = sampling
-            sources = [self._source(surface, scene, used, numbers, True) for surface in surfaces]
+            sources = generate(used, True)
         for source, surface in zip(sources, surfaces, strict=True):
-            _check_shadows(source, [scene.lights[number] for number in surface.lights])
+            _check_shadows(source, lights[surface.lights])
         # Equal looks of two materials have one source, unless messages name them differently.
         keys = [(source.name, source.digest, surface.lights) for source, surface in zip(sources, surfaces, strict=True)]
         different = dict(zip(keys, sources, strict=True))
@@ -82,7 +99,7 @@ class SceneTasks:
             space=scene.film.space,
             sampling=used,
             prims=tuple(instance.path for instance in asset.instances) if "cryptomatte" in used.passes else (),
-            light_groups=(*groups, *(group for group in layers if group not in groups)),
+            light_groups=(*groups, *(group for group in every_group if group not in groups)),
             camera=scene.camera,
             device=self._device,
         )
@@ -104,19 +121,12 @@ class SceneTasks:
                 f"most {MOST_GROUPS + 1} would be right"
             )
 
-    def _source(
-        self, surface: _Surface, scene: Scene, sampling: Sampling, numbers: Sequence[int], shadows: bool
-    ) -> Source:
-        """Return the source of a surface; `numbers` are those of the groups of the scene's lights."""
-        lights = tuple(scene.lights[number] for number in surface.lights)
-        groups = tuple(numbers[number] for number in surface.lights) if numbers else ()
-        resolution, space = scene.film.resolution, scene.film.space
-        setting = SourceSetting(lights, resolution, sampling, shadows, surface.catching, None, groups, space)
-        of_lights = _code_of_lights(lights, self._backend, sampling)
-        like = (*of_lights, groups) if groups else of_lights
-        key = (id(surface.look), *like, resolution, sampling, shadows, space, surface.catching)
+    def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> Source:
+        """Return the source of a look; `code` is all of the lights that it depends on."""
+        own = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
+        key = (id(look), *code, *own)
         if key not in self._sources:
-            self._sources[key] = kept_source(self._backend, surface.look, setting, like), surface.look
+            self._sources[key] = kept_source(self._backend, look, setting, code), look
         return self._sources[key][0]
 
 

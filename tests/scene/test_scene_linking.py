@@ -106,6 +106,17 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
     assert [part for part in one if one[part] != two[part]] == ["ibl"]
 
 
+def test_each_light_that_reaches_nothing_has_the_layer_of_its_group() -> None:
+    """Digests of frames have this list, a group as often as lights of it: it is as in frames that are on disk."""
+    key, black = (
+        replace(RectLight.example(), position=(0.0, 0.0, 3.0), emission=Emission(color, group=group))
+        for color, group in (((1.0, 1.0, 1.0), "key"), ((0.0, 0.0, 0.0), "fill"))
+    )
+    scene = replace(Scene.of_look(three(), GREY, key, (8, 8)), lights=(key, black, black))
+    task = scene_task(scene, Sampling(passes=("lights",)))
+    assert (task.lights, task.light_groups) == ((key,), ("key", "fill", "fill"))
+
+
 def test_looks_are_in_the_order_of_the_slots() -> None:
     asset, white = load_asset(builtin="shaderball"), prepare_light(load_environment(builtin="white"))
     body, base = (slot.path for slot in asset.slots)
