@@ -39,6 +39,8 @@ def shade_by_normals(shown: Shown) -> None:
 def configure_as_users_do(scene: Any) -> None:
     """Set Blender's defaults where `engine.configure_closures` differs."""
     settings = scene.cycles
+    if scene.world.cycles.sampling_method == "MANUAL":
+        scene.world.cycles.sampling_method = "AUTOMATIC"
     settings.sampling_pattern = "AUTOMATIC"
     settings.light_sampling_threshold = 0.01
     settings.transparent_max_bounces = 8

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
+NODES_VERSION = 1
+"""Raised when backend `nodes` alone does."""
+
 MITSUBA_VERSION = 5
 """Raised when `lookdev.mitsuba` does."""
 
@@ -39,6 +42,10 @@ def blender_version() -> str:
 
 def _of_cycles() -> str:
     return f"{blender_version()} {RENDER_VERSION}"
+
+
+def _of_nodes() -> str:
+    return f"{_of_cycles()}.{NODES_VERSION}"
 
 
 def _of_mitsuba() -> str:
@@ -167,6 +174,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_nodes,
             devices=_ANY_DEVICE,
             in_jobs=True,
+            version=_of_nodes,
             passes=tuple(name for name, each in PASSES.items() if not each.light),
         ),
         Backend(

@@ -85,6 +85,16 @@ def test_pose_exposure_and_versions_count(scene: SceneTask, monkeypatch: pytest.
     assert changed_parts(other_blender, part_digests(scene, POSE, 0.0)) == {"render"}
 
 
+def test_a_version_of_nodes_counts_for_them_alone(
+    scene: SceneTask, node_source: NodeSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenes = scene, replace(scene, backend="nodes", shaders=(node_source,))
+    before = [part_digests(each, POSE, 0.0) for each in scenes]
+    monkeypatch.setattr(backends, "NODES_VERSION", backends.NODES_VERSION + 1)
+    after = [part_digests(each, POSE, 0.0) for each in scenes]
+    assert [changed_parts(*each) for each in zip(before, after, strict=True)] == [set(), {"render"}]
+
+
 def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) -> None:
     principled = [PrincipledSource("p", {"Roughness": roughness}) for roughness in (0.5, 0.6)]
     sources = [scene.shaders[0], node_source, replace(node_source, digest="1"), *principled]
