@@ -99,7 +99,7 @@ def grey(*, local: bool = False) -> Dome:
     return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)), local=local)
 
 
-KINDS = ("rect", "disk", "sphere", "cylinder", "distant", "local_dome")
+KINDS = tuple(name for name, kind in LIGHT_KINDS.items() if kind.osl is None)
 RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
     **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
     "local grey": lambda folder: (LocalDome(dome=grey(local=True), position=(0.3, 0.0, 0.5), radius=2.0, edge=0.5),),

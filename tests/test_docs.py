@@ -22,7 +22,7 @@ from lookdev.inspect.doctor import SYSTEM_LIBRARIES
 from lookdev.job import json_schema, load_job, parse_job
 from lookdev.light.rig import load_rig
 from lookdev.light.rig.attributes import OURS
-from lookdev.light.rig.kinds import KINDS
+from lookdev.light.rig.find import USD_LIGHTS
 from lookdev.material.library import SHIPPED, read_library
 from lookdev.material.usd import read_look
 
@@ -214,7 +214,7 @@ def test_an_example_rig_is_valid(text, tmp_path):
 def test_every_attribute_of_ours_is_documented():
     rows = re.findall(r"^\| `lookdev:([\w:]+)` \| (\w+) \|", LIGHTS.read_text(), re.MULTILINE)
     assert dict(rows) == OURS
-    assert {name for kind in KINDS.values() for name in kind.ours} == set(OURS)
+    assert {name for kind in USD_LIGHTS.values() for name in kind.attributes} == set(OURS)
 
 
 def test_tables_are_what_the_code_says():

@@ -7,7 +7,6 @@ import pytest
 from lookdev.light import DistantLight, Emission, RectLight, Shadow, Shaping, prepare_light
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.picture import prepare_texture
-from lookdev.light.space import in_space
 from lookdev.space import BASE, CHROMATICITIES, OCIO_NAMES, error_in_rec709, from_rec709, to_rec709, to_space
 
 
@@ -70,18 +69,18 @@ def test_a_light_sends_the_same_in_another_space(rng, monkeypatch, name):
     for table, size in (("slots.SLOTS", 64), ("points.SIDE", 32), ("bins.COUNT", 4)):
         monkeypatch.setattr(f"lookdev.light.dome.{table}", size)  # tables of the light that take little time
     light = LIGHTS[name](rng)
-    other = in_space(light, "acescg")
+    other = light.in_space("acescg")
     place = np.zeros(3)
     directions = light.sample(np.zeros((300, 3)), rng.random((300, 2)))
     sent = light.radiance(place, directions)
     assert (sent.max(axis=-1) > 0.0).sum() > 100
     np.testing.assert_allclose(other.radiance(place, directions), to_space(sent, "acescg"), rtol=1e-5, atol=1e-7)
     assert other.digest != light.digest
-    assert in_space(light, "rec709") is light
+    assert light.in_space("rec709") is light
 
 
 def test_a_shadow_leaves_the_same_light():
     emission = Emission((3.0, 1.0, 0.2), shadow=Shadow(color=(0.5, 0.1, 0.0)))
-    other = in_space(DistantLight(angle=5.0, emission=emission), "acescg").emission
+    other = DistantLight(angle=5.0, emission=emission).in_space("acescg").emission
     left = [np.array(light.color) * np.array(light.shadow.color) for light in (emission, other)]
     np.testing.assert_allclose(left[1], to_space(left[0], "acescg"), rtol=1e-12)

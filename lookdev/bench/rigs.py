@@ -11,7 +11,6 @@ import numpy as np
 
 from lookdev.asset import Asset
 from lookdev.light import DiskLight, Emission, Light, RectLight, SphereLight, load_environment, placement, prepare_light
-from lookdev.light.fit import fitted, with_emission
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class BenchRig:
 
     def around(self, asset: Asset) -> tuple[Light, ...]:
         """Return the lights around an asset."""
-        return tuple(fitted(light, asset.radius, asset.center) for light in self.make())
+        return tuple(light.scaled(asset.radius, asset.center) for light in self.make())
 
 
 def _at(x: float, y: float, z: float) -> dict[str, Any]:
@@ -40,7 +39,7 @@ def _at(x: float, y: float, z: float) -> dict[str, Any]:
 def _three(dome: str, brightness: float) -> tuple[Light, ...]:
     """Return a dome, a key of a rectangle, a fill of a disk and a rim of a sphere."""
     return (
-        with_emission(prepare_light(load_environment(builtin=dome)), Emission((brightness,) * 3)),
+        prepare_light(load_environment(builtin=dome)).with_emission(Emission((brightness,) * 3)),
         RectLight(width=1.2, height=0.8, emission=Emission((18.0, 16.0, 14.0)), **_at(-2.2, -2.2, 1.8)),
         DiskLight(radii=(0.7, 0.7), emission=Emission((3.0, 4.0, 5.0)), **_at(2.6, -1.4, 0.6)),
         SphereLight(radius=0.3, position=(0.8, 2.6, 1.6), emission=Emission((30.0, 30.0, 36.0))),

@@ -13,9 +13,7 @@ from lookdev.job.wedge import Value
 from lookdev.light import Light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.dome.maps import load_dome
-from lookdev.light.fit import fitted
 from lookdev.light.rig import Rig, load_rig
-from lookdev.light.space import in_space
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class RigLights:
         if not self.is_fitted:
             return self.lights
         x, y, z = asset.center
-        return tuple(fitted(light, asset.radius, (x, y, z)) for light in self.lights)
+        return tuple(light.scaled(asset.radius, (x, y, z)) for light in self.lights)
 
     def link_notes(self, parts: Collection[str]) -> Iterator[str]:
         """Yield a note on each path that a light is linked to, and that is neither one of the parts nor above one."""
@@ -59,7 +57,7 @@ def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLigh
             dome_map.check_exposed(ibl.exposure)
             if dome_map.repairs:
                 findings.note(f"ibl '{ibl.name}': {dome_map.repairs}")
-            lights = (in_space(dome_map.dome, job.render.space),)
+            lights = (dome_map.dome.in_space(job.render.space),)
             rigs.append(RigLights(ibl.name, lights, check_exposed=dome_map.check_exposed))
     for index, table in enumerate(job.rig):
         with findings.collect(f"rig[{index}]"):
@@ -101,7 +99,7 @@ def vary_lights(
 
 
 def _lights(rig: Rig, job: Job) -> tuple[Light, ...]:
-    return tuple(in_space(light, job.render.space) for light in rig.lights)
+    return tuple(light.in_space(job.render.space) for light in rig.lights)
 
 
 def _read_rig(table: JobRig, values: Mapping[str, Value] | None = None, *, sampled: bool) -> Rig:

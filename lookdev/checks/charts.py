@@ -15,7 +15,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.light import DistantLight, Dome
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -171,7 +170,7 @@ def _predicted_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Squar
     """Return the radiance of a white surface in place of each prop, exposed, and its standard error, (3,) each."""
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of(scene.worn[-1])
-    far = all(isinstance(light, Dome | DistantLight) for light in lights)
+    far = all(light.far for light in lights)
     first = next(iter(PATCHES))
     found: dict[str, tuple[Floats, Floats]] = {}
     for prop, names in (("grey", ["grey ball"]), ("chart", [first] if far else list(PATCHES))):

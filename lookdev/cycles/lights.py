@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
-from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight
-from lookdev.light.lamps import Lamp
+from lookdev.errors import RenderError
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, called
 from lookdev.light.placement import Axes
 
 Floats = NDArray[np.float64]
@@ -69,15 +69,17 @@ def add_lights(into: Any, lights: Sequence[Light], origin: Floats, strength: flo
     """
     placed = []
     for number, light in enumerate(lights, start=1):
-        if light.kind not in BUILDERS or not isinstance(light, Lamp):
-            continue
+        if light.far and light.map_dome:
+            continue  # the world shows it
+        if light.kind not in BUILDERS:
+            raise RenderError(f"{called(light, number)}: Blender has no light of its kind")
         name = light.emission.group or f"{light.kind} {number}"
         data = BUILDERS[light.kind](name, light, strength)
         item = bpy.data.objects.new(name, data)
         item.rotation_mode = "XYZ"
         _configure(item)
         into.objects.link(item)
-        location = np.array(getattr(light, "position", origin)) - origin
+        location = np.array(light.position or origin) - origin
         made = Placed(item, light.emission.turns, location, _angles(light.axes))
         made.turn(0.0, (0.0, 0.0))
         placed.append(made)

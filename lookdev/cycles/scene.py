@@ -21,8 +21,8 @@ from lookdev.cycles.shaders import CAUGHT, RECORD, surface_material, varying_val
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
-from lookdev.light import Dome, Stand, coded
-from lookdev.light.native import still_domes, varied_domes
+from lookdev.light import Stand, coded
+from lookdev.light.native import still_domes, varied_domes, world_domes
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
 
@@ -130,7 +130,7 @@ class Scene:
             self.scene.view_layers[0].use_pass_uv = True
         if not self.by_shaders:
             # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
-            self.scene.cycles.transparent_max_bounces += 2 * sum(not isinstance(each, Dome) for each in task.lights)
+            self.scene.cycles.transparent_max_bounces += 2 * (len(task.lights) - len(world_domes(task.lights)))
 
     def _add_materials(self) -> None:
         self._materials = [self._material(number, source) for number, source in enumerate(self.task.shaders)]

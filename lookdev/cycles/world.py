@@ -13,6 +13,7 @@ from mathutils import Matrix
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
 from lookdev.light import Dome, Light
+from lookdev.light.native import world_domes
 
 _ROW = 400.0  # between the nodes of two domes
 
@@ -49,7 +50,7 @@ def build_world(
     """
     world = bpy.data.worlds.new(name)
     tree = version.empty_node_tree(world)
-    domes = [light for light in lights if isinstance(light, Dome)]
+    domes = world_domes(lights)
     shown = _passed_portals(tree, strength) if after_portals and domes else None
     surface = None
     for number, dome in enumerate(domes):

@@ -16,11 +16,10 @@ from lookdev.cache import atomic_path
 from lookdev.codegen import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
 from lookdev.job.parts import JobLook
-from lookdev.light import DiskLight, Dome, Light, RectLight, SphereLight, called
+from lookdev.light import Light, called
 from lookdev.light.dome.files import read_exr, write_exr
 from lookdev.light.emission import Emission
 from lookdev.light.lamps import is_plain
-from lookdev.light.placed import PlacedLight
 from lookdev.mtlx import is_document
 from lookdev.plan import Setup
 from lookdev.plan.prepare import read_setups
@@ -144,34 +143,27 @@ def _emitter(
 ) -> None:
     """Add a light, turned with the rig, about the asset's centre; raises EnvironmentMapError for what Mitsuba lacks."""
     turn = _turned(pose.lighting * light.emission.turns - pose.element, camera, center)
-    if isinstance(light, Dome):
+    if light.far and light.map_dome:
         if not is_plain(light):
             raise _unknown(name, "a dome with a colour, axes or controls of its own")
         file = folder / f"{light.digest[:16]}.exr"
         if not file.exists():
             with atomic_path(file) as path:
-                write_exr(path, "RGB", read_exr(light.radiance_file.path, "RGB"))
+                write_exr(path, "RGB", read_exr(light.map_dome.radiance_file.path, "RGB"))
         emitter = _plugin(root, "emitter", "envmap")
         _set(emitter, filename=f"lights/{file.name}", scale=float(gain))
         _transform(emitter, turn @ _UPRIGHT)
         return
     plain = Emission(**{field: getattr(light.emission, field) for field in _SHARED})
-    if light.emission != plain or getattr(light, "texture", None):
+    if light.emission != plain or light.shape_name == "picture":
         raise _unknown(name, "a beam, shadow, falloff, link, multiplier or texture")
-    match light:
-        case RectLight(width=width, height=height):
-            kind, size = "rectangle", np.diag([width / 2.0, height / 2.0, 1.0, 1.0])
-        case DiskLight(radii=(x, y)):
-            kind, size = "disk", np.diag([x, y, 1.0, 1.0])
-        case SphereLight(radius=radius):
-            kind, size = "sphere", np.diag([radius, radius, radius, 1.0])
-        case _:
-            raise _unknown(name, f"the kind '{light.kind}'")
-    assert isinstance(light, PlacedLight)
-    placed = np.eye(4)
-    placed[:3, :3], placed[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
+    if light.mitsuba_shape is None or light.position is None:
+        raise _unknown(name, f"the kind '{light.kind}'")
+    kind, size = light.mitsuba_shape
+    stand = np.eye(4)
+    stand[:3, :3], stand[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
     shape = _plugin(root, "shape", kind)
-    _transform(shape, turn @ placed @ size @ (np.eye(4) if kind == "sphere" else _FACING))
+    _transform(shape, turn @ stand @ size @ (_FACING if light.one_sided else np.eye(4)))
     emitter = _plugin(shape, "emitter", "area")
     ElementTree.SubElement(emitter, "rgb", name="radiance", value=_numbers(gain * np.array(light.emission.color)))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.light import CylinderLight, DiskLight, DistantLight, Dome, Emission, Light, LocalDome, RectLight
+from lookdev.light import Emission
 from lookdev.light.link import Link
 from lookdev.light.placement import Vector, vector
 from lookdev.light.rig import Rig, RigLight
@@ -81,22 +81,18 @@ def inspect_rig(rig: Rig) -> InspectedRig:
 def _light(given: RigLight) -> InspectedLight:
     light, emission = given.light, given.light.emission
     value = np.array(emission.color) * np.array(given.mean)
-    far = isinstance(light, DistantLight)
-    if isinstance(light, DistantLight):
-        # The irradiance of a cone, pi sin^2 of half its angle, or of parallel light.
-        half = np.radians(min(light.angle, 180.0)) / 2.0
-        value = value * (np.pi * np.sin(half) ** 2 if light.angle else 1.0)
-    r, g, b = value.tolist()
+    irradiance = light.irradiance_per_nit
+    r, g, b = (value if irradiance is None else value * irradiance).tolist()
     # What sends to all sides has an axis only by its shaping.
-    one_sided = isinstance(light, RectLight | DiskLight | DistantLight) or emission.shaping is not None
+    one_sided = light.one_sided or emission.shaping is not None
     return InspectedLight(
         path=given.path,
         kind=light.kind,
-        position=None if far or isinstance(light, Dome) else light.position,  # type: ignore[attr-defined]
-        shines=vector(0.0 - np.array(light.axes[2])) if one_sided else None,  # type: ignore[attr-defined]
-        sizes=_sizes(light),
+        position=light.position,
+        shines=vector(0.0 - np.array(light.axes[2])) if one_sided else None,
+        sizes=dict(light.sizes),
         value=(r, g, b),
-        unit="lux" if far else "nits",
+        unit="nits" if irradiance is None else "lux",
         image=given.image,
         group=emission.group,
         turns=emission.turns,
@@ -109,23 +105,6 @@ def _light(given: RigLight) -> InspectedLight:
         light_link=_rules(emission.light_link),
         shadow_link=_rules(emission.shadow_link),
     )
-
-
-def _sizes(light: Light) -> dict[str, float]:
-    match light:
-        case RectLight(width=width, height=height):
-            return {"width": width, "height": height}
-        case DiskLight(radii=(x, y)):
-            return {"radius x": x, "radius y": y} if x != y else {"radius": x}
-        case CylinderLight(length=length, radius=radius):
-            return {"length": length, "radius": radius}
-        case LocalDome(radius=radius, edge=edge):
-            return {"radius": radius, "edge": edge}
-        case DistantLight(angle=angle):
-            return {"angle": angle}
-        case Dome():
-            return {}
-    return {"radius": light.radius}  # type: ignore[attr-defined]
 
 
 def _shaping(emission: Emission) -> tuple[str, ...]:

@@ -1,44 +1,30 @@
-"""Lights: a protocol, and a record a kind."""
+"""Lights: what they send where, and a record a kind."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from importlib.resources import files
 from typing import Annotated, Any, cast
 
 from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from lookdev.cache import Content
-from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
+from lookdev.light.base import CodedLight, Emitter, Light, LightCode, LightKind, Turned
 from lookdev.light.cylinder import CylinderLight
 from lookdev.light.disk import DiskLight
 from lookdev.light.distant import DistantLight
-from lookdev.light.dome import Dome, example_dome, prepare_light
+from lookdev.light.dome import Dome, prepare_light
 from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_environment, make_environment
-from lookdev.light.dome.local import LocalDome, example_local_dome
+from lookdev.light.dome.local import LocalDome
 from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
 from lookdev.light.ies import Profile, load_profile
+from lookdev.light.kinds import LIGHT_KINDS, called
 from lookdev.light.lamps import CodedRig, Stand, is_plain, rig_code
 from lookdev.light.picture import prepare_texture
 from lookdev.light.placement import placement
-from lookdev.light.protocol import CodedLight, Emitter, Light, LightCode, LightKind, Turned
 from lookdev.light.rect import RectLight
 from lookdev.light.sphere import SphereLight
-
-LIGHT_KINDS: dict[str, LightKind] = {
-    "dome": LightKind(
-        Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, native.gap_of_dome, native.dome_images
-    ),
-    "local_dome": LightKind(LocalDome, None, example_local_dome, native.gap_of_local_dome),
-    "distant": LightKind(DistantLight, None, DistantLight.example, native.gap_of_distant),
-    "rect": LightKind(RectLight, None, RectLight.example, native.gap_of_placed, native.texture_images),
-    **{
-        kind.kind: LightKind(kind, None, kind.example, native.gap_of_placed)
-        for kind in (CylinderLight, DiskLight, SphereLight)
-    },
-}
 
 
 def coded(lights: Sequence[Light]) -> CodedLight | None:
@@ -58,22 +44,14 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
     """
     if light := coded(lights):
         return light.code(sampled=sampled)
-    rig = CodedRig.of(lights)
-    if alone := next((each.kind for each in lights if each not in (*rig.lamps, *rig.domes)), None):
-        raise EnvironmentMapError(f"a light of kind '{alone}' cannot be one of several; it alone would be right")
-    return rig_code(rig, sampled=sampled, stand=stand)
-
-
-def called(light: Light, number: int) -> str:
-    """Return what messages call a light: the path of its prim, else its number, with its kind."""
-    return f"light {light.emission.path or number} ({light.kind})"
+    return rig_code(CodedRig.of(lights), sampled=sampled, stand=stand)
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
     """Return what of a scene's lights Cycles' own lights cannot show, a sentence for each light; none: they show it."""
     gaps = []
     for number, light in enumerate(lights, start=1):
-        if gap := LIGHT_KINDS[light.kind].native_gap(light):
+        if gap := light.native_gap():
             gaps.append(f"{called(light, number)}: it has {gap}, which Cycles' own lights lack")
     if native.still_domes(lights) is None:
         gaps.append("some domes stand still while others turn with the rig: Cycles has one world for all of them")
@@ -82,7 +60,7 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
 
 def native_images(lights: Sequence[Light]) -> tuple[Content, ...]:
     """Return the images that Cycles' own lights read to show lights."""
-    return tuple(image for light in lights for image in LIGHT_KINDS[light.kind].native_images(light))
+    return tuple(image for light in lights for image in light.native_images)
 
 
 @cache
@@ -108,6 +86,7 @@ __all__ = [
     "BUILTIN_LIGHTS",
     "LIGHT_KINDS",
     "AnyLight",
+    "CodedLight",
     "CylinderLight",
     "DiskLight",
     "DistantLight",

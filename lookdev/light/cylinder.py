@@ -6,16 +6,19 @@ Directions are drawn to a rectangle that covers its side as a place sees it; tho
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, seen_rectangle
+from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
@@ -67,7 +70,8 @@ class Cylinder:
 class CylinderLight(PlacedLight):
     """A cylinder of `length` along its x and a `radius`, in metres, whose side emits outwards; it has no caps."""
 
-    kind: ClassVar[str] = "cylinder"
+    kind = "cylinder"
+    shapes: ClassVar[Mapping[str, type[Any]]] = {"cylinder": Cylinder}
 
     length: float
     radius: float
@@ -89,6 +93,13 @@ class CylinderLight(PlacedLight):
     @property
     def reach(self) -> float:
         return math.hypot(self.length / 2.0, self.radius)
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"length": self.length, "radius": self.radius}
+
+    def resized(self, scale: float) -> CylinderLight:
+        return replace(self, length=scale * self.length, radius=scale * self.radius)
 
     @property
     def size_factor(self) -> float:
@@ -167,3 +178,12 @@ def covering(place: Floats, length: Any, radius: Any) -> Cover:
         half,
         away,
     )
+
+
+def _read(prim: PlacedPrim) -> LightShape:
+    radius, length = prim.radius("treatAsLine", "cylinder", (2,)), prim.length("length", prim.scale[0])
+    light = CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes)
+    return LightShape.of(light, length, radius)
+
+
+CYLINDER = LightKind(CylinderLight, CylinderLight.example, {"CylinderLight": UsdLight(_read)})

@@ -6,17 +6,20 @@ Directions are drawn to the rectangle around it; those that miss the disk bring 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.plane import meet_plane, plane_angle
 from lookdev.light.rect import Rectangle
 from lookdev.light.shape import FAR, cone_about
+from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +57,9 @@ class Ellipse:
 class DiskLight(PlacedLight):
     """An ellipse of radii along its x and y, in metres, that emits along its -z."""
 
-    kind: ClassVar[str] = "disk"
+    kind = "disk"
+    one_sided = True
+    shapes: ClassVar[Mapping[str, type[Any]]] = {"disk": Ellipse}
 
     radii: tuple[float, float]
 
@@ -77,5 +82,26 @@ class DiskLight(PlacedLight):
         return max(self.radii)
 
     @property
+    def sizes(self) -> dict[str, float]:
+        x, y = self.radii
+        return {"radius x": x, "radius y": y} if x != y else {"radius": x}
+
+    def resized(self, scale: float) -> DiskLight:
+        return replace(self, radii=(scale * self.radii[0], scale * self.radii[1]))
+
+    @property
+    def mitsuba_shape(self) -> tuple[str, Floats]:
+        return "disk", np.diag([*self.radii, 1.0, 1.0])
+
+    @property
     def size_factor(self) -> float:
         return math.pi * self.radii[0] * self.radii[1]
+
+
+def _read(prim: PlacedPrim) -> LightShape:
+    radius = prim.length("radius", 1.0)
+    x, y = prim.scale[0] * radius, prim.scale[1] * radius
+    return LightShape.of(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
+
+
+DISK = LightKind(DiskLight, DiskLight.example, {"DiskLight": UsdLight(_read)})

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.vectors import dot
 from lookdev.errors import EnvironmentMapError
+from lookdev.light import native
+from lookdev.light.base import Light, LightKind
 from lookdev.light.cone import draw_uniform, uniform_density
 from lookdev.light.emission import WHITE, Color, Emission, check_number
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, VERSION
+from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.shape import FAR, INFINITE
+from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
 
 Floats = NDArray[np.float64]
 
@@ -49,14 +52,15 @@ class Cone:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DistantLight:
+class DistantLight(Light):
     """A cone of directions about its +z, of `angle` degrees from side to side, infinitely far: it emits along its -z.
 
     An angle of 0 is parallel light of irradiance `emission.color`.
     """
 
-    kind: ClassVar[str] = "distant"
-    constant: ClassVar[bool] = False
+    kind = "distant"
+    one_sided = True
+    shapes: ClassVar[Mapping[str, type[Any]]] = {"distant": Cone}
 
     angle: float = 0.53
     axes: Axes = WORLD_AXES
@@ -74,12 +78,6 @@ class DistantLight:
             raise EnvironmentMapError("a distant light has no falloff: it is infinitely far")
 
     @property
-    def digest(self) -> str:
-        return hashlib.sha256(
-            f"{self.kind} {VERSION} {replace(self, emission=self.emission.unnamed)!r}".encode()
-        ).hexdigest()
-
-    @property
     def size_factor(self) -> float:
         """Steradians by which the radiance is divided where the power is normalized: `UsdLuxLightAPI`."""
         # sin^2 loses its digits near 180 degrees, where cos^2 keeps them, and both formulas of UsdLux are continuous.
@@ -89,6 +87,23 @@ class DistantLight:
     @property
     def shape(self) -> Cone:
         return Cone(2.0 * math.sin(max(self._half, _NARROWEST) / 2.0) ** 2)
+
+    @property
+    def shape_numbers(self) -> tuple[float, ...]:
+        return (self.shape.versine,)
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"angle": self.angle}
+
+    @property
+    def irradiance_per_nit(self) -> float:
+        # Of a cone, pi sin^2 of half its angle; the value of parallel light is its irradiance.
+        return math.pi * math.sin(math.radians(min(self.angle, 180.0)) / 2.0) ** 2 if self.angle else 1.0
+
+    def native_gap(self) -> str | None:
+        wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
+        return native.gap(self.emission, "shadow", besides=(*wide, *native.shadow_gap(self.emission)))
 
     @property
     def sent(self) -> Color:
@@ -122,3 +137,11 @@ class DistantLight:
         """What the radiance is multiplied by: a cone that is too narrow is drawn wider, with the same irradiance."""
         wide = math.pi * math.sin(_NARROWEST) ** 2
         return 1.0 if self._half >= _NARROWEST else self.size_factor / wide
+
+
+def _read(prim: PlacedPrim) -> LightShape:
+    light = DistantLight(angle=prim.light.number("inputs:angle", least=0.0), axes=prim.axes)
+    return LightShape(lambda _: light, size=light.size_factor)
+
+
+DISTANT = LightKind(DistantLight, DistantLight.example, {"DistantLight": UsdLight(_read, ALL_LIGHTS)})

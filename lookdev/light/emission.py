@@ -19,6 +19,7 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
 from lookdev.light.link import Link
 from lookdev.light.shape import FAR
+from lookdev.space import Space, to_space
 
 Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
@@ -264,6 +265,30 @@ class Emission:
         """The emission as far as pixels depend on it: group and path are names, links count by the parts they fit."""
         return replace(self, group="", path="", light_link=None, shadow_link=None)
 
+    def scaled(self, scale: float) -> Emission:
+        """Return an emission whose distances are `scale` times as long."""
+        shadow, falloff = self.shadow, self.falloff
+        if shadow.distance >= 0.0:
+            # A falloff below 0 is none, whatever its number.
+            shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
+        if falloff is None:
+            return replace(self, shadow=shadow)
+        # A factor of `Falloff` is a length to the power of 2 - exponent.
+        by = scale ** (falloff.exponent - 2.0)
+        r, g, b = (by * channel for channel in self.color)
+        end = None if falloff.end is None else scale * falloff.end
+        virtual, start = scale * falloff.virtual_distance, scale * falloff.start
+        longer = replace(falloff, virtual_distance=virtual, start=start, end=end)
+        return replace(self, color=(r, g, b), shadow=shadow, falloff=longer)
+
+    def in_space(self, space: Space) -> Emission:
+        """Return an emission of linear Rec.709 in a space, where its filters leave of it what they leave here."""
+        color = _color(to_space(self.color, space))
+        shaping, shadow = self.shaping, replace(self.shadow, color=_filter(self.color, self.shadow.color, space))
+        if shaping is not None:
+            shaping = replace(shaping, focus_tint=_filter(self.color, shaping.focus_tint, space))
+        return replace(self, color=color, shaping=shaping, shadow=shadow)
+
     def towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""
         color = np.array(self.color)
@@ -276,6 +301,20 @@ class Emission:
 
 WHITE = Emission()
 """Radiance 1 in all directions."""
+
+
+def _filter(light: Color, factor: Color, space: Space) -> Color:
+    """Return by what a light is multiplied in a space so that of it is left what `factor` leaves in Rec.709."""
+    if len({*factor}) == 1:
+        return factor
+    before = to_space(light, space)
+    after = to_space(np.array(light) * np.array(factor), space)
+    return _color(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
+
+
+def _color(values: Floats) -> Color:
+    r, g, b = values.tolist()
+    return r, g, b
 
 
 def emitted_color(

@@ -7,42 +7,31 @@ all of a kind; the shader's code depends on which kinds and controls a rig has, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import Content
-from lookdev.light.cylinder import Cylinder, CylinderLight
-from lookdev.light.disk import DiskLight, Ellipse
-from lookdev.light.distant import Cone, DistantLight
+from lookdev.errors import EnvironmentMapError
+from lookdev.light.base import Light, LightCode
 from lookdev.light.dome import Dome
-from lookdev.light.dome.local import LocalDome
 from lookdev.light.emission import Emission, Shadow, Shaping, beam_bound, falloff_factor
+from lookdev.light.kinds import LIGHT_KINDS, called
 from lookdev.light.picture import LEVELS
 from lookdev.light.placement import WORLD_AXES
-from lookdev.light.protocol import Light, LightCode
-from lookdev.light.rect import Rectangle, RectLight
+from lookdev.light.rect import RectLight
 from lookdev.light.shape import greatest_cosine
-from lookdev.light.sphere import Sphere, SphereLight
 
 Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
 
-Lamp: TypeAlias = RectLight | DiskLight | SphereLight | CylinderLight | DistantLight
-AnyDome: TypeAlias = Dome | LocalDome
-
 SHAPES: dict[str, type[Any]] = {
-    "rect": Rectangle,
-    "picture": Rectangle,
-    "disk": Ellipse,
-    "sphere": Sphere,
-    "cylinder": Cylinder,
-    "distant": Cone,
+    name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
-"""Shape of each kind of lamp, a textured rectangle being a ``picture``; a kind's number in a row is its place here."""
+"""Shapes of lamps, by their names in generated code; a shape's number in a row is its place here."""
 
 FIELDS = (
     "kind",
@@ -104,13 +93,16 @@ class CodedRig:
     into diffuse and specular light, or has a profile (`profiled`).
     """
 
-    lamps: tuple[Lamp, ...]
-    domes: tuple[AnyDome, ...]
+    lamps: tuple[Light, ...]
+    domes: tuple[Light, ...]
 
     @classmethod
     def of(cls, lights: Sequence[Light]) -> CodedRig:
-        domes = tuple(each for each in lights if isinstance(each, AnyDome))
-        return cls(tuple(each for each in lights if isinstance(each, Lamp)), domes)
+        """Return the rig of lights; raises EnvironmentMapError where one is neither a lamp nor a dome."""
+        for fault in not_of_rigs(lights):
+            raise EnvironmentMapError(f"{fault}; backend 'exact' renders it where it is the only light")
+        lamps = tuple(each for each in lights if each.shapes)
+        return cls(lamps, tuple(each for each in lights if each.map_dome))
 
     @property
     def emissions(self) -> tuple[Emission, ...]:
@@ -119,8 +111,8 @@ class CodedRig:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of its lamps, each once, in the order of `SHAPES`."""
-        return tuple(kind for kind in SHAPES if any(_kind(each) == kind for each in self.lamps))
+        """The names of its lamps' shapes, each once, in the order of `SHAPES`."""
+        return tuple(name for name in SHAPES if any(each.shape_name == name for each in self.lamps))
 
     @property
     def shaped(self) -> bool:
@@ -155,7 +147,7 @@ class CodedRig:
     @property
     def pictures(self) -> tuple[RectLight, ...]:
         """The lamps with a texture."""
-        return tuple(each for each in self.lamps if isinstance(each, RectLight) and each.texture)
+        return tuple(cast(RectLight, each) for each in self.lamps if each.shape_name == "picture")
 
     def rows(self, stand: Stand) -> NDArray[np.float32]:
         """Return what to add to a place of the shader, then the row of each lamp and each dome."""
@@ -179,37 +171,26 @@ class CodedRig:
             tables[light.texture.digest] = light.means.values.ravel()
         return tables
 
-    def _row(self, light: Lamp | AnyDome, places: dict[str, int], stand: Stand) -> list[float]:
-        emission, numbers = light.emission, [0.0, 0.0]
-        color, brightest, texture, tree = emission.color, 1.0, -1, -1
-        x, y, z = getattr(light, "position", (*stand.axis, 0.0))
-        axes = light.dome.axes if isinstance(light, LocalDome) else light.axes
-        kind, reach = -1, 0.0
-        if light.constant:
-            color = tuple(light.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist())
-        if isinstance(light, LocalDome):
-            numbers, reach = [light.start, light.radius], light.radius
-        elif not isinstance(light, Dome):
-            kind = list(SHAPES).index(_kind(light))
-            sizes = [getattr(light.shape, each.name) for each in fields(light.shape)]
-            numbers[: len(sizes)] = sizes
-            reach = getattr(light, "reach", 0.0)
-        if isinstance(light, DistantLight):
-            color = light.sent
-        if isinstance(light, RectLight) and light.texture is not None and light.picture is not None:
-            texture, brightest = self.pictures.index(light), float(light.picture.mean())
-            tree = places[light.texture.digest]
+    def _row(self, light: Light, places: dict[str, int], stand: Stand) -> list[float]:
+        emission, color = light.emission, light.sent
+        x, y, z = light.position or (*stand.axis, 0.0)
+        brightest, texture, tree = 1.0, -1, -1
+        if light in self.pictures:
+            texture = self.pictures.index(light)
+            picture = self.pictures[texture]
+            assert picture.texture is not None and picture.picture is not None, "it has a texture"  # noqa: PT018
+            brightest, tree = float(picture.picture.mean()), places[picture.texture.digest]
         shaping, falloff = emission.shaping or Shaping(), emission.falloff
         profile = shaping.profile
         if profile is not None:
             brightest *= profile.largest
         virtual, power, fade, fade_rise = falloff.numbers if falloff else (0.0, -2.0, 0.0, 0.0)
         return [
-            kind,
+            list(SHAPES).index(light.shape_name) if light.shapes else -1,
             *(x - stand.axis[0], y - stand.axis[1], z),
-            *(value for axis in axes for value in axis),
-            *numbers,
-            reach,
+            *(value for axis in light.axes for value in axis),
+            *(*light.shape_numbers, 0.0, 0.0)[:2],
+            light.reach,
             *color,
             sum(color) / 3.0 * brightest,
             *(emission.turns, emission.camera),
@@ -228,8 +209,13 @@ class CodedRig:
         ]
 
 
-def _kind(light: Lamp) -> str:
-    return "picture" if isinstance(light, RectLight) and light.texture else light.kind
+def not_of_rigs(lights: Sequence[Light]) -> list[str]:
+    """Return which lights no shader of a rig shows, a sentence for each: they are neither lamps nor domes."""
+    return [
+        f"{called(light, number)}: it is neither a lamp nor a dome"
+        for number, light in enumerate(lights, start=1)
+        if not light.shapes and light.map_dome is None
+    ]
 
 
 def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
@@ -253,14 +239,15 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
         "RIG_SPARED": len(spared),
         "RIG_GROUPS": groups,
         "RIG_MARKS": groups * len(spared),
-        "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
+        "RIG_LOCAL_DOMES": int(any(not each.far for each in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }
     parameters: dict[str, Content] = {}
     arrays: dict[str, Content] = {}
     for number, light in enumerate(rig.domes):
-        dome = light.dome if isinstance(light, LocalDome) else light
+        dome = light.map_dome
+        assert dome is not None, "it shows a map"
         counts |= {f"DOME{number}_WIDTH": dome.width, f"DOME{number}_HEIGHT": dome.height}
         if not light.constant:
             files = dome.files(f"dome{number}", sampled=sampled)
@@ -276,7 +263,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
 
 def is_plain(light: Light) -> bool:
     """Return whether a light is a dome as its map is: the OSL of its kind shows it."""
-    if not isinstance(light, Dome):
+    if light.map_dome is not light:
         return True
     emission = light.emission
     return light.axes == WORLD_AXES and emission.unnamed == Emission(camera=emission.camera)

@@ -1,16 +1,16 @@
-"""What Cycles' own lights and Mitsuba cannot show: why, for a light, and which images it reads."""
+"""What Cycles' own lights and worlds cannot show of the emission of a light, and the domes that a world shows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING
 
-from lookdev.cache import Content
-from lookdev.light.distant import DistantLight
-from lookdev.light.dome import Dome
 from lookdev.light.emission import WHITE, Emission
-from lookdev.light.placed import PlacedLight
+
+if TYPE_CHECKING:
+    from lookdev.light.base import Light
+    from lookdev.light.dome import Dome
 
 _CALLED = {
     "diffuse": "a diffuse multiplier",
@@ -26,66 +26,35 @@ _CALLED = {
 _ANYWHERE = ("color", "turns", "group", "path")
 
 
-def gap_of_dome(light: Dome) -> str | None:
-    """Return what of a dome light a world of Blender does not have; None: it shows the light."""
-    return _all(_beyond(light.emission, (*_ANYWHERE, "camera")))
+def gap(emission: Emission, *known: str, besides: Iterable[str] = ()) -> str | None:
+    """Return what of an emission is neither default nor one of the `known` fields, after `besides`; None: nothing."""
+    fields_beyond = (each.name for each in fields(emission) if each.name not in (*_ANYWHERE, *known))
+    differing = [name for name in fields_beyond if getattr(emission, name) != getattr(WHITE, name)]
+    gaps = [*besides, *(_CALLED.get(name, name.replace("_", " ")) for name in differing)]
+    *before, last = dict.fromkeys(gaps) or (None,)
+    return f"{', '.join(map(str, before))} and {last}" if before else last
 
 
-def gap_of_local_dome(light: object) -> str | None:
-    """Return what keeps Blender from showing a local dome."""
-    return "a place and a radius of its image"
-
-
-def gap_of_distant(light: DistantLight) -> str | None:
-    """Return what of a distant light a sun of Blender does not have; None: it shows the light."""
-    wide = [f"an angle of {light.angle:g} degrees, more than 180"] if light.angle > 180.0 else []
-    return _all((*wide, *_shadow(light.emission), *_beyond(light.emission, (*_ANYWHERE, "shadow"))))
-
-
-def gap_of_placed(light: PlacedLight) -> str | None:
-    """Return what of a light that has a place a light of Blender does not have; None: it shows the light."""
-    emission, shaping = light.emission, light.emission.shaping
-    profile = ["an IES profile"] if shaping and shaping.profile else []
-    known = (*_ANYWHERE, "shadow", "shaping")
-    return _all((*profile, *_shadow(emission), *_beyond(emission, known)))
-
-
-def dome_images(light: Any) -> tuple[Content, ...]:
-    """Return the lat-long EXR file of a dome light."""
-    return (light.radiance_file,)
-
-
-def texture_images(light: Any) -> tuple[Content, ...]:
-    """Return the texture of a rectangle light."""
-    return (light.texture,) if light.texture else ()
-
-
-def still_domes(lights: Sequence[Any]) -> bool | None:
-    """Return whether the domes of a rig stand still while it turns; None where some do and some do not.
-
-    Domes that are the same all around count as either.
-    """
-    still = {not light.emission.turns for light in lights if isinstance(light, Dome) and not light.constant}
-    return None if len(still) > 1 else still == {True}
-
-
-def varied_domes(lights: Sequence[Any]) -> bool:
-    """Return whether lights have a dome from which Cycles should draw directions."""
-    return any(isinstance(light, Dome) and not light.constant for light in lights)
-
-
-def _shadow(emission: Emission) -> Iterator[str]:
+def shadow_gap(emission: Emission) -> Iterator[str]:
     """Yield what of a shadow Blender lacks; without one, directions of a BSDF would still be blocked."""
     if emission.shadow != WHITE.shadow:
         yield _CALLED["shadow"]
 
 
-def _beyond(emission: Emission, known: Sequence[str]) -> Iterator[str]:
-    for field in fields(emission):
-        if field.name not in known and getattr(emission, field.name) != getattr(WHITE, field.name):
-            yield _CALLED.get(field.name, field.name.replace("_", " "))
+def world_domes(lights: Sequence[Light]) -> list[Dome]:
+    """Return the domes that are infinitely far: a world of Blender shows their sum."""
+    return [light.map_dome for light in lights if light.far and light.map_dome]
 
 
-def _all(found: Iterable[str]) -> str | None:
-    *before, last = dict.fromkeys(found) or (None,)
-    return f"{', '.join(before)} and {last}" if before else last
+def still_domes(lights: Sequence[Light]) -> bool | None:
+    """Return whether the domes of a rig stand still while it turns; None where some do and some do not.
+
+    Domes that are the same all around count as either.
+    """
+    still = {not dome.emission.turns for dome in world_domes(lights) if not dome.constant}
+    return None if len(still) > 1 else still == {True}
+
+
+def varied_domes(lights: Sequence[Light]) -> bool:
+    """Return whether lights have a dome from which Cycles should draw directions."""
+    return any(not dome.constant for dome in world_domes(lights))

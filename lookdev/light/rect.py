@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,13 +13,17 @@ from numpy.typing import NDArray
 
 from lookdev.brdf.table import Table
 from lookdev.cache import Content
+from lookdev.light.base import LightKind
+from lookdev.light.dome.environment import EnvironmentMap, map_in_space
 from lookdev.light.dome.files import read_exr
-from lookdev.light.emission import check_number
-from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree
+from lookdev.light.emission import WHITE, check_number
+from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import density, draw
+from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
+from lookdev.space import Space
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +76,9 @@ class RectLight(PlacedLight):
     the first texel of its top row is at (+x, +y), so that it is upright and not mirrored for whom it shines on.
     """
 
-    kind: ClassVar[str] = "rect"
+    kind = "rect"
+    one_sided = True
+    shapes: ClassVar[Mapping[str, type[Any]]] = {"rect": Rectangle, "picture": Rectangle}
 
     width: float
     height: float
@@ -92,8 +99,34 @@ class RectLight(PlacedLight):
         return Rectangle(self.width, self.height)
 
     @property
+    def shape_name(self) -> str:
+        return "picture" if self.texture else "rect"
+
+    @property
     def reach(self) -> float:
         return math.hypot(self.width, self.height) / 2.0
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"width": self.width, "height": self.height}
+
+    def resized(self, scale: float) -> RectLight:
+        return replace(self, width=scale * self.width, height=scale * self.height)
+
+    def _converted(self, space: Space) -> RectLight:
+        if self.texture is None or self.picture is None:
+            return super()._converted(space)
+        # The texture times the colour is what is sent.
+        texture = prepare_texture(map_in_space(self.picture, self.emission.color, self.texture.digest, space))
+        return replace(self, texture=texture, emission=replace(self.emission.in_space(space), color=WHITE.color))
+
+    @property
+    def native_images(self) -> tuple[Content, ...]:
+        return (self.texture,) if self.texture else ()
+
+    @property
+    def mitsuba_shape(self) -> tuple[str, Floats] | None:
+        return None if self.texture else ("rectangle", np.diag([self.width / 2.0, self.height / 2.0, 1.0, 1.0]))
 
     @property
     def size_factor(self) -> float:
@@ -124,3 +157,17 @@ class RectLight(PlacedLight):
         if self.means is None:
             return super()._sample(place, u)
         return np.asarray(Picture(self.width, self.height, self.means).sample(place, u))
+
+
+def _read(prim: PlacedPrim) -> LightShape:
+    width, height = (prim.length(name, prim.scale[i]) for i, name in enumerate(("width", "height")))
+    light = RectLight(width=width, height=height, position=prim.position, axes=prim.axes)
+    image, space = prim.image
+
+    def make(picture: EnvironmentMap | None) -> RectLight:
+        return light if picture is None else replace(light, texture=prepare_texture(picture))
+
+    return LightShape(make, light.size_factor, lengths=(width, height), image=image, space=space)
+
+
+RECT = LightKind(RectLight, RectLight.example, {"RectLight": UsdLight(_read)})

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.brdf.vectors import cross, dot
+from lookdev.light.base import LightKind
 from lookdev.light.cone import about, draw_uniform, uniform_density
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.shape import FAR, cone_about
+from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
@@ -47,7 +51,8 @@ class Sphere:
 class SphereLight(PlacedLight):
     """A sphere of a radius in metres that emits outwards; from inside it is dark, as UsdLux defines it."""
 
-    kind: ClassVar[str] = "sphere"
+    kind = "sphere"
+    shapes: ClassVar[Mapping[str, type[Any]]] = {"sphere": Sphere}
 
     radius: float
 
@@ -67,6 +72,17 @@ class SphereLight(PlacedLight):
     @property
     def reach(self) -> float:
         return self.radius
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"radius": self.radius}
+
+    def resized(self, scale: float) -> SphereLight:
+        return replace(self, radius=scale * self.radius)
+
+    @property
+    def mitsuba_shape(self) -> tuple[str, NDArray[np.float64]]:
+        return "sphere", np.diag([self.radius, self.radius, self.radius, 1.0])
 
     @property
     def size_factor(self) -> float:
@@ -91,3 +107,11 @@ def meet_sphere(place: Floats, direction: Floats, radius: Any) -> Floats:
     outside = dot(place, place) > radius * radius
     met = outside & (towards > 0) & (squared >= 0)
     return np.where(met, towards - np.sqrt(np.maximum(squared, 0)), FAR)
+
+
+def _read(prim: PlacedPrim) -> LightShape:
+    radius = prim.radius("treatAsPoint", "sphere", (0, 2))
+    return LightShape.of(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
+
+
+SPHERE = LightKind(SphereLight, SphereLight.example, {"SphereLight": UsdLight(_read)})

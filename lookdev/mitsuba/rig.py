@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from lookdev.codegen.program.lamps import ball_operations
 from lookdev.light import Light, coded
 from lookdev.light.dome import Dome
-from lookdev.light.dome.local import LocalDome
-from lookdev.light.lamps import FIELDS, AnyDome, CodedRig, Stand
+from lookdev.light.lamps import FIELDS, CodedRig, Stand
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
@@ -60,7 +59,7 @@ class Rig:
         x, y, z = (float(each) for each in center)
         numbers = rig.rows(Stand((x, y, z), pivot))
         self.offset = mi.Vector3f(*(float(each) for each in numbers[:3]))
-        order = [n for kind in (False, True) for n, each in enumerate(lights) if isinstance(each, AnyDome) is kind]
+        order = [n for kind in (False, True) for n, each in enumerate(lights) if (each.map_dome is not None) is kind]
         grouped = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
         rows = np.column_stack((numbers[3:].reshape(-1, len(FIELDS)), grouped))
         linked = np.array([[n in each for n in order] for each in lit], np.bool_) if lit else None
@@ -109,16 +108,16 @@ class Rig:
 class _PlacedDome(Rows):
     """A dome of a rig: its map, its axes, its colour, and whether it turns. A local one has a middle and a radius."""
 
-    def __init__(self, mi: Any, dome: AnyDome, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
+    def __init__(self, mi: Any, dome: Light, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
         super().__init__(mi, rows, linked)
-        self.local_one = isinstance(dome, LocalDome)
-        of_map = dome.dome if isinstance(dome, LocalDome) else dome
-        self.map = DomeLight(mi, of_map, local=self.local_one)
+        assert dome.map_dome is not None, "it shows a map"
+        self.local_one = not dome.far
+        self.map = DomeLight(mi, dome.map_dome, local=self.local_one)
         self.first = mi.UInt32(0)
         self.radiance_factor = self.color(self.first)
-        if not isinstance(dome, LocalDome) and dome.constant:
+        if dome.constant:
             # The row has the map's radiance, too.
-            self.radiance_factor /= dr.maximum(mi.Color3f(*dome.table[0, 0].tolist()), 1e-30)
+            self.radiance_factor /= dr.maximum(mi.Color3f(*dome.map_dome.table[0, 0].tolist()), 1e-30)
         self.mean = self.field(self.first, "mean")
         self._program = Program(*ball_operations(), mi.Float)
 

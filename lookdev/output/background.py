@@ -9,7 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.light import Dome, Light, Turned
+from lookdev.light import Light, Turned
+from lookdev.light.native import world_domes
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Camera, camera_rays
 from lookdev.space import to_rec709
@@ -28,8 +29,8 @@ def environment_background(task: FrameTask) -> Floats:
     points through a lens as a disc of one size in the whole picture; what is not, as rays through the whole lens meet.
     """
     scene = task.scene
-    far = [light for light in scene.lights if isinstance(light, Dome)]
-    near = [light for light in scene.lights if light.emission.camera and not isinstance(light, Dome)]
+    far = world_domes(scene.lights)
+    near = [light for light in scene.lights if light.emission.camera and light not in far]
     disc = _disc_of_confusion(scene.camera, scene.resolution[0])
     edge = len(disc) // 2
     total = _seen(task, far, edge=edge)

@@ -13,7 +13,7 @@ from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderS
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
-from lookdev.light.lamps import is_plain
+from lookdev.light.lamps import is_plain, not_of_rigs
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.passes import PASSES
 from lookdev.space import OCIO_NAMES, REC709, Space
@@ -199,7 +199,7 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=lambda lights: (),
+            cannot_light=not_of_rigs,
             directions=True,
             features=True,
             passes=tuple(PASSES),

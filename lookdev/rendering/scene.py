@@ -13,7 +13,7 @@ from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
-from lookdev.light.lamps import CodedRig
+from lookdev.light.emission import WHITE
 from lookdev.light.link import MOST_GROUPS
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
@@ -162,8 +162,8 @@ def _code_of_lights(lights: Sequence[Light], backend: Backend, sampling: Samplin
 
 def _check_shadows(source: Source, lights: Sequence[Light]) -> None:
     """Raise CodegenError where a look can be seen through under lights whose shadows are not plainly black."""
-    rig = CodedRig.of(lights)
-    if source.see_through and (rig.shadowed or rig.spared):
+    emissions = [light.emission for light in lights]
+    if source.see_through and any(each.shadow != WHITE.shadow or each.spared for each in emissions):
         raise CodegenError(
             f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
             "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 from lookdev.asset import Asset
 from lookdev.light import Light
-from lookdev.light.fit import with_emission
 from lookdev.material import Look
 from lookdev.scene.dress import Part, asset_parts, dress
 
@@ -49,7 +48,7 @@ def link_lights(asset: Asset, wears: Mapping[str, Look], lights: Sequence[Light]
         split,
         {path: wears[before] for path, (before, _, _) in chosen.items()},
         tuple(
-            with_emission(light, replace(light.emission, spared=each))
+            light.with_emission(replace(light.emission, spared=each))
             for light, each in zip(lights, spared, strict=True)
         ),
         {path: lit for path, (_, lit, _) in chosen.items()} if any(shining) else {},

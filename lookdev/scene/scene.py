@@ -9,7 +9,6 @@ from typing import Self
 
 from lookdev.asset import Asset
 from lookdev.light import Light
-from lookdev.light.reach import may_reach
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
 from lookdev.scene.framing import frame_camera
@@ -72,7 +71,7 @@ class Scene:
         x, y = self.camera.pivot
         center = (x, y, self.asset.center[2])
         radius = 1.001 * (self.asset.radius + math.dist((x, y), self.asset.center[:2]))
-        reaching = {number for number, each in enumerate(self.lights) if may_reach(each, center, radius)}
+        reaching = {number for number, each in enumerate(self.lights) if each.may_reach(center, radius)}
         kept = {number for number, light in enumerate(self.lights) if light.emission.camera}
         for numbers in self.lit_by:
             kept |= reaching.intersection(numbers) or set(numbers[:1])

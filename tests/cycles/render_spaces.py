@@ -12,7 +12,6 @@ import numpy as np
 from test_passes import CENTER, POSE, balls, task_of
 
 from lookdev.light import Emission, RectLight, load_environment, prepare_light
-from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.output.display import to_display, write_pixels
 from lookdev.rendering.backends import WORKER_COMMAND
@@ -42,7 +41,7 @@ def main(picture: Path) -> None:
     with Worker(WORKER_COMMAND, folder / "worker.log", folder, 300.0) as worker:
         worker.start()
         for space in SPACES:
-            scene = Scene(asset, looks, tuple(in_space(each, space) for each in lights), camera, Film(SIZE, space))
+            scene = Scene(asset, looks, tuple(each.in_space(space) for each in lights), camera, Film(SIZE, space))
             task = one_frame(scene_task(scene, Sampling(samples=64, bounces=2)), POSE, space)
             frame = worker.render(task, lambda progress: None)
             shown.append(to_rec709(0.5 * (frame.a + frame.b), space).astype(np.float32))

@@ -12,7 +12,6 @@ from lending import lend_workers
 from lookdev.checks.charts import charts_doubts, check_charts
 from lookdev.light import Dome
 from lookdev.light.builtin_rigs import rig_file
-from lookdev.light.fit import fitted
 from lookdev.light.rig import load_rig
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import make_setup
@@ -60,7 +59,7 @@ def test_props_agree_with_the_reference(worker: Worker, light_of, light: str, sa
     if light == "slopes":
         lights: list[object] = [light_of(light)]
     else:
-        lights = [fitted(each, 1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(light)).lights]
+        lights = [each.scaled(1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(light)).lights]
     task, frame = rendered(worker, lights, samples)
     readings = check_charts(task, STRIP, frame)
     assert list(charts_doubts(readings)) == []

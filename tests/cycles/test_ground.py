@@ -17,7 +17,6 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.errors import CodegenError
 from lookdev.light import Dome, Light
 from lookdev.light.builtin_rigs import rig_file
-from lookdev.light.fit import fitted
 from lookdev.light.rig import load_rig
 from lookdev.material import Layer, Look
 from lookdev.material.translate.preview_surface import PREVIEW_SURFACE
@@ -84,7 +83,7 @@ def assert_like(pictures: list[np.ndarray], expected: np.ndarray, error: np.ndar
 
 
 def rig(name: str) -> list[Light]:
-    return [fitted(each, 1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(name)).lights]
+    return [each.scaled(1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(name)).lights]
 
 
 def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, light_of) -> None:

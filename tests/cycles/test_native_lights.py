@@ -49,7 +49,7 @@ DOME = prepare_light(example_map(), sampled=False)  # native worlds need no tabl
 DOMES: dict[str, Light] = {"dome": DOME, "local_dome": LocalDome(dome=DOME, position=(0.5, 0.0, 0.5), radius=3.0)}
 EXAMPLES = {name: DOMES.get(name) or kind.example() for name, kind in LIGHT_KINDS.items()}
 CASES: dict[str, Light] = {
-    **{name: light for name, light in EXAMPLES.items() if not LIGHT_KINDS[name].native_gap(light)},
+    **{name: light for name, light in EXAMPLES.items() if not light.native_gap()},
     "texture": pictured(),
     "mirrored texture": replace(pictured(), axes=LEFT_HANDED),
     "mirrored dome": replace(DOME, axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),

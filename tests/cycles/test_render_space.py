@@ -10,7 +10,6 @@ import pytest
 from test_passes import CAMERA, GREY, POSE, SIZE, balls, rendered
 
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
-from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.output.exr import read_frame, read_header, read_shown, space_of
 from lookdev.rendering.results import Rendered
@@ -37,7 +36,7 @@ def task(
     look: Look, space: Space, light: object, bounces: int = 0, samples: int = 16, others: Look | None = None
 ) -> FrameTask:
     looks = {"/set/ball": look, "/set/others": others or look}
-    scene = Scene(balls(), looks, (in_space(light, space),), CAMERA, Film(SIZE, space))
+    scene = Scene(balls(), looks, (light.in_space(space),), CAMERA, Film(SIZE, space))
     return one_frame(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
 
 

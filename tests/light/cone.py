@@ -3,35 +3,28 @@
 ``python cone.py`` is a render worker that has the kind in its registry.
 """
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.light import LIGHT_KINDS, Emission, LightCode, LightKind
+from lookdev.light import LIGHT_KINDS, CodedLight, Emission, LightCode, LightKind
 from lookdev.light.emission import WHITE
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Cone:
+class Cone(CodedLight):
     """Radiance `color` from directions whose cosine to the unit vector `axis`, not vertical, is above `cosine`."""
 
-    kind: ClassVar[str] = "cone"
-    constant: ClassVar[bool] = False
+    kind = "cone"
 
     axis: tuple[float, float, float]
     cosine: float
     color: tuple[float, float, float]
     emission: Emission = WHITE
-
-    @property
-    def digest(self) -> str:
-        return hashlib.sha256(repr(self).encode()).hexdigest()
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
         return np.where(self._lit(direction)[..., None], self.color, 0.0)
@@ -58,7 +51,7 @@ class Cone:
         return direction @ np.array(self.axis) > self.cosine
 
 
-CONE = LightKind(Cone, Path(__file__).with_suffix(".osl.h"), lambda: Cone((0.48, -0.6, 0.64), 0.7, (3.0, 2.0, 1.0)))
+CONE = LightKind(Cone, lambda: Cone((0.48, -0.6, 0.64), 0.7, (3.0, 2.0, 1.0)), osl=Path(__file__).with_suffix(".osl.h"))
 
 if __name__ == "__main__":
     from lookdev.cycles.__main__ import main

@@ -9,10 +9,8 @@ from light_cases import make_tables_small, overcast, sunny
 
 from lookdev.light import Emission, LocalDome
 from lookdev.light.dome.local import towards_ball
-from lookdev.light.fit import with_emission
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
-from lookdev.light.space import in_space
 from lookdev.space import to_space
 
 PLACE = np.array([0.3, -0.2, 0.5])
@@ -61,8 +59,8 @@ def test_a_local_dome_in_another_space_sends_the_same_light(tmp_path: Path, monk
     make_tables_small(monkeypatch)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
     emission = Emission((2.0, 1.0, 0.5), diffuse=0.5, group="sky")
-    light = with_emission(local(), emission)
-    moved = in_space(light, "acescg")
+    light = local().with_emission(emission)
+    moved = light.in_space("acescg")
     assert replace(moved.emission, color=emission.color) == emission
     u = np.random.default_rng(2).random((100, 2))
     places = np.broadcast_to(PLACE, (100, 3))

@@ -7,7 +7,6 @@ import pytest
 from light_cases import make_tables_small
 
 from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shadow
-from lookdev.light.fit import fitted, with_emission
 from lookdev.light.placed import PlacedLight
 
 SCALE, ORIGIN = 2.5, (3.0, -1.0, 0.5)
@@ -21,8 +20,8 @@ def test_places_scaled_along_see_the_same(kind: str, monkeypatch: pytest.MonkeyP
     light = LIGHT_KINDS[kind].example()
     falloff = Falloff(0.7, 1.3, 0.5, 9.0) if isinstance(light, PlacedLight) else None
     emission = Emission((3.0, 2.0, 1.0), falloff=falloff, shadow=Shadow(distance=2.0, falloff=0.5))
-    light = with_emission(light, emission)
-    there = fitted(light, SCALE, ORIGIN)
+    light = light.with_emission(emission)
+    there = light.scaled(SCALE, ORIGIN)
     place = rng.uniform(-1.5, 1.5, (200, 3))
     towards = light.sample(place, rng.random((200, 2)))
     moved = SCALE * place + np.array(ORIGIN)

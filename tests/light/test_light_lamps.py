@@ -101,7 +101,7 @@ def test_the_estimate_is_positive_where_light_arrives_and_near_its_irradiance(ki
     for place in rng.normal(size=(60, 3)):
         normal = rng.normal(size=3)
         normal /= np.linalg.norm(normal)
-        position = np.array(getattr(light, "position", (0.0, 0.0, 0.0)))
+        position = np.array(light.position or (0.0, 0.0, 0.0))
         local, facing = to_local(light.axes, place - position), to_local(light.axes, normal)
         estimate = float(weight(light.shape, beam, falloff and falloff.numbers, local, facing))
         irradiance = by_sampling(light, place, normal, panels=8)

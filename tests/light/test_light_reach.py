@@ -8,7 +8,6 @@ import pytest
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, RectLight, Shaping, SphereLight
 from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import Axes
-from lookdev.light.reach import may_reach
 
 KINDS = [RectLight.example(), DiskLight.example(), SphereLight.example(), CylinderLight.example()]
 
@@ -35,7 +34,7 @@ def test_no_light_arrives_where_none_may(light: PlacedLight) -> None:
         inside *= radius * rng.random((400, 1)) ** (1 / 3) / np.linalg.norm(inside, axis=-1, keepdims=True)
         places = np.array(center) + inside
         arriving = placed.radiance(places, placed.sample(places, rng.random((400, 2)))).max()
-        said.append((may_reach(placed, center, radius), bool(arriving > 0.0)))
+        said.append((placed.may_reach(center, radius), bool(arriving > 0.0)))
     never = [arrives for may, arrives in said if not may]
     assert not any(never)
     # It finds most of those that do not: of 300 draws, some lie at the edge.
@@ -44,6 +43,6 @@ def test_no_light_arrives_where_none_may(light: PlacedLight) -> None:
 
 
 def test_lights_without_a_place_reach_everything_unless_they_are_off() -> None:
-    assert may_reach(DistantLight.example(), (0.0, 0.0, 0.0), 1.0)
+    assert DistantLight.example().may_reach((0.0, 0.0, 0.0), 1.0)
     off = replace(DistantLight.example(), emission=Emission((0.0, 0.0, 0.0)))
-    assert not may_reach(off, (0.0, 0.0, 0.0), 1.0)
+    assert not off.may_reach((0.0, 0.0, 0.0), 1.0)

@@ -34,15 +34,14 @@ def render(cycles_worker: Worker) -> Render:
 
 def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samples: int) -> float:
     """Render a small plane about a place, in a frame whose -y is the normal, scaled to a size of 1."""
-    away = np.linalg.norm(np.array(getattr(light, "position", (0.0, 0.0, 1.0))) - place)
-    reach = getattr(light, "reach", 0.0)
-    larger = FAR / max(away - reach, 1e-3 * away)
+    away = np.linalg.norm(np.array(light.position or (0.0, 0.0, 1.0)) - place)
+    larger = FAR / max(away - light.reach, 1e-3 * away)
     x = np.cross(normal, (0.36, 0.48, 0.8) if abs(normal[2]) > 0.9 else (0.0, 0.0, 1.0))
     x /= np.linalg.norm(x)
     frame = np.stack([x, -normal, np.cross(normal, x)])  # the plane faces -y
-    axes = checked_axes(np.array(light.axes) @ frame.T)  # type: ignore[attr-defined]
+    axes = checked_axes(np.array(light.axes) @ frame.T)
     moved = replace(light, axes=axes)  # type: ignore[type-var]
-    if hasattr(light, "position"):
+    if light.position:
         moved = replace(moved, position=vector(larger * frame @ (np.array(light.position) - place)))
     given = (name for name in ("width", "height", "radius", "length") if hasattr(light, name))
     sizes = {name: larger * getattr(light, name) for name in given}

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
-from lookdev.light.fit import fitted, with_emission
 from lookdev.light.link import Link
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
@@ -66,8 +65,8 @@ def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIG
         instances.append(Instance(0, matrix, f"/{name}/head"))
         link = Link(((f"/{name}", "expandPrims"),))
         for light in (light for rig in LIGHTS_OF_HEADS[name] for light in RIGS[rig](folder)):
-            beside = fitted(light, 1.0, (x, 0.0, 0.0))
-            lights.append(with_emission(beside, replace(beside.emission, light_link=link)))
+            beside = light.scaled(1.0, (x, 0.0, 0.0))
+            lights.append(beside.with_emission(replace(beside.emission, light_link=link)))
     path = instances[0].path
     row = make_asset("heads", (replace(head.meshes[0], name=path),), instances, (replace(head.slots[0], path=path),))
     made = link_lights(row, {path: Look("look", (RIG_LOOKS["plastic"],))}, (*lights, grey()))

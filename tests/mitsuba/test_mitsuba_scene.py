@@ -14,7 +14,6 @@ from mitsuba_scenes import RenderSeeds
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content
-from lookdev.light.space import in_space
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, one_frame
@@ -116,7 +115,7 @@ def test_under_white_light_colours_in_acescg_agree_after_conversion(render_seeds
     shown = {}
     spaces: tuple[Space, ...] = ("rec709", "acescg")
     for space in spaces:
-        scene = Scene.of_look(load_asset(builtin="sphere"), red, in_space(light_of("white"), space), (24, 18))
+        scene = Scene.of_look(load_asset(builtin="sphere"), red, light_of("white").in_space(space), (24, 18))
         (frame,) = render_seeds(replace(scene, film=Film((24, 18), space)), Pose(0.0, 0.0), 1, samples=16)
         shown[space] = 0.5 * (frame.a + frame.b)
     ours = shown["rec709"]

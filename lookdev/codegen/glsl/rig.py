@@ -23,9 +23,9 @@ from lookdev.codegen.program.lamps import (
     shadow_operations,
 )
 from lookdev.codegen.source import Operation
-from lookdev.light import Dome, Light, LocalDome, RectLight, Stand
+from lookdev.light import Dome, Light, RectLight, Stand
 from lookdev.light.dome import bins
-from lookdev.light.lamps import FIELDS, SHAPES, AnyDome, CodedRig
+from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.light.picture import LEVELS
 
 RIG_WIDTH = 2048
@@ -105,8 +105,7 @@ def rig_functions(
 ) -> RigFunctions:
     """Return the functions of lights; `lit` has the numbers of the lights of each slot, `groups` the slots' groups."""
     rig = CodedRig.of(lights)
-    maps = [each.dome if isinstance(each, LocalDome) else each for each in rig.domes]
-    domes = tuple(None if each.constant else map_ for each, map_ in zip(rig.domes, maps, strict=True))
+    domes = tuple(None if each.constant else each.map_dome for each in rig.domes)
     numbers = [rig.rows(stand).astype(np.float64)]
     starts = []
     for dome in domes:
@@ -120,12 +119,12 @@ def rig_functions(
     casting = sum(map(len, numbers))
     groups = groups or [0] * len(lit)
     numbers.append(np.array([[group not in each for group in groups] for each in rig.spared], np.float64).ravel())
-    near = any(each.kind != "distant" for each in rig.lamps) or any(isinstance(each, LocalDome) for each in rig.domes)
+    near = any(not each.far for each in rig.lamps) or any(not each.far for each in rig.domes)
     constants = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_DOMES": len(domes),
         "RIG_LIGHTS": len(lights),
-        "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
+        "RIG_LOCAL_DOMES": int(any(not each.far for each in rig.domes)),
         "RIG_MARKS": marks,
         "RIG_CASTING": casting,
         "RIG_SLOTS": len(lit),
@@ -144,7 +143,7 @@ def rig_functions(
         lines += [line for line in Dome.table_constants() if "{" not in line]
         lines += [_array("dome_cells", bins.CELLS), _array("dome_first", bins.FIRST), _array("dome_starts", starts)]
         lines += [_array("dome_constant", [int(each.constant) for each in rig.domes])]
-        lines += [_array("dome_local", [int(isinstance(each, LocalDome)) for each in rig.domes])]
+        lines += [_array("dome_local", [int(not each.far) for each in rig.domes])]
         lines += (shaders / "dome.glsl").read_text(encoding="utf-8").splitlines()
     own = {"//@ lamp_functions": lambda: _lamp_functions(rig), "//@ dome_functions": lambda: _dome_functions(rig.domes)}
     for line in (shaders / "rig.glsl").read_text(encoding="utf-8").splitlines():
@@ -225,11 +224,11 @@ def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator
     yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 
 
-def _dome_functions(domes: Sequence[AnyDome]) -> Iterator[str]:
+def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
     """Yield the samplers of domes, and functions that read those of the dome of a number, and of local domes."""
     if not domes:
         return
-    if any(isinstance(each, LocalDome) for each in domes):
+    if any(not each.far for each in domes):
         yield from _traced(ball_operations(), "ball", _BALL)
     varied = [number for number, each in enumerate(domes) if not each.constant]
     for k in varied:

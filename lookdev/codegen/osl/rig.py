@@ -18,8 +18,7 @@ import numpy as np
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
-from lookdev.light.dome import Dome
-from lookdev.light.dome.local import LocalDome
+from lookdev.light.base import Light
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
 from lookdev.light.lamps import SHAPES, CodedRig, weight
 from lookdev.light.picture import CELL_SEGMENTS
@@ -83,8 +82,8 @@ def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
     }
 
 
-def _dome_kind(light: Dome | LocalDome) -> str:
-    return "local_dome" if isinstance(light, LocalDome) else "constant_dome" if light.constant else "dome"
+def _dome_kind(light: Light) -> str:
+    return "constant_dome" if light.constant else light.kind
 
 
 def _repeated(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:

@@ -16,22 +16,23 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import Content, derived, known
 from lookdev.errors import EnvironmentMapError
+from lookdev.light import native
+from lookdev.light.base import CodedLight, LightCode
 from lookdev.light.dome import bins, points, slots
-from lookdev.light.dome.environment import EnvironmentMap, make_environment
+from lookdev.light.dome.environment import EnvironmentMap, make_environment, map_in_space
 from lookdev.light.dome.files import read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
-from lookdev.light.emission import WHITE, Emission
+from lookdev.light.emission import WHITE, Color, Emission
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
-from lookdev.light.protocol import LightCode
+from lookdev.space import Space
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ TABLE_VERSION = 4
 
 
 @dataclass(frozen=True)
-class Dome:
+class Dome(CodedLight):
     """A `lookdev.light.Light` by the files that the shader reads: of its radiance, and of the tables if it samples.
 
     `width` and `height` are those of the map, `map_digest` names it and its tables. The map is in the frame of `axes`,
@@ -48,7 +49,7 @@ class Dome:
     the map, uniform if black.
     """
 
-    kind: ClassVar[str] = "dome"
+    kind = "dome"
 
     radiance_file: Content
     points_file: Content | None
@@ -72,6 +73,33 @@ class Dome:
         if as_it_is == (WORLD_AXES, WHITE):
             return self.map_digest
         return hashlib.sha256(f"{self.map_digest} {as_it_is!r}".encode()).hexdigest()
+
+    @property
+    def map_dome(self) -> Dome:
+        return self
+
+    @property
+    def sent(self) -> Color:
+        if not self.constant:
+            return self.emission.color
+        r, g, b = self.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist()
+        return r, g, b
+
+    def _converted(self, space: Space) -> Dome:
+        return self.converted_map(space, local=False)
+
+    def converted_map(self, space: Space, *, local: bool) -> Dome:
+        """Return the dome in a space, where its colour is in its map; `local` as for `prepare_light`."""
+        converted = map_in_space(self.table, self.emission.color, self.map_digest, space)
+        emission = replace(self.emission.in_space(space), color=WHITE.color)
+        return replace(prepare_light(converted, local=local), axes=self.axes, emission=emission)
+
+    def native_gap(self) -> str | None:
+        return native.gap(self.emission, "camera")
+
+    @property
+    def native_images(self) -> tuple[Content, ...]:
+        return (self.radiance_file,)
 
     @cached_property
     def table(self) -> Floats:

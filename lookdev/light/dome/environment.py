@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.images import check_size, open_image, whole_image
+from lookdev.space import Space, to_space
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio
@@ -85,6 +86,15 @@ def check_exposed(largest: float, exposure: float, where: str) -> None:
         raise EnvironmentMapError(
             f"{where}: its largest radiance{exposed} is {largest:g}; from {LEAST:g} to {MOST:g} would be right"
         )
+
+
+def map_in_space(
+    radiance: NDArray[np.float64], color: tuple[float, float, float], digest: str, space: Space
+) -> EnvironmentMap:
+    """Return a map (H, W, 3) of linear Rec.709 times a colour, in a space; its digest is of what it is made of."""
+    name = hashlib.sha256(f"{digest} {color!r} {space}".encode()).hexdigest()
+    pixels = to_space(radiance * np.array(color), space).astype(np.float32)
+    return EnvironmentMap(space, pixels, Repairs(), name, space)
 
 
 def load_environment(file: Path | None = None, builtin: str | None = None) -> EnvironmentMap:

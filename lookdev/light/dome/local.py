@@ -8,17 +8,19 @@ Parallax-Corrected Cubemaps", 2012).
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf.frames import ZENITH
 from lookdev.errors import EnvironmentMapError
+from lookdev.light.base import Light
 from lookdev.light.dome import Dome, example_dome
 from lookdev.light.emission import Emission, check_number, smooth_step
-from lookdev.light.placement import Vector
+from lookdev.light.placement import Axes, Vector, vector
+from lookdev.space import Space
 
 Floats = NDArray[np.float64]
 
@@ -26,18 +28,18 @@ _VERSION = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocalDome:
+class LocalDome(Light):
     """A dome light whose image is on a sphere about `position` of a `radius`, in metres, which it lights from inside.
 
     Places see it from where they are, and what is beyond the sphere casts no shadow of it. Its light fades over the
     outer part `edge` (0: none, 1: all) of the radius, and none arrives outside. Axes and emission are those of `dome`.
     """
 
-    kind: ClassVar[str] = "local_dome"
-    constant: ClassVar[bool] = False
+    kind = "local_dome"
+    far = False
 
     dome: Dome
-    position: Vector
+    position: Vector = field()
     radius: float
     edge: float = 0.0
 
@@ -51,6 +53,40 @@ class LocalDome:
     @property
     def emission(self) -> Emission:
         return self.dome.emission
+
+    @property
+    def axes(self) -> Axes:
+        return self.dome.axes
+
+    @property
+    def map_dome(self) -> Dome:
+        return self.dome
+
+    @property
+    def reach(self) -> float:
+        return self.radius
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"radius": self.radius, "edge": self.edge}
+
+    @property
+    def shape_numbers(self) -> tuple[float, ...]:
+        return self.start, self.radius
+
+    def with_emission(self, emission: Emission) -> LocalDome:
+        return replace(self, dome=self.dome.with_emission(emission))
+
+    def scaled(self, scale: float, origin: Vector) -> LocalDome:
+        position = vector(scale * np.array(self.position) + np.array(origin))
+        light = self.with_emission(self.emission.scaled(scale))
+        return replace(light, position=position, radius=scale * self.radius)
+
+    def _converted(self, space: Space) -> LocalDome:
+        return replace(self, dome=self.dome.converted_map(space, local=True))
+
+    def native_gap(self) -> str:
+        return "a place and a radius of its image"
 
     @property
     def digest(self) -> str:

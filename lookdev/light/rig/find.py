@@ -7,10 +7,20 @@ from collections.abc import Iterator
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from lookdev.errors import close_hint
+from lookdev.light.kinds import LIGHT_KINDS
 from lookdev.light.rig.attributes import OURS, LightPrim
-from lookdev.light.rig.kinds import KINDS, UNSUPPORTED
 from lookdev.light.rig.report import Report
 from lookdev.stage import relationship_targets
+
+USD_LIGHTS = {name: reader for kind in LIGHT_KINDS.values() for name, reader in kind.usd.items()}
+"""The types of prims that are lights here, by their names in UsdLux."""
+
+UNSUPPORTED = {
+    "PortalLight": "a portal guides the sampling of other renderers, and is not needed here: deactivate it",
+    "GeometryLight": "lights of a shape: a RectLight, DiskLight, SphereLight or CylinderLight would be right",
+    "PluginLight": "a light of UsdLux would be right",
+}
+"""The types that are not, and what would be right."""
 
 ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 _SHOWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
@@ -37,8 +47,8 @@ def check_places(root: Usd.Prim, report: Report) -> None:
 def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.Prim]:
     """Return the lights at and below a prim that shine, in the order of the stage.
 
-    Those that are hidden, or of a purpose that is not rendered, are noted. What is no light of a type in `KINDS` is a
-    fault. Hidden ancestors of the root hide nothing.
+    Those that are hidden, or of a purpose that is not rendered, are noted. A light of no type in
+    `USD_LIGHTS` is a fault. Hidden ancestors of the root hide nothing.
     """
     stage = root.GetStage()
     lights: list[Usd.Prim] = []
@@ -83,7 +93,7 @@ def _is_foreign(prim: Usd.Prim) -> bool:
     """Return whether a prim seems to be a light of a type that USD does not know."""
     name = str(prim.GetTypeName())
     unknown = bool(name) and not prim.IsA(Usd.Typed)
-    return unknown and ("light" in name.lower() or bool(close_hint(name, list(KINDS))))
+    return unknown and ("light" in name.lower() or bool(close_hint(name, list(USD_LIGHTS))))
 
 
 def _left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode, report: Report) -> str:
@@ -106,9 +116,9 @@ def _refused(prim: Usd.Prim) -> tuple[str, str] | None:
     """Return what is wrong with a light before it is read, and what would be right."""
     kind = str(prim.GetTypeName())
     if _is_foreign(prim):
-        known = close_hint(kind, [*KINDS, *UNSUPPORTED], 0.6)
-        return f"{kind} is no type of USD's lights", known or f"known: {', '.join(KINDS)}"
-    if kind not in KINDS:
+        known = close_hint(kind, [*USD_LIGHTS, *UNSUPPORTED], 0.6)
+        return f"{kind} is no type of USD's lights", known or f"known: {', '.join(USD_LIGHTS)}"
+    if kind not in USD_LIGHTS:
         right = UNSUPPORTED.get(kind, UNSUPPORTED["GeometryLight"])
         what = f"a light of type {kind}" if kind in UNSUPPORTED else f"a {kind or 'prim'} that is a light by LightAPI"
         return f"{what} is not supported", right

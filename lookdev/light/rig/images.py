@@ -20,6 +20,7 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.images import open_image, whole_image
 from lookdev.light.dome.environment import EnvironmentMap, make_environment, read_pixels
 from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.dome.usd import BALLS
 from lookdev.light.mapping import uv_to_direction
 from lookdev.light.picture import look_up
 from lookdev.stage.colorspaces import to_linear_rec709
@@ -28,9 +29,6 @@ Floats = NDArray[np.float64]
 
 LINEAR = (".exr", ".hdr")
 """Files whose numbers are light; others are pictures, sRGB unless a colour space is stated."""
-
-BALLS = ("mirroredBall", "angular")
-FORMATS = ("automatic", "latlong", *BALLS, "cubeMapVerticalCross")
 
 _VERSION = 1
 _STRIP = 1 << 18  # directions that are looked up at once

@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom, Vt
 
 from lookdev.errors import Fault, RigError
+from lookdev.light.base import Light
 from lookdev.light.dome.environment import LEAST, MOST
 from lookdev.light.emission import Emission
-from lookdev.light.fit import with_emission
 from lookdev.light.placement import checked_axes, placement, vector
-from lookdev.light.protocol import Light
 from lookdev.light.rig.attributes import LightPrim, stated_time
 from lookdev.light.rig.change import Value, change_values
 from lookdev.light.rig.emission import read_emission
-from lookdev.light.rig.find import ALL_PRIMS, check_places, find_lights, is_light
+from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_places, find_lights, is_light
 from lookdev.light.rig.images import LightImage, light_image
-from lookdev.light.rig.kinds import KINDS, Placed, Shape
 from lookdev.light.rig.report import Report
+from lookdev.light.usd import LightShape, PlacedPrim
 from lookdev.stage import Composed, Composition, compose, error_words, reading, shown, units
 from lookdev.stage.units import Z_UP
 
@@ -127,7 +126,7 @@ class _Pending:
     """A light that is made when all are read."""
 
     path: str
-    shape: Shape
+    shape: LightShape
     emission: Emission
 
     @property
@@ -186,8 +185,8 @@ class _Reader:
     def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _Pending | None:
         """Return a light; None, with a fault, where it has no place or shape."""
         report, path = self._report, prim.GetPath()
-        light, kind = LightPrim(prim, self._time, report), KINDS[str(prim.GetTypeName())]
-        light.check_names((*kind.ours, "fit") if prim == self._root else kind.ours)
+        light, kind = LightPrim(prim, self._time, report), USD_LIGHTS[str(prim.GetTypeName())]
+        light.check_names((*kind.attributes, "fit") if prim == self._root else kind.attributes)
         matrix = self._matrix(prim)
         if matrix is None:
             return None
@@ -199,7 +198,7 @@ class _Reader:
             report.fault(path, f"it is {away:.3g} m away", f"at most {_LARGEST:g} m would be right")
         shape = None
         with report.collected(path):
-            shape = kind.read(Placed(light, metres, axes, sizes, y_up, self._sampled))
+            shape = kind.read(PlacedPrim(light, metres, axes, sizes, y_up, self._sampled))
         for length in shape.lengths if shape else ():
             if not _SMALLEST <= length <= _LARGEST:
                 right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
@@ -242,7 +241,7 @@ class _Reader:
         return True
 
 
-def _size(shape: Shape | None, unit: float) -> float:
+def _size(shape: LightShape | None, unit: float) -> float:
     """Return what radiance is divided by where the power is normalized: areas are those "in world space", in units."""
     if shape is None:
         return 1.0
@@ -277,11 +276,11 @@ def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], re
     if peak == 0.0 or (profile and profile.largest == 0.0):
         report.note(pending.path, "sends no light, left out")
         return None
-    made = with_emission(pending.shape.make(image.environment if image else None), pending.emission)
+    made = pending.shape.make(image.environment if image else None).with_emission(pending.emission)
     return RigLight(pending.path, made, peak, mean, str(pending.shape.image or ""))
 
 
 def _no_light(report: Report, place: str, elsewhere: str) -> Fault:
     left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
-    hint = elsewhere or left_out or f"a light is one of {', '.join(KINDS)}"
+    hint = elsewhere or left_out or f"a light is one of {', '.join(USD_LIGHTS)}"
     return Fault(report.file, place, "has no light that shines", hint)

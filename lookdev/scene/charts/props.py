@@ -20,7 +20,6 @@ from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.errors import AssetError
 from lookdev.light import Light
-from lookdev.light.fit import with_emission
 from lookdev.material import Layer, Look, Primvar
 from lookdev.scene.camera import Camera
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
@@ -208,7 +207,7 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     """
     asset = asset_of_props(strip, camera)
     wears = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
-    seen = [with_emission(light, replace(light.emission, camera=False, shadow_link=None)) for light in lights]
+    seen = [light.with_emission(replace(light.emission, camera=False, shadow_link=None)) for light in lights]
     linked = link_lights(asset, wears, seen)
     return Scene(
         linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups

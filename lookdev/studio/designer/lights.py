@@ -12,7 +12,6 @@ from typing import Any
 
 from lookdev.errors import LookdevError
 from lookdev.light import Light
-from lookdev.light.fit import with_emission
 from lookdev.light.rig.emission import COLDEST, HOTTEST, black_body
 from lookdev.scene import Scene
 from lookdev.studio.viewport import light_rows
@@ -95,7 +94,7 @@ class Lights:
 
 def _lit(light: Light, setting: Setting) -> Light:
     r, g, b = (a * f for a, f in zip(light.emission.color, setting.factor, strict=True))
-    return with_emission(light, replace(light.emission, color=(r, g, b)))
+    return light.with_emission(replace(light.emission, color=(r, g, b)))
 
 
 def setting_of(body: Mapping[str, Any]) -> tuple[int, Setting]:

@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 POSE = Pose(30.0, 75.0)
 # Where the look is no part of the claim: its program compiles in half of the time of others, and it has little noise.
 MATT = (Layer("Layer", "lambert", {"reflectance": (0.7, 0.5, 0.3)}),)
-LAMPS = ("cylinder", "disk", "distant", "rect", "sphere")
+LAMPS = [name for name, kind in LIGHT_KINDS.items() if kind.type.shapes]
 MOST = 0.120
 """Seconds from a slider to the first changed frame at 512 x 512, in software, on two free cores."""
 Floats = NDArray[np.float64]
