@@ -60,12 +60,14 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
 @pytest.fixture
 def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]:
     with make(cluster.scheduler_address, tmp_path) as executor:
+        # One that a test killed is started again.
+        case.wait_until(lambda: len(executor._addresses()) == 2)
         yield executor
 
 
 def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
     (folder / "scratch").mkdir(exist_ok=True)
-    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 20.0)
+    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 300.0)
     return DaskExecutor(place, address, command=case.command(folder), **options)
 
 
