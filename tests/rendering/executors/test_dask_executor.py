@@ -67,7 +67,7 @@ def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]
 
 def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
     (folder / "scratch").mkdir(exist_ok=True)
-    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 300.0)
+    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 60.0)
     return DaskExecutor(place, address, command=case.command(folder), **options)
 
 
