@@ -2,6 +2,7 @@
 
     python tests/mutation draw --seed 1      # make the list anew, tests/mutation/mutants.jsonl, and forget all results
     python tests/mutation redraw --seed 2    # draw others in place of those whose text is no longer in the code
+    python tests/mutation follow REVISION    # take over new names and messages of code that is else as at a revision
     python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
     python tests/mutation check              # run all tests without a fault, as they run with one: none may fail
     python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
@@ -39,6 +40,8 @@ def main() -> None:
     draw.add_argument("--seed", type=int, default=1)
     redraw = commands.add_parser("redraw", help="replace mutants that are no longer in the code")
     redraw.add_argument("--seed", type=int, required=True)
+    follow = commands.add_parser("follow", help="take over new names")
+    follow.add_argument("revision", help="of git, at which the list was of the code")
     reach = commands.add_parser("reach", help="record what each test reaches")
     reach.add_argument("arguments", nargs="*", help="arguments of pytest, after --; default: -n 2")
     run = commands.add_parser("run", help="run tests against mutants")
@@ -55,8 +58,9 @@ def main() -> None:
     commands.add_parser("report", help="write docs/testing.md")
     options = vars(parser.parse_args())
     command = options.pop("command")
-    functions = {"draw": draw_list, "redraw": redraw_lost, "reach": record_reach, "check": check_tests, "run": run_list}
-    (functions | {"show": show_survivors, "report": write_report})[command](**options)
+    functions = {"draw": draw_list, "redraw": redraw_lost, "follow": follow_names, "reach": record_reach}
+    functions |= {"check": check_tests, "run": run_list, "show": show_survivors, "report": write_report}
+    functions[command](**options)
 
 
 def draw_list(seed: int) -> None:
@@ -75,6 +79,18 @@ def redraw_lost(seed: int) -> None:
     rooms = list(dict.fromkeys(mutant.room for mutant in [*mutants, *lost]))
     write_mutants(sorted([*mutants, *drawn], key=lambda mutant: rooms.index(mutant.room)))
     print(f"{LIST.relative_to(ROOT)}: {len(drawn)} mutants in place of {len(lost)}")
+
+
+def follow_names(revision: str) -> None:
+    from renames import follow
+
+    mutants = read_mutants()
+    order = {mutant.name: number for number, mutant in enumerate(mutants)}
+    present, lost = follow(mutants, read_sources(), revision)
+    rooms = list(dict.fromkeys(mutant.room for mutant in mutants))
+    write_mutants(sorted([*present, *lost], key=lambda mutant: rooms.index(mutant.room)))
+    renamed = sum(mutant.name not in order for mutant in present)
+    print(f"{LIST.relative_to(ROOT)}: {renamed} mutants by new names, {len(lost)} lost")
 
 
 def record_reach(arguments: list[str]) -> None:

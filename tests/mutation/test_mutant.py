@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+import pytest
 from mutant import Mutant, locate, mutated_source, read_mutants, read_sources, write_mutants
+from renames import follow
 from run import failing
 
 SOURCE = """
@@ -44,7 +46,7 @@ def test_a_mutant_outlives_a_rename_where_its_text_is_unique() -> None:
 def test_the_list_is_of_this_code(tmp_path) -> None:
     mutants = read_mutants()
     sources = read_sources()
-    assert not locate(mutants, sources)[1], "`python tests/mutation redraw --seed N` draws others in their place"
+    assert not locate(mutants, sources)[1], "`python tests/mutation follow REVISION` takes over new names, `redraw --seed N` draws others"
     assert len({mutant.name for mutant in mutants}) == len(mutants)
     write_mutants(mutants, tmp_path / "copy.jsonl")
     assert read_mutants(tmp_path / "copy.jsonl") == mutants
@@ -68,3 +70,21 @@ def test_a_long_test_that_fails_once_finds_nothing() -> None:
     assert failing(Copy(quick=1), tests, "") == "quick"
     assert failing(Copy(long=1, longer=2), tests, "") == "longer"
     assert failing(Copy(long=1), tests, "") == ""
+
+
+def test_a_mutant_follows_new_names_and_is_lost_with_its_formula(monkeypatch: pytest.MonkeyPatch) -> None:
+    old = "def _made(given):\n    kept = given.size + 1\n    return [each * kept for each in given]\n"
+    new = 'def weights(sizes):\n    """Weigh."""\n    count = sizes.size + 1\n    return [w * count for w in sizes]\n'
+    monkeypatch.setattr("renames.old_source", lambda revision, path: old)
+    mutants = [
+        Mutant("room", "a.py:_made", "kept = given.size + 1", "kept = given.size - 1"),
+        Mutant("room", "a.py:_made", "return [each * kept for each in given]", "return [kept for each in given]"),
+    ]
+    present, lost = follow(mutants, {"a.py": new}, "HEAD")
+    assert [(mutant.function, mutant.before, mutant.after) for mutant in present] == [
+        ("a.py:weights", "count = sizes.size + 1", "count = sizes.size - 1"),
+        ("a.py:weights", "return [w * count for w in sizes]", "return [count for w in sizes]"),
+    ]
+    assert lost == []
+    present, lost = follow(mutants, {"a.py": new.replace("sizes.size + 1", "sizes.size + 2 * 3")}, "HEAD")
+    assert [mutant.before for mutant in lost] == ["kept = given.size + 1"]
