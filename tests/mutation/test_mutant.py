@@ -46,7 +46,9 @@ def test_a_mutant_outlives_a_rename_where_its_text_is_unique() -> None:
 def test_the_list_is_of_this_code(tmp_path) -> None:
     mutants = read_mutants()
     sources = read_sources()
-    assert not locate(mutants, sources)[1], "`python tests/mutation follow REVISION` takes over new names, `redraw --seed N` draws others"
+    assert not locate(mutants, sources)[1], (
+        "`python tests/mutation follow REVISION` takes over new names, `redraw --seed N` draws others"
+    )
     assert len({mutant.name for mutant in mutants}) == len(mutants)
     write_mutants(mutants, tmp_path / "copy.jsonl")
     assert read_mutants(tmp_path / "copy.jsonl") == mutants

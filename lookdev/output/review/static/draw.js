@@ -1,10 +1,15 @@
+// @ts-check
 // Pictures, wipes and differences on a canvas by WebGL 2, through the view of OpenColorIO.
 "use strict";
 
 review.MODES = { picture: 0, wipe: 1, difference: 2, noise: 3 };
 
 review.drawer = (canvas, view) => {
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", {
+    alpha: false,
+    antialias: false,
+    preserveDrawingBuffer: true,
+  });
   if (!gl) return null;
   const KEPT = 12; // textures of frames
   const floats = gl.getExtension("OES_texture_float_linear");
@@ -13,7 +18,10 @@ review.drawer = (canvas, view) => {
   const vertex = `#version 300 es
     in vec2 corner;
     out vec2 place;
-    void main() { place = vec2(corner.x, 1.0 - corner.y); gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0); }`;
+    void main() {
+      place = vec2(corner.x, 1.0 - corner.y);
+      gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
+    }`;
   const fragment = `#version 300 es
     precision highp float;
     precision highp int;
@@ -43,7 +51,8 @@ review.drawer = (canvas, view) => {
           vec3 a = texelFetch(pixelsA, at, 0).rgb, b = texelFetch(pixelsB, at, 0).rgb;
           float errorOfA = texelFetch(errorA, at, 0).r, errorOfB = texelFetch(errorB, at, 0).r;
           apart += a - b;
-          noise += errorOfA * errorOfA + errorOfB * errorOfB + (dot(a, a) + dot(b, b)) * exp2(-22.0);
+          noise += errorOfA * errorOfA + errorOfB * errorOfB;
+          noise += (dot(a, a) + dot(b, b)) * exp2(-22.0);
         }
       }
       return noise > 0.0 ? sqrt(dot(apart, apart) / noise) : 0.0;
@@ -58,7 +67,8 @@ review.drawer = (canvas, view) => {
 
     void main() {
       if (mode == 1) color = vec4(place.x < split ? shown(pixelsA) : shown(pixelsB), 1.0);
-      else if (mode == 2) color = vec4(0.5 + 0.5 * amplify * (shown(pixelsA) - shown(pixelsB)), 1.0);
+      else if (mode == 2)
+        color = vec4(0.5 + 0.5 * amplify * (shown(pixelsA) - shown(pixelsB)), 1.0);
       else if (mode == 3) color = vec4(ramp(noiseRatio()), 1.0);
       else color = vec4(shown(pixelsA), 1.0);
     }`;
@@ -67,14 +77,16 @@ review.drawer = (canvas, view) => {
     const shader = gl.createShader(type);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS))
+      throw new Error(gl.getShaderInfoLog(shader));
     return shader;
   }
   const program = gl.createProgram();
   gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertex));
   gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, fragment));
   gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS))
+    throw new Error(gl.getProgramInfoLog(program));
   gl.useProgram(program);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([0, 0, 1, 0, 0, 1, 1, 1]), gl.STATIC_DRAW);
@@ -83,10 +95,13 @@ review.drawer = (canvas, view) => {
   gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   const uniform = (name) => gl.getUniformLocation(program, name);
-  ["pixelsA", "errorA", "pixelsB", "errorB"].forEach((name, unit) => gl.uniform1i(uniform(name), unit));
+  ["pixelsA", "errorA", "pixelsB", "errorB"].forEach((name, unit) =>
+    gl.uniform1i(uniform(name), unit),
+  );
 
   function filtered(target, filter) {
-    for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, which, filter);
+    for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(target, which, filter);
     for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
       gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);
     }
@@ -102,8 +117,10 @@ review.drawer = (canvas, view) => {
     gl.activeTexture(gl.TEXTURE0 + 4 + number);
     gl.bindTexture(target, gl.createTexture());
     const internal = floats ? single : half;
-    if (target === gl.TEXTURE_3D) gl.texImage3D(target, 0, internal, ...table.size, 0, format, gl.FLOAT, texels);
-    else gl.texImage2D(target, 0, internal, table.size[0], table.size[1], 0, format, gl.FLOAT, texels);
+    if (target === gl.TEXTURE_3D)
+      gl.texImage3D(target, 0, internal, ...table.size, 0, format, gl.FLOAT, texels);
+    else
+      gl.texImage2D(target, 0, internal, table.size[0], table.size[1], 0, format, gl.FLOAT, texels);
     filtered(target, table.smooth ? gl.LINEAR : gl.NEAREST);
     gl.uniform1i(uniform(table.sampler), 4 + number);
   });
@@ -123,7 +140,8 @@ review.drawer = (canvas, view) => {
       };
       pair = [
         make(gl.RGBA16F, gl.RGBA, frame.width, frame.height, frame.rgba),
-        frame.error ? make(gl.R16F, gl.RED, frame.width, frame.height, frame.error)
+        frame.error
+          ? make(gl.R16F, gl.RED, frame.width, frame.height, frame.error)
           : make(gl.R16F, gl.RED, 1, 1, new Uint16Array(1)),
       ];
     }
@@ -136,9 +154,11 @@ review.drawer = (canvas, view) => {
     return pair;
   }
 
-  // Draw numbers of A, and of B unless it is null; options are mode, stops, split, amplify, behind, square.
+  // Draw numbers of A, and of B unless it is null; options are mode, stops, split, amplify, behind,
+  // square.
   function draw(a, b, options) {
-    if (canvas.width !== a.width || canvas.height !== a.height) [canvas.width, canvas.height] = [a.width, a.height];
+    if (canvas.width !== a.width || canvas.height !== a.height)
+      [canvas.width, canvas.height] = [a.width, a.height];
     gl.viewport(0, 0, a.width, a.height);
     [...textured(a), ...textured(b || a)].forEach((texture, unit) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
@@ -146,7 +166,10 @@ review.drawer = (canvas, view) => {
     });
     const same = b && b.width === a.width && b.height === a.height;
     const measured = same && a.error && b.error;
-    gl.uniform1i(uniform("mode"), options.mode === "noise" ? (measured ? 3 : 0) : b ? review.MODES[options.mode] : 0);
+    gl.uniform1i(
+      uniform("mode"),
+      options.mode === "noise" ? (measured ? 3 : 0) : b ? review.MODES[options.mode] : 0,
+    );
     gl.uniform1i(uniform("reach"), (options.square - 1) / 2);
     gl.uniform1f(uniform("exposure"), 2 ** options.stops);
     gl.uniform1f(uniform("split"), options.split);

@@ -1,3 +1,4 @@
+// @ts-check
 // Hands and keys.
 "use strict";
 
@@ -10,7 +11,8 @@ review.followPointer = (page) => {
   // Dragging: the wipe in its mode, else the turntable; with shift held, the other turntable.
   let drag = null;
   const pixelAt = (event) => {
-    const area = box.getBoundingClientRect(), size = page.size();
+    const area = box.getBoundingClientRect(),
+      size = page.size();
     const x = Math.floor(((event.clientX - area.left) / area.width) * size.width);
     const y = Math.floor(((event.clientY - area.top) / area.height) * size.height);
     return x >= 0 && y >= 0 && x < size.width && y < size.height ? [x, y] : null;
@@ -30,7 +32,8 @@ review.followPointer = (page) => {
     const reel = page.reel();
     if (!reel) return;
     if (!drag) {
-      const at = event.pointerType === "mouse" && !(state.cursor && state.cursor.kept) && pixelAt(event);
+      const at =
+        event.pointerType === "mouse" && !(state.cursor && state.cursor.kept) && pixelAt(event);
       if (at) cursor(...at, false);
       return;
     }
@@ -38,7 +41,8 @@ review.followPointer = (page) => {
     drag.moved ||= Math.abs(across) > 4;
     if (!drag.moved) return;
     if (state.mode === "wipe") return set({ split: splitAt(event) });
-    const by = Math.round((across / box.clientWidth) * reel.count); // the picture's width is a whole turn
+    // the picture's width is a whole turn
+    const by = Math.round((across / box.clientWidth) * reel.count);
     const frame = wrapped(drag.frame + by, reel.count);
     if (frame !== state.frame) set({ frame });
   });
@@ -56,13 +60,47 @@ review.followPointer = (page) => {
 
 review.followKeys = (page) => {
   const { clamp, make } = review;
-  const { state, names, set, setSide, step, stepName, stepTurntable, toggleMode, swap, expose, play, cursor, moveCursor } = page;
+  const {
+    state,
+    names,
+    set,
+    setSide,
+    step,
+    stepName,
+    stepTurntable,
+    toggleMode,
+    swap,
+    expose,
+    play,
+    cursor,
+    moveCursor,
+  } = page;
   const help = document.getElementById("help");
   const KEYS = [
-    ["ArrowLeft", "←", "previous frame; with shift, the pixel to the left", (e) => (e.shiftKey ? moveCursor(-1, 0) : step(-1))],
-    ["ArrowRight", "→", "next frame; with shift, the pixel to the right", (e) => (e.shiftKey ? moveCursor(1, 0) : step(1))],
-    ["ArrowUp", "↑", "previous look; with shift, the pixel above", (e) => (e.shiftKey ? moveCursor(0, -1) : stepName("look", -1))],
-    ["ArrowDown", "↓", "next look; with shift, the pixel below", (e) => (e.shiftKey ? moveCursor(0, 1) : stepName("look", 1))],
+    [
+      "ArrowLeft",
+      "←",
+      "previous frame; with shift, the pixel to the left",
+      (e) => (e.shiftKey ? moveCursor(-1, 0) : step(-1)),
+    ],
+    [
+      "ArrowRight",
+      "→",
+      "next frame; with shift, the pixel to the right",
+      (e) => (e.shiftKey ? moveCursor(1, 0) : step(1)),
+    ],
+    [
+      "ArrowUp",
+      "↑",
+      "previous look; with shift, the pixel above",
+      (e) => (e.shiftKey ? moveCursor(0, -1) : stepName("look", -1)),
+    ],
+    [
+      "ArrowDown",
+      "↓",
+      "next look; with shift, the pixel below",
+      (e) => (e.shiftKey ? moveCursor(0, 1) : stepName("look", 1)),
+    ],
     ["[", "[", "previous rig", () => stepName("rig", -1)],
     ["]", "]", "next rig", () => stepName("rig", 1)],
     ["t", "t", "next turntable", () => stepTurntable()],
@@ -76,18 +114,33 @@ review.followKeys = (page) => {
     ["+", "+", "brighter by a quarter of a stop", () => expose(0.25)],
     ["-", "−", "darker by a quarter of a stop", () => expose(-0.25)],
     ["0", "0", "exposure as rendered", () => set({ stops: 0 })],
-    ["p", "p", "values of a pixel: the middle, or none", () => (state.cursor && state.cursor.kept
-      ? cursor(state.cursor.x, state.cursor.y, false) : moveCursor(0, 0))],
+    [
+      "p",
+      "p",
+      "values of a pixel: the middle, or none",
+      () =>
+        state.cursor && state.cursor.kept
+          ? cursor(state.cursor.x, state.cursor.y, false)
+          : moveCursor(0, 0),
+    ],
     ["Escape", "esc", "the plain picture", () => set({ mode: "picture" })],
     ["?", "?", "this list", () => help.showModal()],
   ];
   const actions = new Map(KEYS.map(([key, , , act]) => [key, act]));
   actions.set("=", actions.get("+"));
-  document.getElementById("keys").append(...KEYS.flatMap(([, name, text]) => [make("dt", {}, make("kbd", {}, name)), make("dd", {}, text)]),
-    make("dt", {}, make("kbd", {}, "1"), " … ", make("kbd", {}, "9")), make("dd", {}, "one of the first looks"));
+  document
+    .getElementById("keys")
+    .append(
+      ...KEYS.flatMap(([, name, text]) => [
+        make("dt", {}, make("kbd", {}, name)),
+        make("dd", {}, text),
+      ]),
+      make("dt", {}, make("kbd", {}, "1"), " … ", make("kbd", {}, "9")),
+      make("dd", {}, "one of the first looks"),
+    );
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || help.open) return;
-    const { target } = event;
+    const target = /** @type {Element} */ (event.target);
     if (target.matches("select")) return;
     if (target.matches("input") && event.key.startsWith("Arrow")) return;
     if (target.matches("button, a") && (event.key === " " || event.key === "Enter")) return;

@@ -1,4 +1,6 @@
-// What the page reads from disk: scripts that call review.put(), each once, and the numbers in them.
+// @ts-check
+// What the page reads from disk: scripts that call review.put(), each once, and the numbers in
+// them.
 "use strict";
 
 window.review = (() => {
@@ -11,10 +13,16 @@ window.review = (() => {
   // Half floats as numbers; made once.
   const HALF = new Float32Array(65536);
   for (let h = 0; h < 65536; h++) {
-    const exponent = (h >> 10) & 31, fraction = h & 1023;
-    const value = exponent === 0 ? fraction * 2 ** -24
-      : exponent === 31 ? (fraction ? NaN : Infinity)
-      : (1 + fraction / 1024) * 2 ** (exponent - 15);
+    const exponent = (h >> 10) & 31,
+      fraction = h & 1023;
+    const value =
+      exponent === 0
+        ? fraction * 2 ** -24
+        : exponent === 31
+          ? fraction
+            ? NaN
+            : Infinity
+          : (1 + fraction / 1024) * 2 ** (exponent - 15);
     HALF[h] = h >> 15 ? -value : value;
   }
 
@@ -27,18 +35,21 @@ window.review = (() => {
   // Return what a script puts under a name.
   function read(name, source) {
     if (!scripts.has(name)) {
-      scripts.set(name, new Promise((resolve, reject) => {
-        waiting.set(name, resolve);
-        const element = document.createElement("script");
-        element.src = source;
-        element.onload = () => element.remove();
-        element.onerror = () => {
-          element.remove();
-          scripts.delete(name);
-          reject(new Error(`${source} cannot be read; 'lookdev review' makes it again`));
-        };
-        document.head.append(element);
-      }));
+      scripts.set(
+        name,
+        new Promise((resolve, reject) => {
+          waiting.set(name, resolve);
+          const element = document.createElement("script");
+          element.src = source;
+          element.onload = () => element.remove();
+          element.onerror = () => {
+            element.remove();
+            scripts.delete(name);
+            reject(new Error(`${source} cannot be read; 'lookdev review' makes it again`));
+          };
+          document.head.append(element);
+        }),
+      );
     }
     return scripts.get(name);
   }
@@ -56,8 +67,10 @@ window.review = (() => {
     const bytes = await inflated(entry.data);
     const count = entry.width * entry.height;
     const plane = (number, target, offset, step) => {
-      const high = 2 * number * count, low = high + count;
-      for (let i = 0, j = offset; i < count; i++, j += step) target[j] = (bytes[high + i] << 8) | bytes[low + i];
+      const high = 2 * number * count,
+        low = high + count;
+      for (let i = 0, j = offset; i < count; i++, j += step)
+        target[j] = (bytes[high + i] << 8) | bytes[low + i];
     };
     const rgba = new Uint16Array(4 * count);
     for (let channel = 0; channel < 4; channel++) plane(channel, rgba, channel, 4);
@@ -75,21 +88,24 @@ window.review = (() => {
       return found.promise;
     }
     const slot = { promise: null, value: null, bytes: 0 };
-    slot.promise = decode(key).then((value) => {
-      slot.value = value;
-      slot.bytes = value.rgba.byteLength + (value.error ? value.error.byteLength : 0);
-      cachedBytes += slot.bytes;
-      for (const [old, other] of decoded) {
-        if (cachedBytes <= CACHE_BYTES || decoded.size <= 4) break;
-        if (!other.value || other === slot) continue;
-        decoded.delete(old);
-        cachedBytes -= other.bytes;
-      }
-      return value;
-    }, (error) => {
-      decoded.delete(key);
-      throw error;
-    });
+    slot.promise = decode(key).then(
+      (value) => {
+        slot.value = value;
+        slot.bytes = value.rgba.byteLength + (value.error ? value.error.byteLength : 0);
+        cachedBytes += slot.bytes;
+        for (const [old, other] of decoded) {
+          if (cachedBytes <= CACHE_BYTES || decoded.size <= 4) break;
+          if (!other.value || other === slot) continue;
+          decoded.delete(old);
+          cachedBytes -= other.bytes;
+        }
+        return value;
+      },
+      (error) => {
+        decoded.delete(key);
+        throw error;
+      },
+    );
     decoded.set(key, slot);
     return slot.promise;
   }
@@ -100,5 +116,12 @@ window.review = (() => {
     return slot ? slot.value : null;
   }
 
-  return { HALF, put, read, pixels, ready, roomFor: (bytes) => Math.max(2, Math.floor(CACHE_BYTES / 2 / bytes)) };
+  return {
+    HALF,
+    put,
+    read,
+    pixels,
+    ready,
+    roomFor: (bytes) => Math.max(2, Math.floor(CACHE_BYTES / 2 / bytes)),
+  };
 })();

@@ -1,28 +1,59 @@
+// @ts-check
 // The page: its state, which the address keeps, and what changes it.
 "use strict";
 
 review.start = (index) => {
   const { make } = review;
   const $ = (id) => document.getElementById(id);
-  const unique = (values) => [...new Set(values)];
+  const unique = (list) => [...new Set(list)];
   const versions = index.versions;
-  const names = Object.fromEntries(["look", "rig", "turntable"].map((key) => [`${key}s`, unique(index.reels.map((reel) => reel[key]))]));
-  const reels = new Map(index.reels.map((reel) => [[reel.version, reel.look, reel.rig, reel.turntable].join("\n"), reel]));
-  const find = (side, turntable = state.turntable) => reels.get([side.version, side.look, side.rig, turntable].join("\n")) || null;
+  const names = Object.fromEntries(
+    ["look", "rig", "turntable"].map((key) => [
+      `${key}s`,
+      unique(index.reels.map((reel) => reel[key])),
+    ]),
+  );
+  const reels = new Map(
+    index.reels.map((reel) => [
+      [reel.version, reel.look, reel.rig, reel.turntable].join("\n"),
+      reel,
+    ]),
+  );
+  const find = (side, turntable = state.turntable) =>
+    reels.get([side.version, side.look, side.rig, turntable].join("\n")) || null;
 
   const first = index.reels[0];
   const state = {
     a: { version: 0, look: first.look, rig: first.rig },
     // Of an old version, the same look and rig as A; otherwise another look, if there is one.
-    b: { version: versions.length - 1, look: versions.length > 1 ? null : names.looks[1] || names.looks[0], rig: null },
-    turntable: first.turntable, frame: 0, mode: "picture", split: 0.5, amplify: 2, stops: 0, behind: 0, zoom: "fit",
+    b: {
+      version: versions.length - 1,
+      look: versions.length > 1 ? null : names.looks[1] || names.looks[0],
+      rig: null,
+    },
+    turntable: first.turntable,
+    frame: 0,
+    mode: "picture",
+    split: 0.5,
+    amplify: 2,
+    stops: 0,
+    behind: 0,
+    zoom: "fit",
     square: index.square,
-    cursor: null, playing: false,
+    cursor: null,
+    playing: false,
   };
-  const sideB = () => ({ version: state.b.version, look: state.b.look || state.a.look, rig: state.b.rig || state.a.rig });
+  const sideB = () => ({
+    version: state.b.version,
+    look: state.b.look || state.a.look,
+    rig: state.b.rig || state.a.rig,
+  });
   const comparing = () => state.mode !== "picture";
   const { clamp, wrapped } = review;
-  const canvas = $("canvas"), picture = $("picture"), stage = $("stage"), box = $("frame");
+  const canvas = $("canvas"),
+    picture = $("picture"),
+    stage = $("stage"),
+    box = $("frame");
 
   let drawer = null;
   try {
@@ -31,34 +62,48 @@ review.start = (index) => {
     console.error(error);
   }
   if (!drawer) {
-    $("problems").append(make("li", {}, "This browser has no WebGL 2: pictures turn, but exposure, wipes and differences need it."));
+    $("problems").append(
+      make(
+        "li",
+        {},
+        "This browser has no WebGL 2: pictures turn, but exposure, wipes and differences need it.",
+      ),
+    );
   }
 
   // What is drawn: frames of the reels' scripts, and the numbers of those that are read.
   let shown = { a: null, b: null };
   let turn = 0;
 
-  // Frames are in step by the numbers in their names, as some may be missing: that of the state is a place in A's reel.
+  // Frames are in step by the numbers in their names, as some may be missing: that of the state is
+  // a place in A's reel.
   const shownNumber = () => {
     const reel = find(state.a);
     return reel ? reel.numbers[clamp(state.frame, 0, reel.count - 1)] : 1;
   };
   async function frameOf(side) {
-    const reel = find(side), place = reel ? reel.numbers.indexOf(shownNumber()) : -1;
+    const reel = find(side),
+      place = reel ? reel.numbers.indexOf(shownNumber()) : -1;
     if (place < 0) return null;
     const frames = await review.read(reel.script, reel.script);
     return frames[place];
   }
 
   // What is to be drawn, as text; the page has it in data-drawn once it is.
-  const described = () => KEPT.map((key) => state[key]).concat(Object.values(state.a), Object.values(sideB())).join(" ");
+  const described = () =>
+    KEPT.map((key) => state[key])
+      .concat(Object.values(state.a), Object.values(sideB()))
+      .join(" ");
   Object.defineProperty(review, "wanted", { get: described });
 
   // Show the state: at once what is there, then what must be read.
   async function update() {
     const mine = ++turn;
     controls();
-    const [a, b] = await Promise.all([frameOf(state.a), comparing() ? frameOf(sideB()) : null]).catch((error) => {
+    const [a, b] = await Promise.all([
+      frameOf(state.a),
+      comparing() ? frameOf(sideB()) : null,
+    ]).catch((error) => {
       failed(error, mine);
       return [null, null];
     });
@@ -79,7 +124,8 @@ review.start = (index) => {
     if (!drawer) return;
     clearTimeout(late);
     late = setTimeout(() => notice("reading …"), 400);
-    await new Promise((resolve) => setTimeout(resolve, state.playing ? 0 : 60)); // a hand that passes by reads nothing
+    // a hand that passes by reads nothing
+    await new Promise((resolve) => setTimeout(resolve, state.playing ? 0 : 60));
     if (mine !== turn) return;
     try {
       await Promise.all([a, b].filter(Boolean).map((frame) => review.pixels(frame.key)));
@@ -89,7 +135,8 @@ review.start = (index) => {
     }
   }
 
-  let ratios = null, ratiosOf = "";
+  let ratios = null,
+    ratiosOf = "";
   function draw(a, b) {
     const numbers = [a, b].map((frame) => frame && review.ready(frame.key));
     shown = { a: numbers[0], b: numbers[1] };
@@ -109,7 +156,8 @@ review.start = (index) => {
     review.drawnKeys = [a.key, b ? b.key : ""];
   }
 
-  // Read the other frames of the turntable while nothing else is to do, as far as they fit into memory.
+  // Read the other frames of the turntable while nothing else is to do, as far as they fit into
+  // memory.
   let reading = "";
   async function ahead() {
     const reel = find(state.a);
@@ -138,20 +186,28 @@ review.start = (index) => {
     target.hidden = state.mode === "picture" || (state.mode === "wipe" && Boolean(b));
     if (target.hidden) return;
     delete target.dataset.share;
-    if (!b) target.textContent = find(sideB()) ? `B has no frame ${shownNumber()}` : "B has no frames here";
-    else if (shown.a.width !== shown.b.width || shown.a.height !== shown.b.height) target.textContent = "A and B differ in size";
-    else if (state.mode === "difference") target.textContent = `(A − B) × ${2 ** state.amplify}, grey where equal`;
+    if (!b)
+      target.textContent = find(sideB())
+        ? `B has no frame ${shownNumber()}`
+        : "B has no frames here";
+    else if (shown.a.width !== shown.b.width || shown.a.height !== shown.b.height)
+      target.textContent = "A and B differ in size";
+    else if (state.mode === "difference")
+      target.textContent = `(A − B) × ${2 ** state.amplify}, grey where equal`;
     else {
       const share = ratios && review.shareBeyond(shown.a, shown.b, ratios, 3);
-      target.textContent = ratios ? `${(100 * share).toFixed(2)} % of the asset beyond z = 3; noise alone: at most 0.3 %`
+      target.textContent = ratios
+        ? `${(100 * share).toFixed(2)} % of the asset beyond z = 3; noise alone: at most 0.3 %`
         : "the error of a frame is not known: it was rendered without, or by another version";
       if (ratios) target.dataset.share = share;
     }
   }
 
   function sized({ width, height }) {
-    const room = state.zoom === "fit"
-      ? Math.min(stage.clientWidth / width, Math.max(200, 0.68 * innerHeight) / height) : Number(state.zoom) / devicePixelRatio;
+    const room =
+      state.zoom === "fit"
+        ? Math.min(stage.clientWidth / width, Math.max(200, 0.68 * innerHeight) / height)
+        : Number(state.zoom) / devicePixelRatio;
     box.style.width = `${Math.round(width * room)}px`;
     box.style.height = `${Math.round(height * room)}px`;
     box.classList.toggle("pixelated", state.zoom !== "fit");
@@ -166,20 +222,24 @@ review.start = (index) => {
 
   function values() {
     if (!state.cursor || !shown.a) return;
-    const x = clamp(state.cursor.x, 0, shown.a.width - 1), y = clamp(state.cursor.y, 0, shown.a.height - 1);
+    const x = clamp(state.cursor.x, 0, shown.a.width - 1),
+      y = clamp(state.cursor.y, 0, shown.a.height - 1);
     review.showValues($("values"), x, y, shown.a, shown.b, drawer.codeValues(x, y), ratios);
   }
 
   // Controls, and the address, as the state has them.
-  const label = (side) => `${side.look} / ${side.rig}${versions.length > 1 ? ` (${versions[side.version].name})` : ""}`;
+  const label = (side) =>
+    `${side.look} / ${side.rig}${versions.length > 1 ? ` (${versions[side.version].name})` : ""}`;
   function controls() {
-    const reel = find(state.a), count = reel ? reel.count : 1;
+    const reel = find(state.a),
+      count = reel ? reel.count : 1;
     state.frame = clamp(state.frame, 0, count - 1);
     $("number").max = count - 1;
     $("number").value = state.frame;
     const missing = reel && reel.numbers[count - 1] !== count;
     $("number").setAttribute("aria-valuetext", `frame ${state.frame + 1} of ${count}`);
-    $("place").textContent = `${state.frame + 1} / ${count}${missing ? `, number ${shownNumber()}` : ""}`;
+    $("place").textContent =
+      `${state.frame + 1} / ${count}${missing ? `, number ${shownNumber()}` : ""}`;
     $("play").setAttribute("aria-pressed", state.playing);
     $("play").textContent = state.playing ? "Pause" : "Play";
     $("split").value = state.split;
@@ -199,19 +259,38 @@ review.start = (index) => {
       radio.tabIndex = state[key] === value ? 0 : -1;
     }
     for (const [side, selects] of Object.entries(chosen)) {
-      for (const [key, select] of Object.entries(selects)) select.value = state[side][key] === null ? "" : String(state[side][key]);
+      for (const [key, select] of Object.entries(selects))
+        select.value = state[side][key] === null ? "" : String(state[side][key]);
     }
     const other = sideB();
     $("tag-a").textContent = `A  ${label(state.a)}`;
     $("tag-b").textContent = `B  ${label(other)}`;
     $("tag-b").hidden = !comparing();
-    stage.setAttribute("aria-label", `${label(state.a)}, ${state.turntable}, frame ${state.frame + 1} of ${count}`
-      + (comparing() ? `, ${state.mode} against ${label(other)}` : ""));
-    cells((look, rig) => find({ ...state.a, look, rig }), shownNumber(), state.a, comparing() ? other : null);
+    stage.setAttribute(
+      "aria-label",
+      `${label(state.a)}, ${state.turntable}, frame ${state.frame + 1} of ${count}` +
+        (comparing() ? `, ${state.mode} against ${label(other)}` : ""),
+    );
+    cells(
+      (look, rig) => find({ ...state.a, look, rig }),
+      shownNumber(),
+      state.a,
+      comparing() ? other : null,
+    );
     keep();
   }
 
-  const KEPT = ["turntable", "frame", "mode", "split", "amplify", "stops", "behind", "zoom", "square"];
+  const KEPT = [
+    "turntable",
+    "frame",
+    "mode",
+    "split",
+    "amplify",
+    "stops",
+    "behind",
+    "zoom",
+    "square",
+  ];
   function keep() {
     const parts = new URLSearchParams();
     for (const side of ["a", "b"]) parts.set(side, JSON.stringify(Object.values(state[side])));
@@ -229,8 +308,10 @@ review.start = (index) => {
       for (const side of ["a", "b"]) {
         if (!parts.has(side)) continue;
         const [version, look, rig] = JSON.parse(parts.get(side));
-        const known = versions[version] && (names.looks.includes(look) || (side === "b" && look === null))
-          && (names.rigs.includes(rig) || (side === "b" && rig === null));
+        const known =
+          versions[version] &&
+          (names.looks.includes(look) || (side === "b" && look === null)) &&
+          (names.rigs.includes(rig) || (side === "b" && rig === null));
         if (known) state[side] = { version, look, rig };
       }
     } catch {
@@ -251,7 +332,11 @@ review.start = (index) => {
     Object.assign(state, changes);
     // Another look stays at the number of the frame, or at the last before it.
     const reel = find(state.a);
-    if (reel && !("frame" in changes)) state.frame = Math.max(0, reel.numbers.findLastIndex((each) => each <= number));
+    if (reel && !("frame" in changes))
+      state.frame = Math.max(
+        0,
+        reel.numbers.findLastIndex((each) => each <= number),
+      );
     update();
   };
   const setSide = (side, changes) => set({ [side]: { ...state[side], ...changes } });
@@ -291,9 +376,20 @@ review.start = (index) => {
 
   // Radio buttons and lists.
   function radios(target, key, entries) {
-    target.replaceChildren(...entries.map(([value, text]) => make("button", {
-      type: "button", role: "radio", "data-radio": `${key}=${value}`, on: { click: () => set({ [key]: value }) },
-    }, text)));
+    target.replaceChildren(
+      ...entries.map(([value, text]) =>
+        make(
+          "button",
+          {
+            type: "button",
+            role: "radio",
+            "data-radio": `${key}=${value}`,
+            on: { click: () => set({ [key]: value }) },
+          },
+          text,
+        ),
+      ),
+    );
     target.addEventListener("keydown", (event) => {
       const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
       if (!by) return;
@@ -304,24 +400,45 @@ review.start = (index) => {
       target.querySelector('[aria-checked="true"]').focus();
     });
   }
-  radios($("tables"), "turntable", names.turntables.map((name) => [name, name]));
+  radios(
+    $("tables"),
+    "turntable",
+    names.turntables.map((name) => [name, name]),
+  );
   $("tables").hidden = names.turntables.length < 2;
-  radios($("modes"), "mode", [["picture", "Picture"], ["wipe", "Wipe"], ["difference", "Difference"], ["noise", "z (noise)"]]);
+  radios($("modes"), "mode", [
+    ["picture", "Picture"],
+    ["wipe", "Wipe"],
+    ["difference", "Difference"],
+    ["noise", "z (noise)"],
+  ]);
 
   function choosers(side) {
     const follow = side === "b" ? [["", "as A"]] : [];
     const lists = {
-      version: versions.length > 1 ? versions.map((version, number) => [String(number), version.name]) : null,
+      version:
+        versions.length > 1
+          ? versions.map((version, number) => [String(number), version.name])
+          : null,
       look: [...follow, ...names.looks.map((name) => [name, name])],
       rig: [...follow, ...names.rigs.map((name) => [name, name])],
     };
     const made = {};
     for (const [key, entries] of Object.entries(lists)) {
       if (!entries) continue;
-      made[key] = make("select", {
-        "aria-label": `${key} of ${side.toUpperCase()}`,
-        on: { change: (event) => setSide(side, { [key]: key === "version" ? Number(event.target.value) : event.target.value || null }) },
-      }, ...entries.map(([value, text]) => make("option", { value }, text)));
+      made[key] = make(
+        "select",
+        {
+          "aria-label": `${key} of ${side.toUpperCase()}`,
+          on: {
+            change: (event) =>
+              setSide(side, {
+                [key]: key === "version" ? Number(event.target.value) : event.target.value || null,
+              }),
+          },
+        },
+        ...entries.map(([value, text]) => make("option", { value }, text)),
+      );
       $(`choose-${side}`).append(made[key]);
     }
     return made;
@@ -337,28 +454,54 @@ review.start = (index) => {
   if (index.changes) {
     $("changes").hidden = false;
     const counts = index.changes.filter((change) => change.state === "changed").length;
-    $("changes-title").textContent = `Changes since ${versions[1].name}: ${counts} of ${index.changes.length} turntables`;
+    $("changes-title").textContent =
+      `Changes since ${versions[1].name}: ${counts} of ${index.changes.length} turntables`;
     review.showChanges($("changes-table"), index.changes, (change) => {
       const reel = reels.get([0, change.look, change.rig, change.turntable].join("\n"));
       set({
-        a: { version: 0, look: change.look, rig: change.rig }, b: { version: 1, look: null, rig: null },
-        turntable: change.turntable, frame: Math.max(0, reel.numbers.indexOf(change.frame)),
+        a: { version: 0, look: change.look, rig: change.rig },
+        b: { version: 1, look: null, rig: null },
+        turntable: change.turntable,
+        frame: Math.max(0, reel.numbers.indexOf(change.frame)),
         mode: change.state === "new" ? "picture" : "noise",
       });
       $("viewer").scrollIntoView({ block: "start" });
     });
   }
 
-  const bound = { number: "frame", split: "split", amplify: "amplify", exposure: "stops", behind: "behind", square: "square" };
-  for (const [id, key] of Object.entries(bound)) $(id).addEventListener("input", (event) => set({ [key]: Number(event.target.value) }));
+  const bound = {
+    number: "frame",
+    split: "split",
+    amplify: "amplify",
+    exposure: "stops",
+    behind: "behind",
+    square: "square",
+  };
+  for (const [id, key] of Object.entries(bound))
+    $(id).addEventListener("input", (event) => set({ [key]: Number(event.target.value) }));
   $("zoom").addEventListener("change", (event) => set({ zoom: event.target.value }));
   $("play").addEventListener("click", () => play(!state.playing));
   $("swap").addEventListener("click", swap);
   $("open-help").addEventListener("click", () => $("help").showModal());
 
   const page = {
-    state, names, stage, box, size: () => shown.a || find(state.a), reel: () => find(state.a), set, setSide, step, stepName,
-    stepTurntable, toggleMode, swap, expose, play, cursor, moveCursor,
+    state,
+    names,
+    stage,
+    box,
+    size: () => shown.a || find(state.a),
+    reel: () => find(state.a),
+    set,
+    setSide,
+    step,
+    stepName,
+    stepTurntable,
+    toggleMode,
+    swap,
+    expose,
+    play,
+    cursor,
+    moveCursor,
   };
   review.followPointer(page);
   review.followKeys(page);
@@ -371,9 +514,16 @@ review.start = (index) => {
   document.title = `${index.title}: review`;
   $("title").textContent = index.title;
   const count = (list, what) => `${list.length} ${what}${list.length === 1 ? "" : "s"}`;
-  $("summary").textContent = [count(names.looks, "look"), count(names.rigs, "rig"), count(names.turntables, "turntable"),
-    `view ${index.view.name}`, ...(versions.length > 1 ? [`against ${versions[1].name}`] : [])].join(" · ");
-  $("problems").append(...versions.flatMap((version) => version.problems).map((problem) => make("li", {}, problem)));
+  $("summary").textContent = [
+    count(names.looks, "look"),
+    count(names.rigs, "rig"),
+    count(names.turntables, "turntable"),
+    `view ${index.view.name}`,
+    ...(versions.length > 1 ? [`against ${versions[1].name}`] : []),
+  ].join(" · ");
+  $("problems").append(
+    ...versions.flatMap((version) => version.problems).map((problem) => make("li", {}, problem)),
+  );
   $("problems").hidden = !$("problems").childElementCount;
   review.state = state;
   recall();

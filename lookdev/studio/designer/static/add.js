@@ -1,4 +1,6 @@
-// The dialog of presets: their pictures come one after another, so that the page's own requests never wait for them.
+// @ts-check
+// The dialog of presets: their pictures come one after another, so that the page's own requests
+// never wait for them.
 
 import { at, made, opened, spaced } from "./made.js";
 
@@ -13,32 +15,55 @@ export async function choosePreset(asked) {
   const dialog = at("adding");
   presets ??= (await asked("presets")).presets;
   const categories = [...new Set(presets.map((each) => each.category))].sort();
-  at("adding-category").replaceChildren(new Option("all", ""), ...categories.map((each) => new Option(each, each)));
+  at("adding-category").replaceChildren(
+    new Option("all", ""),
+    ...categories.map((each) => new Option(each, each)),
+  );
   at("adding-search").value = "";
-  const observer = new IntersectionObserver((seen) => {
-    for (const { isIntersecting, target } of seen) {
-      if (isIntersecting) wanted.push(target);
-      else wanted = wanted.filter((each) => each !== target);
-    }
-    next(dialog);
-  }, { root: at("adding-presets") });
+  const observer = new IntersectionObserver(
+    (seen) => {
+      for (const { isIntersecting, target } of seen) {
+        if (isIntersecting) wanted.push(target);
+        else wanted = wanted.filter((each) => each !== target);
+      }
+      next(dialog);
+    },
+    { root: at("adding-presets") },
+  );
   const show = () => {
-    const words = at("adding-search").value.trim().toLowerCase(), category = at("adding-category").value;
-    const found = presets.filter((each) => (!category || each.category === category)
-      && `${spaced(each.name)} ${each.category} ${each.doc}`.toLowerCase().includes(words));
-    const rank = ({ name }) => [spaced(name) === words, spaced(name).startsWith(words), spaced(name).includes(words), true].indexOf(true);
+    const words = at("adding-search").value.trim().toLowerCase(),
+      category = at("adding-category").value;
+    const found = presets.filter(
+      (each) =>
+        (!category || each.category === category) &&
+        `${spaced(each.name)} ${each.category} ${each.doc}`.toLowerCase().includes(words),
+    );
+    const rank = ({ name }) =>
+      [
+        spaced(name) === words,
+        spaced(name).startsWith(words),
+        spaced(name).includes(words),
+        true,
+      ].indexOf(true);
     if (words) found.sort((a, b) => rank(a) - rank(b));
     wanted = [];
     observer.disconnect();
-    at("adding-presets").replaceChildren(...found.map((each) => {
-      const image = made("img", { width: 56, height: 56, alt: "" });
-      image.dataset.name = each.name;
-      image.src = pictures.get(each.name) ?? NOTHING;
-      if (!pictures.has(each.name)) observer.observe(image);
-      const choice = made("button", { type: "submit", value: each.name, className: "preset", title: each.doc },
-        image, made("span", { textContent: spaced(each.name) }), made("small", { textContent: each.model }));
-      return choice;
-    }));
+    at("adding-presets").replaceChildren(
+      ...found.map((each) => {
+        const image = made("img", { width: 56, height: 56, alt: "" });
+        image.dataset.name = each.name;
+        image.src = pictures.get(each.name) ?? NOTHING;
+        if (!pictures.has(each.name)) observer.observe(image);
+        const choice = made(
+          "button",
+          { type: "submit", value: each.name, className: "preset", title: each.doc },
+          image,
+          made("span", { textContent: spaced(each.name) }),
+          made("small", { textContent: each.model }),
+        );
+        return choice;
+      }),
+    );
     at("adding-none").hidden = found.length > 0;
   };
   at("adding-search").oninput = show;
@@ -68,7 +93,9 @@ async function next(dialog) {
         pictures.set(image.dataset.name, URL.createObjectURL(await answer.blob()));
         image.src = pictures.get(image.dataset.name);
       }
-    } catch { /* a preset without a picture is still one */ }
+    } catch {
+      /* a preset without a picture is still one */
+    }
   }
   fetching = false;
 }
@@ -79,7 +106,13 @@ export async function savePreset(asked, look, layer) {
   const closed = opened(at("preset"));
   at("preset-name").select();
   if ((await closed) !== "save") return "";
-  const body = { look, op: "preset", layer: layer.number, name: at("preset-name").value, category: at("preset-category").value };
+  const body = {
+    look,
+    op: "preset",
+    layer: layer.number,
+    name: at("preset-name").value,
+    category: at("preset-category").value,
+  };
   const { file } = await asked("stack", body);
   presets = null;
   return `saved the preset ${file}`;

@@ -1,3 +1,4 @@
+// @ts-check
 // The Designer's page: a scene in the viewport, and the layers of its looks.
 
 import { choosePreset, savePreset } from "./add.js";
@@ -33,7 +34,8 @@ async function asked(path, body) {
   const post = { method: "POST", headers, body: picture ? body : JSON.stringify(body) };
   const answer = await fetch(path, body === undefined ? {} : post);
   const found = await answer.json();
-  if (!answer.ok) throw Object.assign(new Error(found.error ?? answer.statusText), { conflict: found.conflict });
+  if (!answer.ok)
+    throw Object.assign(new Error(found.error ?? answer.statusText), { conflict: found.conflict });
   return found;
 }
 
@@ -54,10 +56,13 @@ const exact = new Exact(viewport, () => sending);
 const lights = new LightList(viewport, asked, say);
 const turntable = new Turntable(asked, () => sending);
 Object.assign(window, { viewport, exact, lights, turntable }); // for tests
+/** Say whether the light has shadows; nothing where none can be cast. */
+const shadowWords = () =>
+  castable() ? (viewport.settings.shadows ? " with cast shadow" : ", no shadow") : "";
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
-  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light${castable() ? (viewport.settings.shadows ? " with cast shadow" : ", no shadow") : ""}`;
+  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light${shadowWords()}`;
 });
 
 /** Fetch and show the scene, which the server has made anew. */
@@ -67,8 +72,12 @@ async function load(what) {
   fit(next.resolution);
   await viewport.show(next);
   await lights.load();
-  const first = scene === null, path = scene?.parts[picked]?.path;
-  picked = Math.max(0, next.parts.findIndex((each) => each.path === path));
+  const first = scene === null,
+    path = scene?.parts[picked]?.path;
+  picked = Math.max(
+    0,
+    next.parts.findIndex((each) => each.path === path),
+  );
   scene = next;
   if (first) {
     at("background").checked = next.background === "ibl";
@@ -78,9 +87,15 @@ async function load(what) {
   const { looks, rigs, shipped } = next.choices;
   select(at("look"), looks, next.chosen.look);
   select(at("rig"), rigs, next.chosen.rig, shipped, "shipped: only shown");
-  select(at("part"), next.parts.map((each) => each.path), next.parts[picked].path);
+  select(
+    at("part"),
+    next.parts.map((each) => each.path),
+    next.parts[picked].path,
+  );
   at("shadows").disabled = !next.shadows;
-  at("shadows").parentElement.title = next.shadows ? "What the asset takes of the light that arrives on it" : "This asset casts no shadow on itself: it is convex";
+  at("shadows").parentElement.title = next.shadows
+    ? "What the asset takes of the light that arrives on it"
+    : "This asset casts no shadow on itself: it is convex";
   leftOut();
   panel();
   say(`${next.view.name}`);
@@ -91,17 +106,24 @@ const castable = () => scene?.shadows ?? false;
 /** Name what the picture leaves out, as it is now. */
 function leftOut() {
   const switched = castable() && !viewport.settings.shadows ? ["cast shadow: switched off"] : [];
-  at("left-out").querySelector("ul").replaceChildren(...[...scene.left_out, ...switched].map((each) => made("li", { textContent: each })));
+  at("left-out")
+    .querySelector("ul")
+    .replaceChildren(
+      ...[...scene.left_out, ...switched].map((each) => made("li", { textContent: each })),
+    );
 }
 
 function select(element, names, chosen, others = [], label = "") {
   const options = (given) => given.map((each) => new Option(each, each, false, each === chosen));
-  element.replaceChildren(...options(names), ...(others.length ? [made("optgroup", { label }, ...options(others))] : []));
+  element.replaceChildren(
+    ...options(names),
+    ...(others.length ? [made("optgroup", { label }, ...options(others))] : []),
+  );
 }
 
 /** Give the canvas the frame's shape: the picture is framed as the job's frames are. */
 function fit([width, height]) {
-  document.documentElement.style.setProperty("--shape", height / width);
+  document.documentElement.style.setProperty("--shape", `${height / width}`);
   const room = at("stage").getBoundingClientRect();
   const scale = Math.min(room.width / width, room.height / height);
   const [wide, high] = [width * scale, height * scale].map(Math.floor);
@@ -115,7 +137,9 @@ const lookOf = () => scene.parts[picked].look;
 function panel() {
   showWorn(scene, scene.parts[picked], acts);
   showLayers(at("layers"), scene.stacks[lookOf()], acts);
-  showNotices(scene, (what) => ask("disk", { do: what }, what === "keep" ? "kept: saving writes over the file" : ""));
+  showNotices(scene, (what) =>
+    ask("disk", { do: what }, what === "keep" ? "kept: saving writes over the file" : ""),
+  );
   marks();
 }
 
@@ -128,21 +152,32 @@ function marks() {
   at("undo").disabled = scene.undoes === null;
   at("undo").title = scene.undoes === null ? "Nothing to undo" : `Undo: ${scene.undoes} (Ctrl+Z)`;
   at("redo").disabled = scene.redoes === null;
-  at("redo").title = scene.redoes === null ? "Nothing to do again" : `Redo: ${scene.redoes} (Ctrl+Shift+Z)`;
-  at("compare").textContent = scene.snapshots.length ? `Compare (${scene.snapshots.length})…` : "Compare…";
+  at("redo").title =
+    scene.redoes === null ? "Nothing to do again" : `Redo: ${scene.redoes} (Ctrl+Shift+Z)`;
+  at("compare").textContent = scene.snapshots.length
+    ? `Compare (${scene.snapshots.length})…`
+    : "Compare…";
   document.title = `${unsaved.length ? "• " : ""}Designer · lookdev`;
 }
 
-/** Take what an answer says of stacks and files; the picture follows, by uniforms where nothing is to be compiled. */
+/**
+ * Take what an answer says of stacks and files; the picture follows, by uniforms where nothing is
+ * to be compiled.
+ */
 async function adopt({ compiles, ...status }) {
   Object.assign(scene, status);
   if (compiles) await load("compiling in the background…");
   else {
     scene.stacks.forEach((stack, look) => {
-      const known = viewport.scene.looks[look].numbers, numbers = {};
+      const known = viewport.scene.looks[look].numbers,
+        numbers = {};
       for (const { uniform, value } of stack.layers.flatMap((layer) => layer.parameters ?? [])) {
         const values = [value].flat();
-        if (uniform && values.some((each, k) => Math.fround(each) !== Math.fround(known[uniform]?.[k]))) numbers[uniform] = values;
+        if (
+          uniform &&
+          values.some((each, k) => Math.fround(each) !== Math.fround(known[uniform]?.[k]))
+        )
+          numbers[uniform] = values;
       }
       if (Object.keys(numbers).length) viewport.setNumbers(look, numbers);
     });
@@ -172,7 +207,10 @@ function ask(path, body, said = "") {
 
 let gesture = null; // of the parameter under the hand
 
-/** A parameter moves: its uniform at once, the document when the hand rests, or now and then while it does not. */
+/**
+ * A parameter moves: its uniform at once, the document when the hand rests, or now and then while
+ * it does not.
+ */
 function change(layer, parameter, value, rests) {
   const look = lookOf();
   if (parameter.uniform) viewport.setNumbers(look, { [parameter.uniform]: [value].flat() });
@@ -186,7 +224,11 @@ function change(layer, parameter, value, rests) {
   } else if (parameter.uniform) {
     const send = () => {
       gesture.sent = performance.now();
-      sending = sending.then(async () => { scene.revision = (await asked("edit", edit)).revision; }).catch((error) => say(error.message, true));
+      sending = sending
+        .then(async () => {
+          scene.revision = (await asked("edit", edit)).revision;
+        })
+        .catch((error) => say(error.message, true));
     };
     gesture.sent ??= performance.now();
     if (performance.now() - gesture.sent > LIVE) send();
@@ -204,14 +246,22 @@ const acts = {
       await sending;
       const body = await chooseWorn(scene, scene.parts[picked], asked);
       if (!body) return;
-      if (body.material) { await ask("wear", body); return; }
+      if (body.material) {
+        await ask("wear", body);
+        return;
+      }
       const preset = await choosePreset(asked);
-      if (preset) await named([["preset", "A new look beside the job", scene.job.file, `${preset}.usda`]], (_, file) => ask("wear", { ...body, preset, file }));
+      if (preset)
+        await named(
+          [["preset", "A new look beside the job", scene.job.file, `${preset}.usda`]],
+          (_, file) => ask("wear", { ...body, preset, file }),
+        );
     } catch (error) {
       say(error.message, true);
     }
   },
-  undress: () => ask("wear", { part: scene.job.worn[scene.parts[picked].path].paths[0], take: true }),
+  undress: () =>
+    ask("wear", { part: scene.job.worn[scene.parts[picked].path].paths[0], take: true }),
   again: () => panel(),
   images: async () => (await asked(`images?look=${lookOf()}`)).images,
   async arrange(body, focus = "") {
@@ -267,11 +317,17 @@ const acts = {
 async function save(name, over = false, what = "look") {
   try {
     await sending;
-    const { files, ...status } = await asked("save", name === null ? { over } : { look: what === "job" ? null : lookOf(), name });
+    const { files, ...status } = await asked(
+      "save",
+      name === null ? { over } : { look: what === "job" ? null : lookOf(), name },
+    );
     await adopt(status);
     say(files.length ? `saved ${files.join(", ")}` : "nothing is unsaved");
   } catch (error) {
-    if (!error.conflict) { say(error.message, true); return; }
+    if (!error.conflict) {
+      say(error.message, true);
+      return;
+    }
     const chosen = await askConflict(error.conflict);
     if (chosen === "over") await save(name, true);
     else if (chosen === "load") await ask("disk", { do: "load" }, "loaded from disk");
@@ -286,11 +342,19 @@ function turn(degrees) {
 }
 
 function view() {
-  const [exposure, lighting, element] = ["exposure", "lighting", "element"].map((id) => Number(at(id).value));
+  const [exposure, lighting, element] = ["exposure", "lighting", "element"].map((id) =>
+    Number(at(id).value),
+  );
   at("exposure-value").textContent = exposure.toFixed(1);
   at("lighting-value").textContent = `${Math.round(lighting)}°`;
   at("element-value").textContent = `${Math.round(element)}°`;
-  viewport.set({ exposure, lighting, element, background: at("background").checked, shadows: at("shadows").checked });
+  viewport.set({
+    exposure,
+    lighting,
+    element,
+    background: at("background").checked,
+    shadows: at("shadows").checked,
+  });
   if (scene) leftOut();
 }
 
@@ -305,35 +369,50 @@ follow(canvas, viewport, {
     panel();
   },
 });
-for (const id of ["exposure", "lighting", "element", "background", "shadows"]) at(id).addEventListener("input", view);
+for (const id of ["exposure", "lighting", "element", "background", "shadows"])
+  at(id).addEventListener("input", view);
 at("part").addEventListener("change", () => {
   picked = at("part").selectedIndex;
   panel();
 });
 for (const id of ["look", "rig"]) {
   at(id).addEventListener("change", () => {
-    sending = sending.then(async () => {
-      await asked("choose", { look: at("look").value, rig: at("rig").value });
-      await load("reading the scene…");
-    }).catch((error) => say(error.message, true));
+    sending = sending
+      .then(async () => {
+        await asked("choose", { look: at("look").value, rig: at("rig").value });
+        await load("reading the scene…");
+      })
+      .catch((error) => say(error.message, true));
   });
 }
 at("undo").addEventListener("click", () => ask("history", { redo: false }));
 at("redo").addEventListener("click", () => ask("history", { redo: true }));
-at("snapshot").addEventListener("click", () => canvas.toBlob((picture) => ask("picture", picture, "kept a snapshot"), "image/png"));
-at("compare").addEventListener("click", () => compareSnapshots(scene, {
-  now: () => canvas.toDataURL("image/png"),
-  show: (number) => ask("snapshots", { do: "show", number }, `back at snapshot ${number}`),
-  drop: (number) => ask("snapshots", { do: "drop", number }),
-}));
+at("snapshot").addEventListener("click", () =>
+  canvas.toBlob((picture) => ask("picture", picture, "kept a snapshot"), "image/png"),
+);
+at("compare").addEventListener("click", () =>
+  compareSnapshots(scene, {
+    now: () => canvas.toDataURL("image/png"),
+    show: (number) => ask("snapshots", { do: "show", number }, `back at snapshot ${number}`),
+    drop: (number) => ask("snapshots", { do: "drop", number }),
+  }),
+);
 at("save").addEventListener("click", () => save(null));
 at("save-as").addEventListener("click", () => {
-  const { file, locked } = scene.stacks[lookOf()], second = (path) => fileName(path).replace(/(\.\w+)$/, "_2$1");
-  const looks = file && !locked ? [["look", "A new file beside the look's own", file, second(file)]] : [];
-  named([...looks, ["job", "A new file beside the job's", scene.job.file, second(scene.job.file)]], (what, name) => save(name, false, what));
+  const { file, locked } = scene.stacks[lookOf()],
+    second = (path) => fileName(path).replace(/(\.\w+)$/, "_2$1");
+  const looks =
+    file && !locked ? [["look", "A new file beside the look's own", file, second(file)]] : [];
+  named(
+    [...looks, ["job", "A new file beside the job's", scene.job.file, second(scene.job.file)]],
+    (what, name) => save(name, false, what),
+  );
 });
 
-/** Ask for the name of a new file of one of several kinds: [kind, words, the file that it is beside, a name]. */
+/**
+ * Ask for the name of a new file of one of several kinds: [kind, words, the file that it is beside,
+ * a name].
+ */
 async function named(kinds, then) {
   const show = () => {
     const [, words, file, name] = kinds[at("naming-what").selectedIndex];
@@ -360,8 +439,11 @@ addEventListener("paste", (event) => {
   event.preventDefault();
   acts.pasteText(event.clipboardData.getData("text/plain") || copied);
 });
-const typing = ({ tagName, type }) => ["SELECT", "TEXTAREA"].includes(tagName) || (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
+const typing = ({ tagName, type }) =>
+  ["SELECT", "TEXTAREA"].includes(tagName) ||
+  (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 addEventListener("keydown", (event) => {
+  const target = /** @type {HTMLInputElement} */ (event.target);
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
     if (key === "s") save(null);
@@ -369,8 +451,12 @@ addEventListener("keydown", (event) => {
     else if (key === "z") ask("history", { redo: false });
     else return;
     event.preventDefault();
-  } else if (typing(event.target) || document.querySelector("dialog[open]")) return;
-  else if ((event.target.tagName !== "BUTTON" || event.key !== " ") && (turntable.key(event.key) || exact.key(event.key))) event.preventDefault();
+  } else if (typing(target) || document.querySelector("dialog[open]")) return;
+  else if (
+    (target.tagName !== "BUTTON" || event.key !== " ") &&
+    (turntable.key(event.key) || exact.key(event.key))
+  )
+    event.preventDefault();
   else if (event.key === "p") acts.dress();
   else {
     const box = at({ b: "background", h: "shadows" }[event.key]);
@@ -391,11 +477,21 @@ new ResizeObserver(() => {
 
 setInterval(() => {
   if (!scene) return;
-  sending = sending.then(async () => {
-    const signs = await asked("status");
-    if (signs.revision !== scene.revision) await load("edited on another page…");
-    else if (String(signs.changed) !== String(scene.changed)) { scene.changed = signs.changed; panel(); }
-  }).catch((error) => say(`the server does not answer: ${error.message}. What was edited is kept; start it again`, true));
+  sending = sending
+    .then(async () => {
+      const signs = await asked("status");
+      if (signs.revision !== scene.revision) await load("edited on another page…");
+      else if (String(signs.changed) !== String(scene.changed)) {
+        scene.changed = signs.changed;
+        panel();
+      }
+    })
+    .catch((error) =>
+      say(
+        `the server does not answer: ${error.message}. What was edited is kept; start it again`,
+        true,
+      ),
+    );
 }, WATCHED);
 
 load("reading the scene…").catch((error) => say(error.message, true));

@@ -1,10 +1,16 @@
-// The renderer's own picture of what the viewport shows: in its place, beside a wipe, or as what both differ by.
+// @ts-check
+// The renderer's own picture of what the viewport shows: in its place, beside a wipe, or as what
+// both differ by.
 
 import { packetOf } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change after which the hand rests
-// Samples of the viewport: until the first round is there, which should have the processors, and then by what is shown.
-const WAITING = 4, ALONE = 4096, COMPARED = 256, MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
+// Samples of the viewport: until the first round is there, which should have the processors, and
+// then by what is shown.
+const WAITING = 4,
+  ALONE = 4096,
+  COMPARED = 256,
+  MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
 const STEP = 0.02; // of the width, by which a key moves the wipe
 const at = (id) => document.getElementById(id);
 const percent = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
@@ -13,10 +19,20 @@ const signed = (share) => (share > 0 ? "+" : "−") + percent(Math.abs(share));
 /** `settled` resolves once the server has all edits. */
 export class Exact {
   constructor(viewport, settled) {
-    Object.assign(this, { viewport, settled, id: 0, asked: null, place: 0.5, mode: "exact", round: null, problem: "" });
+    this.viewport = viewport;
+    this.settled = settled;
+    this.id = 0;
+    this.asked = null;
+    this.place = 0.5;
+    this.mode = "exact";
+    this.round = null;
+    this.problem = "";
     viewport.addEventListener("change", () => this.cancel());
-    viewport.addEventListener("picture", () => { if (this.mode === "difference") this.compare(); });
-    for (const radio of document.querySelectorAll("input[name=mode]")) radio.addEventListener("change", () => this.choose(radio.value));
+    viewport.addEventListener("picture", () => {
+      if (this.mode === "difference") this.compare();
+    });
+    for (const radio of document.querySelectorAll("input[name=mode]"))
+      radio.addEventListener("change", () => this.choose(radio.value));
     this.handle();
     this.choose(document.querySelector("input[name=mode]:checked").value);
   }
@@ -42,7 +58,9 @@ export class Exact {
     this.viewport.wake?.();
   }
 
-  /** What was asked for is not wanted any more; another picture is asked for when the hand rests. */
+  /**
+   * What was asked for is not wanted any more; another picture is asked for when the hand rests.
+   */
   cancel() {
     if (this.asked) this.send({ do: "cancel" });
     this.asked = this.round = null;
@@ -54,14 +72,27 @@ export class Exact {
 
   async rest() {
     clearTimeout(this.timer);
-    const { viewport } = this, version = viewport.version;
+    const { viewport } = this,
+      version = viewport.version;
     if (!viewport.scene || this.mode === "viewport") return;
     await this.settled();
     if (version !== viewport.version || this.mode === "viewport") return;
     const { element, lighting } = viewport.settings;
     this.id += 1;
-    this.asked = { id: this.id, version, at: performance.now(), state: "waiting for the renderer…" };
-    this.send({ do: "render", id: this.id, camera: viewport.camera, element, lighting, size: [viewport.canvas.width, viewport.canvas.height] });
+    this.asked = {
+      id: this.id,
+      version,
+      at: performance.now(),
+      state: "waiting for the renderer…",
+    };
+    this.send({
+      do: "render",
+      id: this.id,
+      camera: viewport.camera,
+      element,
+      lighting,
+      size: [viewport.canvas.width, viewport.canvas.height],
+    });
     this.say();
   }
 
@@ -73,10 +104,13 @@ export class Exact {
   }
 
   connect() {
-    const socket = this.socket = new WebSocket(`ws://${location.host}/exact`);
+    const socket = (this.socket = new WebSocket(`ws://${location.host}/exact`));
     socket.binaryType = "arraybuffer";
-    this.open = new Promise((done) => { socket.onopen = socket.onerror = done; });
-    socket.onmessage = ({ data }) => this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
+    this.open = new Promise((done) => {
+      socket.onopen = socket.onerror = done;
+    });
+    socket.onmessage = ({ data }) =>
+      this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
     socket.onclose = () => {
       if (socket !== this.socket || !this.asked) return;
       this.asked = null;
@@ -95,30 +129,53 @@ export class Exact {
     } else if (answer.state) asked.state = answer.state;
     else if (answer.done) asked.done = true;
     else if (answer.arrays) {
-      const { arrays, shapes } = answer, [height, width] = shapes.beauty, mean = new Float32Array(4 * width * height);
+      const { arrays, shapes } = answer,
+        [height, width] = shapes.beauty,
+        mean = new Float32Array(4 * width * height);
       for (let k = 0; k < width * height; k += 1) {
         mean.set(arrays.beauty.subarray(3 * k, 3 * k + 3), 4 * k);
         mean[4 * k + 3] = arrays.alpha[k];
       }
       asked.first ??= performance.now() - asked.at;
-      this.round = { ...answer, width, height, first: asked.first, number: (this.round?.number ?? 0) + 1 };
+      this.round = {
+        ...answer,
+        width,
+        height,
+        first: asked.first,
+        number: (this.round?.number ?? 0) + 1,
+      };
       viewport.setExact(mean, width, height, asked.version);
       if (this.mode === "difference") this.compare();
     }
     this.say();
   }
 
-  /** Find what the exact picture has besides what the viewport shows, of all pixels of the asset, by name. */
+  /**
+   * Find what the exact picture has besides what the viewport shows, of all pixels of the asset, by
+   * name.
+   */
   compare() {
-    const { viewport, round } = this, film = viewport.last;
-    const key = round && film === viewport.film(0) && viewport.shown === viewport.version ? `${round.number} ${film.count >= COMPARED ? COMPARED : Math.floor(Math.log2(film.count))}` : "";
+    const { viewport, round } = this,
+      film = viewport.last;
+    const key =
+      round && film === viewport.film(0) && viewport.shown === viewport.version
+        ? `${round.number} ${film.count >= COMPARED ? COMPARED : Math.floor(Math.log2(film.count))}`
+        : "";
     if (!key || (this.compared?.key === key && this.compared.round === round)) return;
-    const { width, height, arrays } = round, seen = resized(film.read(), film.width, film.height, width, height);
-    let exact = 0, apart = 0, indirect = 0, rest = 0;
+    const { width, height, arrays } = round,
+      seen = resized(film.read(), film.width, film.height, width, height);
+    let exact = 0,
+      apart = 0,
+      indirect = 0,
+      rest = 0;
     for (let k = 0; k < width * height; k += 1) {
       if (arrays.alpha[k] <= 0) continue;
       for (let c = 0; c < 3; c += 1) {
-        const [whole, direct, own] = [arrays.beauty[3 * k + c], arrays.direct[3 * k + c], seen[4 * k + c]];
+        const [whole, direct, own] = [
+          arrays.beauty[3 * k + c],
+          arrays.direct[3 * k + c],
+          seen[4 * k + c],
+        ];
         exact += whole;
         apart += Math.abs(whole - own);
         indirect += whole - direct;
@@ -126,54 +183,99 @@ export class Exact {
       }
     }
     const most = Math.max(exact, 1e-9);
-    this.compared = { key, round, apart: apart / most, indirect: indirect / most, rest: rest / most, samples: film.count };
+    this.compared = {
+      key,
+      round,
+      apart: apart / most,
+      indirect: indirect / most,
+      rest: rest / most,
+      samples: film.count,
+    };
     this.say();
   }
 
   /** Write what is known of the picture. */
   say() {
     this.limit();
-    const { asked, round, problem, mode } = this, facts = at("exact-facts");
+    const { asked, round, problem, mode } = this,
+      facts = at("exact-facts");
     facts.classList.toggle("bad", Boolean(problem));
     facts.title = "";
     if (problem) facts.textContent = problem;
     else if (mode === "viewport") facts.textContent = "";
-    else if (!round) facts.textContent = asked ? asked.state : "the exact picture follows when the hand rests";
+    else if (!round)
+      facts.textContent = asked ? asked.state : "the exact picture follows when the hand rests";
     else {
       const noise = percent(Math.sqrt(round.relmse));
-      facts.textContent = `exact, ${round.backend} · ${round.samples} samples · noise ${noise}${asked?.done ? " · done" : ""}`;
-      facts.title = `relMSE ${round.relmse.toExponential(1)} of ${round.width} × ${round.height} pixels after ${round.seconds.toFixed(1)} s; the first round after ${(round.first / 1000).toFixed(2)} s`;
+      facts.textContent = [
+        `exact, ${round.backend} · ${round.samples} samples · noise ${noise}`,
+        ...(asked?.done ? ["done"] : []),
+      ].join(" · ");
+      facts.title = [
+        `relMSE ${round.relmse.toExponential(1)} of ${round.width} × ${round.height} pixels`,
+        `after ${round.seconds.toFixed(1)} s;`,
+        `the first round after ${(round.first / 1000).toFixed(2)} s`,
+      ].join(" ");
     }
     at("progress").hidden = mode === "difference" || (mode === "exact" && Boolean(round));
-    const list = at("difference-parts"), { compared } = this;
+    const list = at("difference-parts"),
+      { compared } = this;
     if (mode !== "difference") return;
-    if (!round || compared?.round !== round && !compared) { list.replaceChildren(); at("difference-mean").textContent = "waiting for both pictures…"; return; }
-    const left = [...at("left-out").querySelectorAll("li")].map((each) => each.textContent.split(":")[0]).filter((each) => each !== "interreflection");
-    const others = left.length ? left.join(", ") : "direct light: what both have, by the noise of both";
+    if (!round || (compared?.round !== round && !compared)) {
+      list.replaceChildren();
+      at("difference-mean").textContent = "waiting for both pictures…";
+      return;
+    }
+    const left = [...at("left-out").querySelectorAll("li")]
+      .map((each) => each.textContent.split(":")[0])
+      .filter((each) => each !== "interreflection");
+    const others = left.length
+      ? left.join(", ")
+      : "direct light: what both have, by the noise of both";
     at("difference-mean").textContent = `mean ${percent(compared.apart)} of the exact light`;
-    list.replaceChildren(...[[signed(compared.indirect), "interreflection"], [signed(compared.rest), others], [`± ${percent(Math.sqrt(compared.round.relmse))}`, "noise of a pixel, which the mean has in it"]].map(([share, name]) => {
-      const row = document.createElement("li");
-      row.append(Object.assign(document.createElement("b"), { textContent: share }), ` ${name}`);
-      return row;
-    }));
+    list.replaceChildren(
+      ...[
+        [signed(compared.indirect), "interreflection"],
+        [signed(compared.rest), others],
+        [
+          `± ${percent(Math.sqrt(compared.round.relmse))}`,
+          "noise of a pixel, which the mean has in it",
+        ],
+      ].map(([share, name]) => {
+        const row = document.createElement("li");
+        row.append(Object.assign(document.createElement("b"), { textContent: share }), ` ${name}`);
+        return row;
+      }),
+    );
   }
 
   /** The handle of the wipe, by hand and by keys. */
   handle() {
-    const handle = at("wipe"), stage = at("stage"), canvas = at("picture");
+    const handle = at("wipe"),
+      stage = at("stage"),
+      canvas = at("picture");
     const put = (place) => {
       this.place = Math.min(1, Math.max(0, place));
       handle.style.left = `${canvas.offsetLeft + this.place * canvas.offsetWidth}px`;
       handle.style.top = `${canvas.offsetTop}px`;
       handle.style.height = `${canvas.offsetHeight}px`;
-      handle.setAttribute("aria-valuenow", Math.round(100 * this.place));
+      handle.setAttribute("aria-valuenow", `${Math.round(100 * this.place)}`);
       if (this.mode === "wipe") this.viewport.set({ wipe: this.place });
     };
-    handle.addEventListener("pointerdown", (event) => { handle.setPointerCapture(event.pointerId); event.preventDefault(); handle.focus(); this.held = true; });
-    handle.addEventListener("pointermove", (event) => {
-      if (this.held) put((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
+    handle.addEventListener("pointerdown", (event) => {
+      handle.setPointerCapture(event.pointerId);
+      event.preventDefault();
+      handle.focus();
+      this.held = true;
     });
-    for (const name of ["pointerup", "pointercancel"]) handle.addEventListener(name, () => { this.held = false; });
+    handle.addEventListener("pointermove", (event) => {
+      if (this.held)
+        put((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
+    });
+    for (const name of ["pointerup", "pointercancel"])
+      handle.addEventListener(name, () => {
+        this.held = false;
+      });
     handle.addEventListener("keydown", (event) => {
       const by = { ArrowLeft: -STEP, ArrowRight: STEP, Home: -1, End: 1 }[event.key];
       if (by === undefined) return;
@@ -195,7 +297,9 @@ export class Exact {
 
 /** Pixels (height x width x 4) as the means of the areas of others. */
 function resized(pixels, width, height, wide, high) {
-  const found = new Float32Array(4 * wide * high), rows = spans(height, high), columns = spans(width, wide);
+  const found = new Float32Array(4 * wide * high),
+    rows = spans(height, high),
+    columns = spans(width, wide);
   for (let y = 0; y < high; y += 1) {
     for (let x = 0; x < wide; x += 1) {
       const place = 4 * (y * wide + x);
@@ -213,7 +317,8 @@ function resized(pixels, width, height, wide, high) {
 /** The pixels that each of `few` covers of `many`, with their shares. */
 function spans(many, few) {
   return Array.from({ length: few }, (_, k) => {
-    const [start, end] = [(k * many) / few, ((k + 1) * many) / few], covered = [];
+    const [start, end] = [(k * many) / few, ((k + 1) * many) / few],
+      covered = [];
     for (let j = Math.floor(start); j < Math.min(many, Math.ceil(end)); j += 1) {
       covered.push([j, (Math.min(end, j + 1) - Math.max(start, j)) / (end - start)]);
     }

@@ -1,4 +1,6 @@
-// The hand on the picture: orbit, pan, zoom, pick, and the light turned by shift-drag; the same by keys.
+// @ts-check
+// The hand on the picture: orbit, pan, zoom, pick, and the light turned by shift-drag; the same by
+// keys.
 
 import { panned, rotated, zoomed } from "./viewport/camera.js";
 
@@ -14,7 +16,12 @@ export function follow(canvas, viewport, { turn, pick, framed }) {
     canvas.setPointerCapture(event.pointerId);
     canvas.focus();
     const pans = event.button !== 0 || event.ctrlKey || event.metaKey;
-    held = { x: event.offsetX, y: event.offsetY, moved: 0, kind: event.shiftKey ? "light" : pans ? "pan" : "orbit" };
+    held = {
+      x: event.offsetX,
+      y: event.offsetY,
+      moved: 0,
+      kind: event.shiftKey ? "light" : pans ? "pan" : "orbit",
+    };
   });
   canvas.addEventListener("pointermove", (event) => {
     if (!held) return;
@@ -23,21 +30,32 @@ export function follow(canvas, viewport, { turn, pick, framed }) {
     [held.x, held.y] = [event.offsetX, event.offsetY];
     if (held.moved < STILL) return;
     if (held.kind === "light") turn(DEGREES * dx);
-    else if (held.kind === "pan") viewport.setCamera(panned(viewport.camera, dx / canvas.clientWidth, -dy / canvas.clientWidth));
+    else if (held.kind === "pan")
+      viewport.setCamera(
+        panned(viewport.camera, dx / canvas.clientWidth, -dy / canvas.clientWidth),
+      );
     else viewport.setCamera(rotated(viewport.camera, -DEGREES * dx, DEGREES * dy));
   });
   const released = (event) => {
     if (held && held.moved < STILL && held.kind === "orbit" && event.type === "pointerup") {
-      pick((event.offsetX / canvas.clientWidth) * canvas.width, (event.offsetY / canvas.clientHeight) * canvas.height);
+      pick(
+        (event.offsetX / canvas.clientWidth) * canvas.width,
+        (event.offsetY / canvas.clientHeight) * canvas.height,
+      );
     }
     held = null;
   };
   canvas.addEventListener("pointerup", released);
   canvas.addEventListener("pointercancel", released);
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    if (viewport.camera) viewport.setCamera(zoomed(viewport.camera, Math.exp(-0.0015 * event.deltaY)));
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      if (viewport.camera)
+        viewport.setCamera(zoomed(viewport.camera, Math.exp(-0.0015 * event.deltaY)));
+    },
+    { passive: false },
+  );
   const keys = {
     ArrowLeft: () => rotated(viewport.camera, -5, 0),
     ArrowRight: () => rotated(viewport.camera, 5, 0),
@@ -49,7 +67,8 @@ export function follow(canvas, viewport, { turn, pick, framed }) {
   };
   canvas.addEventListener("keydown", (event) => {
     if (!viewport.camera || event.ctrlKey || event.metaKey) return;
-    if (event.shiftKey && ["ArrowLeft", "ArrowRight"].includes(event.key)) turn(event.key === "ArrowLeft" ? -5 : 5);
+    if (event.shiftKey && ["ArrowLeft", "ArrowRight"].includes(event.key))
+      turn(event.key === "ArrowLeft" ? -5 : 5);
     else if (keys[event.key]) viewport.setCamera(keys[event.key]());
     else return;
     event.preventDefault();

@@ -1,3 +1,4 @@
+// @ts-check
 // Elements, and what a person reads of names.
 
 export const at = (id) => document.getElementById(id);
@@ -6,7 +7,11 @@ export const made = (tag, properties = {}, ...children) => {
   element.append(...children);
   return element;
 };
-export const spaced = (name) => name.replace(/_/g, " ").replace(/([a-z])([A-Z0-9])/g, "$1 $2").toLowerCase();
+export const spaced = (name) =>
+  name
+    .replace(/_/g, " ")
+    .replace(/([a-z])([A-Z0-9])/g, "$1 $2")
+    .toLowerCase();
 export const fileName = (path) => path.split(/[\\/]/).pop();
 
 /** A button with its key in the tooltip. */
@@ -20,5 +25,7 @@ export const button = (text, title, act, properties = {}) => {
 export function opened(dialog) {
   dialog.returnValue = "";
   dialog.showModal();
-  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
+  return new Promise((resolve) =>
+    dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }),
+  );
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // The turntable: rendered in the background, and played in the viewport's place.
 
 const at = (id) => document.getElementById(id);
@@ -6,11 +7,21 @@ const POLL = 500; // milliseconds between looks at how far it is
 
 export class Turntable {
   constructor(asked, settled) {
-    Object.assign(this, { asked, settled, state: { state: "none" }, frames: [], shown: 0, playing: false });
-    at("turntable-start").addEventListener("click", () => (this.state.state === "rendering" ? this.ask({ do: "cancel" }) : this.render()));
+    this.asked = asked;
+    this.settled = settled;
+    this.state = { state: "none" };
+    this.frames = [];
+    this.shown = 0;
+    this.playing = false;
+    at("turntable-start").addEventListener("click", () =>
+      this.state.state === "rendering" ? this.ask({ do: "cancel" }) : this.render(),
+    );
     at("turntable-play").addEventListener("click", () => this.play(!this.playing));
     at("turntable-close").addEventListener("click", () => this.open(false));
-    at("turntable-frame").addEventListener("input", () => { this.play(false); this.show(Number(at("turntable-frame").value)); });
+    at("turntable-frame").addEventListener("input", () => {
+      this.play(false);
+      this.show(Number(at("turntable-frame").value));
+    });
     at("turntable-open").addEventListener("click", () => this.open(true));
     this.ask();
   }
@@ -20,7 +31,7 @@ export class Turntable {
     await this.ask({ do: "render" });
   }
 
-  async ask(body) {
+  async ask(body = undefined) {
     clearTimeout(this.timer);
     try {
       this.take(await this.asked("turntable", body));
@@ -37,11 +48,18 @@ export class Turntable {
     for (const number of state.pictures ?? []) {
       if (this.frames.some((each) => each.number === number)) continue;
       // While it is rendered, files of a run before are replaced.
-      this.frames.push({ number, image: Object.assign(new Image(), { src: `turntable/${state.run}/${number}.png?${state.done}`, alt: "" }) });
+      this.frames.push({
+        number,
+        image: Object.assign(new Image(), {
+          src: `turntable/${state.run}/${number}.png?${state.done}`,
+          alt: "",
+        }),
+      });
       this.frames.sort((a, b) => a.number - b.number);
     }
     if (state.state === "done" && this.last === "rendering") {
-      for (const each of this.frames) each.image.src = `turntable/${state.run}/${each.number}.png?done`;
+      for (const each of this.frames)
+        each.image.src = `turntable/${state.run}/${each.number}.png?done`;
       this.open(true);
     }
     this.last = state.state;
@@ -53,13 +71,21 @@ export class Turntable {
     at("turntable-progress").value = state.done ?? 0;
     at("turntable-frame").max = Math.max(0, this.frames.length - 1);
     const parts = {
-      none: () => "The job's frames of what is shown, with unsaved edits and the lights as set here.",
-      rendering: () => `${state.done} of ${state.total} frames${state.frame ? ` · ${state.frame.split("/").pop()}, ${state.samples} samples` : ""}`,
+      none: () =>
+        "The job's frames of what is shown, with unsaved edits and the lights as set here.",
+      rendering: () =>
+        [
+          `${state.done} of ${state.total} frames`,
+          ...(state.frame ? [`${state.frame.split("/").pop()}, ${state.samples} samples`] : []),
+        ].join(" · "),
       done: () => `${state.total} frames`,
       cancelled: () => `cancelled; ${state.done} of ${state.total} frames are kept`,
       failed: () => state.error ?? state.failed.join("; "),
     };
-    this.say(parts[state.state]() + (state.output ? ` · ${state.output}` : ""), state.state === "failed");
+    this.say(
+      parts[state.state]() + (state.output ? ` · ${state.output}` : ""),
+      state.state === "failed",
+    );
   }
 
   say(text, bad = false) {
@@ -79,7 +105,8 @@ export class Turntable {
     clearInterval(this.clock);
     this.playing = playing && this.frames.length > 0;
     at("turntable-play").textContent = this.playing ? "Pause" : "Play";
-    if (this.playing) this.clock = setInterval(() => this.show((this.shown + 1) % this.frames.length), 1000 / RATE);
+    if (this.playing)
+      this.clock = setInterval(() => this.show((this.shown + 1) % this.frames.length), 1000 / RATE);
     this.show(Math.min(this.shown, this.frames.length - 1));
   }
 
@@ -89,15 +116,27 @@ export class Turntable {
     this.shown = number;
     at("turntable-frame").value = number;
     at("turntable-number").textContent = `${frame.number + 1} / ${this.state.total}`;
-    if (frame.image.complete && frame.image.naturalWidth) at("turntable-stage").replaceChildren(frame.image);
+    if (frame.image.complete && frame.image.naturalWidth)
+      at("turntable-stage").replaceChildren(frame.image);
   }
 
-  /** Take a key while it is open: space plays, comma and full stop step, Escape closes. Returns whether it did. */
+  /**
+   * Take a key while it is open: space plays, comma and full stop step, Escape closes. Returns
+   * whether it did.
+   */
   key(name) {
     if (at("turntable").hidden) return false;
     const count = this.frames.length;
-    const step = (by) => { this.play(false); this.show((this.shown + by + count) % count); };
-    const keys = { " ": () => this.play(!this.playing), ",": () => step(-1), ".": () => step(1), Escape: () => this.open(false) };
+    const step = (by) => {
+      this.play(false);
+      this.show((this.shown + by + count) % count);
+    };
+    const keys = {
+      " ": () => this.play(!this.playing),
+      ",": () => step(-1),
+      ".": () => step(1),
+      Escape: () => this.open(false),
+    };
     keys[name]?.();
     return name in keys;
   }

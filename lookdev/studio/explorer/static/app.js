@@ -1,3 +1,4 @@
+// @ts-check
 // The page: what is where, what happens when something changes, keys, copying and saving.
 import { Balls } from "./ball.js";
 import { Exact } from "./exact.js";
@@ -7,39 +8,95 @@ import { Lobes } from "./lobe.js";
 import { showOffers, showSurfaces, watchDrops, watchOffers } from "./offers.js";
 import { latencies, Plots, shown, turnLight } from "./plots.js";
 import { Sliders } from "./sliders.js";
-import { addSurface, changed, colorOf, givenOptions, nameOf, onChange, option, readUrl, selected, setOption, shownSurfaces, state, urlOf, wordsOf } from "./state.js";
+import {
+  addSurface,
+  changed,
+  colorOf,
+  givenOptions,
+  nameOf,
+  onChange,
+  option,
+  readUrl,
+  selected,
+  setOption,
+  shownSurfaces,
+  state,
+  urlOf,
+  wordsOf,
+} from "./state.js";
 import { verdict, verify } from "./verify.js";
 
 const $ = (id) => document.getElementById(id);
-const status = $("status"), dialog = $("dialog");
-const tell = (text, good = false) => { status.textContent = text; status.className = text && !good ? "bad" : ""; clearTimeout(tell.timer); if (good) tell.timer = setTimeout(() => { status.textContent = ""; }, 4000); };
+const status = $("status"),
+  dialog = $("dialog");
+let fading = 0;
+const tell = (text, good = false) => {
+  status.textContent = text;
+  status.className = text && !good ? "bad" : "";
+  clearTimeout(fading);
+  if (good)
+    fading = setTimeout(() => {
+      status.textContent = "";
+    }, 4000);
+};
 
-const NAMES = { slice: "Slice", polar: "Polar", lobe3d: "Lobe", cartesian: "Cartesian", albedo: "Albedo", sphere: "Sphere", retro: "Retro", fresnel: "Fresnel", difference: "Difference", sampling: "Sampling" };
+const NAMES = {
+  slice: "Slice",
+  polar: "Polar",
+  lobe3d: "Lobe",
+  cartesian: "Cartesian",
+  albedo: "Albedo",
+  sphere: "Sphere",
+  retro: "Retro",
+  fresnel: "Fresnel",
+  difference: "Difference",
+  sampling: "Sampling",
+};
 const OPTIONS = {
-  axis: ["Over", { theta_h: "θh", theta_d: "θd", theta_i: "θi" }], theta: ["θ", 0, 89.9, 0.5, "°"], phi: ["φ", -180, 180, 1, "°"], limit: ["Up to", 1, 90, 1, "°"],
-  scale: ["Scale", { linear: "linear", sqrt: "square root", log: "log" }], angles: ["Angles", { linear: "linear", sqrt: "square root" }], channels: ["Channels", { luminance: "luminance", rgb: "red, green, blue" }],
-  exposure: ["Exposure", -6, 6, 0.1, ""], cosine: ["× cos θi"], chroma: ["Chroma only"],
+  axis: ["Over", { theta_h: "θh", theta_d: "θd", theta_i: "θi" }],
+  theta: ["θ", 0, 89.9, 0.5, "°"],
+  phi: ["φ", -180, 180, 1, "°"],
+  limit: ["Up to", 1, 90, 1, "°"],
+  scale: ["Scale", { linear: "linear", sqrt: "square root", log: "log" }],
+  angles: ["Angles", { linear: "linear", sqrt: "square root" }],
+  channels: ["Channels", { luminance: "luminance", rgb: "red, green, blue" }],
+  exposure: ["Exposure", -6, 6, 0.1, ""],
+  cosine: ["× cos θi"],
+  chroma: ["Chroma only"],
 };
 
 const link = new Link((text, good) => tell(text, good));
 let shaders, balls, plots, sliders, exact;
 
 const showKinds = () => {
-  $("kinds").replaceChildren(...Object.entries(state.offered.kinds).map(([name, { text }]) => {
-    const tab = Object.assign(document.createElement("button"), { type: "button", textContent: NAMES[name] ?? name, title: text, id: `kind-${name}`, tabIndex: name === state.kind ? 0 : -1 });
-    tab.setAttribute("role", "tab");
-    tab.setAttribute("aria-selected", name === state.kind);
-    tab.setAttribute("aria-controls", "stage");
-    tab.addEventListener("click", () => { state.kind = name; changed("kind"); });
-    return tab;
-  }));
+  $("kinds").replaceChildren(
+    ...Object.entries(state.offered.kinds).map(([name, { text }]) => {
+      const tab = Object.assign(document.createElement("button"), {
+        type: "button",
+        textContent: NAMES[name] ?? name,
+        title: text,
+        id: `kind-${name}`,
+        tabIndex: name === state.kind ? 0 : -1,
+      });
+      tab.setAttribute("role", "tab");
+      tab.setAttribute("aria-selected", `${name === state.kind}`);
+      tab.setAttribute("aria-controls", "stage");
+      tab.addEventListener("click", () => {
+        state.kind = name;
+        changed("kind");
+      });
+      return tab;
+    }),
+  );
   $("stage").setAttribute("aria-labelledby", `kind-${state.kind}`);
-  const tabs = $("kinds"), tab = $(`kind-${state.kind}`);
+  const tabs = $("kinds"),
+    tab = $(`kind-${state.kind}`);
   tabs.scrollLeft = tab.offsetLeft - tabs.offsetLeft - (tabs.clientWidth - tab.offsetWidth) / 2;
 };
 
 $("kinds").addEventListener("keydown", (event) => {
-  const names = Object.keys(state.offered.kinds), step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  const names = Object.keys(state.offered.kinds),
+    step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (!step) return;
   state.kind = names[(names.indexOf(state.kind) + step + names.length) % names.length];
   changed("kind");
@@ -49,33 +106,82 @@ $("kinds").addEventListener("keydown", (event) => {
 const showOptions = () => {
   const { uses } = state.offered.kinds[state.kind];
   const angles = { theta_h: "θd", theta_d: "θh", theta_i: "θo" }[option("axis")];
-  $("options").replaceChildren(...Object.keys(OPTIONS).filter((name) => uses.includes(name)).map((name) => {
-    const [text, ...rest] = OPTIONS[name], field = Object.assign(document.createElement("label"), { className: "field" }), label = document.createElement("span");
-    label.textContent = name === "theta" && state.kind === "cartesian" ? angles : name === "theta" ? (state.kind === "sphere" ? "Light θ" : "View θ") : text;
-    const set = (value, event, held) => { setOption(name, value); if (name === "axis") showOptions(); changed("options", { since: event.timeStamp, held }); };
-    if (!rest.length) {
-      const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: option(name) });
-      box.addEventListener("change", (event) => set(box.checked, event, false));
-      field.append(box, label);
-    } else if (typeof rest[0] === "object") {
-      const select = document.createElement("select");
-      for (const [value, shown] of Object.entries(rest[0])) select.append(Object.assign(document.createElement("option"), { value, textContent: shown, selected: option(name) === value }));
-      select.addEventListener("change", (event) => set(select.value, event, false));
-      field.append(label, select);
-    } else {
-      const [min, max, step, unit] = rest, slider = Object.assign(document.createElement("input"), { type: "range", min, max, step }), out = document.createElement("output");
-      const put = () => { out.textContent = `${Number(slider.value)}${unit}`; slider.setAttribute("aria-valuetext", out.textContent); slider.style.setProperty("--at", `${(100 * (slider.value - min)) / (max - min)}%`); };
-      slider.value = option(name);
-      put();
-      for (const [type, held] of [["input", true], ["change", false]]) slider.addEventListener(type, (event) => { put(); set(Number(slider.value), event, held); });
-      field.append(label, slider, out);
-    }
-    return field;
-  }));
+  $("options").replaceChildren(
+    ...Object.keys(OPTIONS)
+      .filter((name) => uses.includes(name))
+      .map((name) => {
+        const [text, ...rest] = OPTIONS[name],
+          field = Object.assign(document.createElement("label"), { className: "field" }),
+          label = document.createElement("span");
+        label.textContent =
+          name === "theta" && state.kind === "cartesian"
+            ? angles
+            : name === "theta"
+              ? state.kind === "sphere"
+                ? "Light θ"
+                : "View θ"
+              : text;
+        const set = (value, event, held) => {
+          setOption(name, value);
+          if (name === "axis") showOptions();
+          changed("options", { since: event.timeStamp, held });
+        };
+        if (!rest.length) {
+          const box = Object.assign(document.createElement("input"), {
+            type: "checkbox",
+            checked: option(name),
+          });
+          box.addEventListener("change", (event) => set(box.checked, event, false));
+          field.append(box, label);
+        } else if (typeof rest[0] === "object") {
+          const select = document.createElement("select");
+          for (const [value, textContent] of Object.entries(rest[0]))
+            select.append(
+              Object.assign(document.createElement("option"), {
+                value,
+                textContent,
+                selected: option(name) === value,
+              }),
+            );
+          select.addEventListener("change", (event) => set(select.value, event, false));
+          field.append(label, select);
+        } else {
+          const [min, max, step, unit] = rest,
+            slider = Object.assign(document.createElement("input"), {
+              type: "range",
+              min,
+              max,
+              step,
+            }),
+            out = document.createElement("output");
+          const put = () => {
+            out.textContent = `${Number(slider.value)}${unit}`;
+            slider.setAttribute("aria-valuetext", out.textContent);
+            slider.style.setProperty(
+              "--at",
+              `${(100 * (Number(slider.value) - min)) / (max - min)}%`,
+            );
+          };
+          slider.value = option(name);
+          put();
+          for (const { type, held } of [
+            { type: "input", held: true },
+            { type: "change", held: false },
+          ])
+            slider.addEventListener(type, (event) => {
+              put();
+              set(Number(slider.value), event, held);
+            });
+          field.append(label, slider, out);
+        }
+        return field;
+      }),
+  );
 };
 
 const showSubject = () => {
-  const surface = selected(), right = $("right");
+  const surface = selected(),
+    right = $("right");
   for (const each of ["viewport", "parameters"]) $(each).hidden = !surface;
   $("label").parentElement.hidden = !surface;
   right.style.setProperty("--accent", surface ? colorOf(surface) : "var(--quiet)");
@@ -90,8 +196,14 @@ const showSubject = () => {
 };
 
 const about = (surface) => {
-  const model = state.offered.models[surface.model], preset = state.offered.presets.find((each) => each.name === surface.base);
-  return [preset ? `${preset.doc.replace(/\.?$/, ".")}` : "", model?.text ?? (surface.look ? `A look: ${surface.title}.` : "")].filter(Boolean).join(" ");
+  const model = state.offered.models[surface.model],
+    preset = state.offered.presets.find((each) => each.name === surface.base);
+  return [
+    preset ? `${preset.doc.replace(/\.?$/, ".")}` : "",
+    model?.text ?? (surface.look ? `A look: ${surface.title}.` : ""),
+  ]
+    .filter(Boolean)
+    .join(" ");
 };
 
 let lightShown = "";
@@ -107,27 +219,58 @@ const showLight = () => {
 };
 
 const ball = $("ball");
-const SLOW = 12, REST = 100; // milliseconds of a draw that is slow; and without a move, after which a hand rests
-let ballFrame = 0, ballBusy = false, ballLater = 0, handMoved = -Infinity;
-const ballCosts = []; // of the last draws: the least is free of compilation and of other programs' work
+const SLOW = 12,
+  REST = 100; // milliseconds of a draw that is slow; and without a move, after which a hand rests
+let ballFrame = 0,
+  ballBusy = false,
+  ballLater = 0,
+  handMoved = -Infinity;
+// of the last draws: the least is free of compilation and of other programs' work
+const ballCosts = [];
 const drawBall = () => {
-  // Of a slow graphics driver the sphere waits until the hand rests: the plot is computed and shown by the same cores.
-  const left = Math.min(...ballCosts) > SLOW && ballCosts.length ? handMoved + REST - performance.now() : 0;
+  // Of a slow graphics driver the sphere waits until the hand rests: the plot is computed and shown
+  // by the same cores.
+  const left =
+    Math.min(...ballCosts) > SLOW && ballCosts.length ? handMoved + REST - performance.now() : 0;
   clearTimeout(ballLater);
-  if (left > 0) { ballLater = setTimeout(drawBall, left); return; }
+  if (left > 0) {
+    ballLater = setTimeout(drawBall, left);
+    return;
+  }
   ballFrame ||= requestAnimationFrame(async () => {
     ballFrame = 0;
-    const surface = selected(), ratio = Math.min(devicePixelRatio, 2);
-    const [width, height] = [ball.clientWidth, ball.clientHeight].map((each) => Math.round(each * ratio));
+    const surface = selected(),
+      ratio = Math.min(devicePixelRatio, 2);
+    const [width, height] = [ball.clientWidth, ball.clientHeight].map((each) =>
+      Math.round(each * ratio),
+    );
     if (!surface || !width || document.hidden) return;
-    if (ballBusy) { drawBall(); return; }
+    if (ballBusy) {
+      drawBall();
+      return;
+    }
     if (ball.width !== width || ball.height !== height) [ball.width, ball.height] = [width, height];
     const context = ball.getContext("2d");
-    if (lightShown === "exact") { exact.draw(context, width, height); return; }
+    if (lightShown === "exact") {
+      exact.draw(context, width, height);
+      return;
+    }
     ballBusy = true;
     try {
       let began = 0;
-      const more = await balls.draw("ball", surface, lightShown, width, height, option("exposure"), (from, x, y) => { began = performance.now(); context.clearRect(0, 0, width, height); context.drawImage(from, x, y, width, height, 0, 0, width, height); });
+      const more = await balls.draw(
+        "ball",
+        surface,
+        lightShown,
+        width,
+        height,
+        option("exposure"),
+        (from, x, y) => {
+          began = performance.now();
+          context.clearRect(0, 0, width, height);
+          context.drawImage(from, x, y, width, height, 0, 0, width, height);
+        },
+      );
       await balls.drawn();
       ballCosts.push(performance.now() - began);
       ballCosts.splice(0, ballCosts.length - 3);
@@ -148,7 +291,10 @@ const add = async (words, { select = true, hidden = false } = {}) => {
     if (select) state.selected = state.surfaces.indexOf(surface);
     if (select) changed("surfaces");
     return surface;
-  } catch (error) { tell(error.message); return null; }
+  } catch (error) {
+    tell(error.message);
+    return null;
+  }
 };
 
 // Of a surface whose form has changed, values follow: a metal's name stands for others.
@@ -156,21 +302,42 @@ const reform = async (surface) => {
   try {
     const { values, words } = await link.ask({ do: "describe", surface: wordsOf(surface) });
     Object.assign(surface, { values, words, problem: "" });
-  } catch (error) { surface.problem = error.message; tell(error.message); }
+  } catch (error) {
+    surface.problem = error.message;
+    tell(error.message);
+  }
   showSubject();
   plots.ask(surface, {});
   drawBall();
 };
 
 onChange((what, detail) => {
-  if (what === "duplicate") { add(wordsOf(detail.surface, true)); return; }
-  if (what === "form") { reform(detail.surface); return; }
-  if (what === "kind") { showKinds(); showOptions(); }
-  if (what === "surfaces" || what === "selected") { showSurfaces(); showSubject(); }
-  if (what === "theme") { showSurfaces(); showSubject(); }
+  if (what === "duplicate") {
+    add(wordsOf(detail.surface, true));
+    return;
+  }
+  if (what === "form") {
+    reform(detail.surface);
+    return;
+  }
+  if (what === "kind") {
+    showKinds();
+    showOptions();
+  }
+  if (what === "surfaces" || what === "selected") {
+    showSurfaces();
+    showSubject();
+  }
+  if (what === "theme") {
+    showSurfaces();
+    showSubject();
+  }
   if (detail?.held) handMoved = performance.now();
-  if (what === "parameter" && detail.surface === selected()) { 
-    if (state.exact) { state.exact = false; showLight(); }
+  if (what === "parameter" && detail.surface === selected()) {
+    if (state.exact) {
+      state.exact = false;
+      showLight();
+    }
     // The place on a look is a constant of its shader, which is compiled when the hand rests.
     if (!detail.held || !detail.surface.look) drawBall();
   }
@@ -179,67 +346,182 @@ onChange((what, detail) => {
   if (document.title !== title) document.title = title;
 });
 
-$("label").addEventListener("input", () => { const surface = selected(); surface.label = $("label").value.replace(/[=:@#/]/g, " ").trim(); $("name").textContent = nameOf(surface); showSurfaces(); changed("label"); });
+$("label").addEventListener("input", () => {
+  const surface = selected();
+  surface.label = $("label")
+    .value.replace(/[=:@#/]/g, " ")
+    .trim();
+  $("name").textContent = nameOf(surface);
+  showSurfaces();
+  changed("label");
+});
 for (const each of document.querySelectorAll("[data-light]")) {
-  each.addEventListener("click", () => { state.exact = each.dataset.light === "exact"; if (!state.exact) state.light = each.dataset.light; showLight(); changed("light"); });
+  each.addEventListener("click", () => {
+    state.exact = each.dataset.light === "exact";
+    if (!state.exact) state.light = each.dataset.light;
+    showLight();
+    changed("light");
+  });
   each.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key], all = [...document.querySelectorAll("[data-light]:not([hidden])")];
-    if (step) { const other = all[(all.indexOf(each) + step + all.length) % all.length]; other.click(); other.focus(); }
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key],
+      all = [...document.querySelectorAll("[data-light]:not([hidden])")];
+    if (step) {
+      const other = all[(all.indexOf(each) + step + all.length) % all.length];
+      other.click();
+      other.focus();
+    }
   });
 }
 let held = null;
-const turnBall = (dx, dy) => { if (state.light !== "point" || state.exact) { state.light = "point"; state.exact = false; showLight(); } turnLight(dx, dy); };
-ball.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; ball.setPointerCapture(event.pointerId); });
-ball.addEventListener("pointermove", (event) => { if (held) { turnBall(event.clientX - held[0], event.clientY - held[1]); held = [event.clientX, event.clientY]; } });
-for (const name of ["pointerup", "pointercancel"]) ball.addEventListener(name, () => { held = null; });
-ball.addEventListener("keydown", (event) => { const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key]; if (step) { event.preventDefault(); turnBall(...step); } });
+const turnBall = (dx, dy) => {
+  if (state.light !== "point" || state.exact) {
+    state.light = "point";
+    state.exact = false;
+    showLight();
+  }
+  turnLight(dx, dy);
+};
+ball.addEventListener("pointerdown", (event) => {
+  held = [event.clientX, event.clientY];
+  ball.setPointerCapture(event.pointerId);
+});
+ball.addEventListener("pointermove", (event) => {
+  if (held) {
+    turnBall(event.clientX - held[0], event.clientY - held[1]);
+    held = [event.clientX, event.clientY];
+  }
+});
+for (const name of ["pointerup", "pointercancel"])
+  ball.addEventListener(name, () => {
+    held = null;
+  });
+ball.addEventListener("keydown", (event) => {
+  const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[
+    event.key
+  ];
+  if (step) {
+    event.preventDefault();
+    turnBall(...step);
+  }
+});
 new ResizeObserver(drawBall).observe(ball);
 
 const copy = async (text, what) => {
-  try { await navigator.clipboard.writeText(text); tell(`${what} is copied.`, true); } catch {
+  try {
+    await navigator.clipboard.writeText(text);
+    tell(`${what} is copied.`, true);
+  } catch {
     // Without permission the text is shown, to be copied by hand.
-    const area = Object.assign(document.createElement("textarea"), { value: text, readOnly: true, rows: 14 });
+    const area = Object.assign(document.createElement("textarea"), {
+      value: text,
+      readOnly: true,
+      rows: 14,
+    });
     area.style.cssText = "width:100%;font:12px ui-monospace,monospace";
     show(what, [area]);
     area.select();
   }
 };
-const show = (title, parts) => { $("dialog-title").textContent = title; $("dialog-body").replaceChildren(...parts); if (!dialog.open) dialog.showModal(); };
-const attempt = (act) => async () => { try { await act(); } catch (error) { tell(error.message); } };
+const show = (title, parts) => {
+  $("dialog-title").textContent = title;
+  $("dialog-body").replaceChildren(...parts);
+  if (!dialog.open) dialog.showModal();
+};
+const attempt = (act) => async () => {
+  try {
+    await act();
+  } catch (error) {
+    tell(error.message);
+  }
+};
 
-$("copy-link").addEventListener("click", () => copy(new URL(urlOf(), location.href).href, "The link"));
-$("copy-command").addEventListener("click", attempt(async () => copy((await link.ask({ do: "command", kind: state.kind, surfaces: shownSurfaces().map((each) => wordsOf(each, true)), options: givenOptions() })).text, "The command")));
-$("copy-usd").addEventListener("click", attempt(async () => { if (selected()) await copy((await link.ask({ do: "usd", surface: wordsOf(selected()) })).text, "The look as USD"); }));
+$("copy-link").addEventListener("click", () =>
+  copy(new URL(urlOf(), location.href).href, "The link"),
+);
+$("copy-command").addEventListener(
+  "click",
+  attempt(async () =>
+    copy(
+      (
+        await link.ask({
+          do: "command",
+          kind: state.kind,
+          surfaces: shownSurfaces().map((each) => wordsOf(each, true)),
+          options: givenOptions(),
+        })
+      ).text,
+      "The command",
+    ),
+  ),
+);
+$("copy-usd").addEventListener(
+  "click",
+  attempt(async () => {
+    if (selected())
+      await copy(
+        (await link.ask({ do: "usd", surface: wordsOf(selected()) })).text,
+        "The look as USD",
+      );
+  }),
+);
 
-const menu = $("save-menu"), save = $("save");
-const openMenu = (open) => { menu.hidden = !open; save.setAttribute("aria-expanded", open); if (open) menu.querySelector("button").focus(); };
+const menu = $("save-menu"),
+  save = $("save");
+const openMenu = (open) => {
+  menu.hidden = !open;
+  save.setAttribute("aria-expanded", open);
+  if (open) menu.querySelector("button").focus();
+};
 save.addEventListener("click", () => openMenu(menu.hidden));
 menu.addEventListener("keydown", (event) => {
-  const items = [...menu.querySelectorAll("button")], step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-  if (event.key === "Escape") { openMenu(false); save.focus(); }
-  if (step) { event.preventDefault(); items[(items.indexOf(document.activeElement) + step + items.length) % items.length].focus(); }
-});
-addEventListener("click", (event) => { if (!menu.hidden && !event.target.closest(".menu")) openMenu(false); });
-const offer = (blob, name) => { const url = URL.createObjectURL(blob), anchor = Object.assign(document.createElement("a"), { href: url, download: name }); anchor.click(); setTimeout(() => URL.revokeObjectURL(url), 10000); };
-for (const each of menu.querySelectorAll("[data-save]")) each.addEventListener("click", attempt(async () => {
-  openMenu(false);
-  const suffix = each.dataset.save;
-  if (suffix === "shown") {
-    await plots.paint();
-    const from = $("plot"), whole = new OffscreenCanvas(from.width, from.height), context = whole.getContext("2d");
-    context.fillStyle = getComputedStyle($("stage")).backgroundColor;
-    context.fillRect(0, 0, whole.width, whole.height);
-    context.drawImage(from, 0, 0);
-    offer(await whole.convertToBlob({ type: "image/png" }), `${state.kind}.png`);
-    return;
+  const items = [...menu.querySelectorAll("button")],
+    step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+  if (event.key === "Escape") {
+    openMenu(false);
+    save.focus();
   }
-  tell(`Making ${state.kind}.${suffix} …`, true);
-  const query = new URLSearchParams([...shownSurfaces().map((surface) => ["s", wordsOf(surface, true)]), ["options", JSON.stringify(givenOptions())]]);
-  const answer = await fetch(`save/${state.kind}.${suffix}?${query}`);
-  if (!answer.ok) throw new Error((await answer.text()).trim());
-  offer(await answer.blob(), `${state.kind}.${suffix}`);
-  tell(`${state.kind}.${suffix} is saved.`, true);
-}));
+  if (step) {
+    event.preventDefault();
+    items[(items.indexOf(document.activeElement) + step + items.length) % items.length].focus();
+  }
+});
+addEventListener("click", (event) => {
+  if (!menu.hidden && !(/** @type {Element} */ (event.target).closest(".menu"))) openMenu(false);
+});
+const offer = (blob, name) => {
+  const url = URL.createObjectURL(blob),
+    anchor = Object.assign(document.createElement("a"), { href: url, download: name });
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+};
+for (const each of menu.querySelectorAll("[data-save]"))
+  each.addEventListener(
+    "click",
+    attempt(async () => {
+      openMenu(false);
+      const suffix = each.dataset.save;
+      if (suffix === "shown") {
+        await plots.paint();
+        const from = $("plot"),
+          whole = new OffscreenCanvas(from.width, from.height),
+          context = whole.getContext("2d");
+        context.fillStyle = getComputedStyle($("stage")).backgroundColor;
+        context.fillRect(0, 0, whole.width, whole.height);
+        context.drawImage(from, 0, 0);
+        offer(await whole.convertToBlob({ type: "image/png" }), `${state.kind}.png`);
+        return;
+      }
+      tell(`Making ${state.kind}.${suffix} …`, true);
+      const query = new URLSearchParams([
+        ...shownSurfaces().map((surface) => ["s", wordsOf(surface, true)]),
+        ["options", JSON.stringify(givenOptions())],
+      ]);
+      const answer = await fetch(`save/${state.kind}.${suffix}?${query}`);
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+      offer(await answer.blob(), `${state.kind}.${suffix}`);
+      tell(`${state.kind}.${suffix} is saved.`, true);
+    }),
+  );
 
 const runVerify = async () => {
   if (!works) throw new Error("this browser has no WebGL 2 with float textures");
@@ -248,37 +530,88 @@ const runVerify = async () => {
     const rows = await verify(link, shaders);
     show("The browser beside Python", verdict(rows));
     document.body.dataset.verified = JSON.stringify(rows);
-  } finally { $("verify").disabled = false; }
+  } finally {
+    $("verify").disabled = false;
+  }
 };
 $("verify").addEventListener("click", attempt(runVerify));
 
-const KEYS = [["1 … 9, 0", "the kinds of plots"], ["[ ]", "the surface before, the next"], ["h", "hide or show the surface"], ["d", "duplicate it"], ["Delete", "remove it"], ["/", "find something to add"], ["Arrow keys", "on a plot, read its values; on a lobe or sphere, turn it or its light"], ["?", "this help"]];
+const KEYS = [
+  ["1 … 9, 0", "the kinds of plots"],
+  ["[ ]", "the surface before, the next"],
+  ["h", "hide or show the surface"],
+  ["d", "duplicate it"],
+  ["Delete", "remove it"],
+  ["/", "find something to add"],
+  ["Arrow keys", "on a plot, read its values; on a lobe or sphere, turn it or its light"],
+  ["?", "this help"],
+];
 const help = () => {
   const table = document.createElement("table");
-  for (const [key, text] of KEYS) { const row = table.insertRow(); row.insertCell().append(Object.assign(document.createElement("kbd"), { textContent: key })); row.insertCell().textContent = text; }
-  const first = document.createElement("p"), second = document.createElement("p");
-  first.textContent = "Values in plots come from the float64 models in Python. Spheres and lobes are computed by the browser, in float32, by code generated from the same models: Verify compares the two.";
-  second.textContent = "The URL has the whole state of the page. Surfaces in it are words of the command line, as for lookdev plot.";
+  for (const [key, text] of KEYS) {
+    const row = table.insertRow();
+    row.insertCell().append(Object.assign(document.createElement("kbd"), { textContent: key }));
+    row.insertCell().textContent = text;
+  }
+  const first = document.createElement("p"),
+    second = document.createElement("p");
+  first.textContent =
+    "Values in plots come from the float64 models in Python. Spheres and lobes are computed by " +
+    "the browser, in float32, by code generated from the same models: Verify compares the two.";
+  second.textContent =
+    "The URL has the whole state of the page. Surfaces in it are words of the command line, " +
+    "as for lookdev plot.";
   show("Explorer", [first, second, table]);
 };
 $("help").addEventListener("click", help);
 addEventListener("keydown", (event) => {
-  if (event.target.matches("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey || dialog.open) return;
-  const kinds = Object.keys(state.offered?.kinds ?? {}), digit = "1234567890".indexOf(event.key), surface = selected();
-  if (digit >= 0 && kinds[digit]) { state.kind = kinds[digit]; changed("kind"); }
-  else if ((event.key === "[" || event.key === "]") && state.surfaces.length) { state.selected = (state.selected + (event.key === "]" ? 1 : -1) + state.surfaces.length) % state.surfaces.length; changed("selected"); }
-  else if (event.key === "h" && surface) { surface.hidden = !surface.hidden; changed("surfaces"); }
-  else if (event.key === "d" && surface) changed("duplicate", { surface });
-  else if (event.key === "Delete" && surface) { state.surfaces.splice(state.selected, 1); state.selected = Math.max(0, Math.min(state.selected, state.surfaces.length - 1)); changed("surfaces"); }
-  else if (event.key === "/") { event.preventDefault(); $("find").focus(); }
-  else if (event.key === "?") help();
+  if (
+    /** @type {Element} */ (event.target).matches("input, select, textarea") ||
+    event.ctrlKey ||
+    event.metaKey ||
+    event.altKey ||
+    dialog.open
+  )
+    return;
+  const kinds = Object.keys(state.offered?.kinds ?? {}),
+    digit = "1234567890".indexOf(event.key),
+    surface = selected();
+  if (digit >= 0 && kinds[digit]) {
+    state.kind = kinds[digit];
+    changed("kind");
+  } else if ((event.key === "[" || event.key === "]") && state.surfaces.length) {
+    state.selected =
+      (state.selected + (event.key === "]" ? 1 : -1) + state.surfaces.length) %
+      state.surfaces.length;
+    changed("selected");
+  } else if (event.key === "h" && surface) {
+    surface.hidden = !surface.hidden;
+    changed("surfaces");
+  } else if (event.key === "d" && surface) changed("duplicate", { surface });
+  else if (event.key === "Delete" && surface) {
+    state.surfaces.splice(state.selected, 1);
+    state.selected = Math.max(0, Math.min(state.selected, state.surfaces.length - 1));
+    changed("surfaces");
+  } else if (event.key === "/") {
+    event.preventDefault();
+    $("find").focus();
+  } else if (event.key === "?") help();
 });
 
 const restore = async () => {
   const { words, on, hidden } = readUrl();
   state.surfaces = [];
-  const found = await Promise.all((words.length ? words : state.offered.first).map((each) => link.ask({ do: "describe", surface: each }).catch((error) => { tell(error.message); return null; })));
-  found.forEach((each, index) => { if (each) addSurface(each, hidden.includes(index)); });
+  const found = await Promise.all(
+    (words.length ? words : state.offered.first).map((each) =>
+      link.ask({ do: "describe", surface: each }).catch((error) => {
+        tell(error.message);
+        return null;
+      }),
+    ),
+  );
+  found.forEach((each, index) => {
+    if (each) addSurface(each, hidden.includes(index));
+  });
   state.selected = Math.min(on, Math.max(0, state.surfaces.length - 1));
   showKinds();
   showOptions();
@@ -291,13 +624,17 @@ const start = async () => {
   balls = new Balls(link, shaders);
   plots = new Plots(link, balls, new Lobes(shaders));
   sliders = new Sliders(link);
-  exact = new Exact(link, () => { state.exact = true; showLight(); });
+  exact = new Exact(link, () => {
+    state.exact = true;
+    showLight();
+  });
   watchOffers(add);
   showOffers(add);
   watchDrops(add, tell);
   await restore();
   addEventListener("hashchange", () => restore().catch((error) => tell(error.message)));
-  if (!works) tell("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
+  if (!works)
+    tell("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
   window.explorer = { state, latencies, shown, ballCosts, plots, shaders, wordsOf, gl };
   document.body.dataset.ready = "true";
   if (new URLSearchParams(location.search).has("verify")) await runVerify();

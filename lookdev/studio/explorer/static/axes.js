@@ -1,3 +1,4 @@
+// @ts-check
 // Axes on a 2D canvas: scales, ticks, curves. Lengths are CSS pixels.
 
 export const theme = () => {
@@ -9,22 +10,35 @@ export const theme = () => {
   };
   const probe = document.createElement("i");
   document.body.append(probe);
-  const found = { ink: read("--ink"), quiet: read("--quiet"), line: read("--line"), edge: read("--edge"), panel: read("--panel"), font: style.fontFamily || "system-ui" };
+  const found = {
+    ink: read("--ink"),
+    quiet: read("--quiet"),
+    line: read("--line"),
+    edge: read("--edge"),
+    panel: read("--panel"),
+    font: style.fontFamily || "system-ui",
+  };
   probe.remove();
   return found;
 };
 
 const near = (low, high, count) => {
-  const step = (high - low) / count, power = 10 ** Math.floor(Math.log10(step)), left = step / power;
-  const nice = (left < 1.5 ? 1 : left < 3 ? 2 : left < 7 ? 5 : 10) * power, found = [];
-  for (let k = Math.ceil(low / nice - 1e-9); k * nice <= high + 1e-9 * nice; k++) found.push(k * nice);
+  const step = (high - low) / count,
+    power = 10 ** Math.floor(Math.log10(step)),
+    left = step / power;
+  const nice = (left < 1.5 ? 1 : left < 3 ? 2 : left < 7 ? 5 : 10) * power,
+    found = [];
+  for (let k = Math.ceil(low / nice - 1e-9); k * nice <= high + 1e-9 * nice; k++)
+    found.push(k * nice);
   return found;
 };
 
 export const shortly = (value) => {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e5 || size < 1e-3 ? value.toExponential(Number.isInteger(Math.log10(size)) ? 0 : 1).replace("e+", "e") : String(Number(value.toPrecision(4)));
+  return size >= 1e5 || size < 1e-3
+    ? value.toExponential(Number.isInteger(Math.log10(size)) ? 0 : 1).replace("e+", "e")
+    : String(Number(value.toPrecision(4)));
 };
 
 const ROOT = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
@@ -32,24 +46,57 @@ const ROOT = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
 // A scale from values to [0, 1], with its ticks: "linear", "sqrt" or "log".
 export const scaleOf = (kind, low, high, count) => {
   if (kind === "log") {
-    const [a, b] = [Math.log10(low), Math.log10(high)], ticks = [], step = Math.max(1, Math.ceil((b - a) / count));
+    const [a, b] = [Math.log10(low), Math.log10(high)],
+      ticks = [],
+      step = Math.max(1, Math.ceil((b - a) / count));
     for (let k = Math.ceil(a - 1e-9); k <= b + 1e-9; k += step) ticks.push(10 ** k);
-    return { low, high, ticks: ticks.length > 1 ? ticks : near(low, high, count), at: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1), back: (t) => 10 ** (a + t * (b - a)) };
+    return {
+      low,
+      high,
+      ticks: ticks.length > 1 ? ticks : near(low, high, count),
+      at: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1),
+      back: (t) => 10 ** (a + t * (b - a)),
+    };
   }
   if (kind === "sqrt") {
     const [a, b] = [ROOT(low), ROOT(high)];
-    return { low, high, ticks: near(a, b, count).map((each) => Math.sign(each) * each * each).map((each) => Number(each.toPrecision(3))), at: (v) => (ROOT(v) - a) / (b - a), back: (t) => { const r = a + t * (b - a); return Math.sign(r) * r * r; } };
+    return {
+      low,
+      high,
+      ticks: near(a, b, count)
+        .map((each) => Math.sign(each) * each * each)
+        .map((each) => Number(each.toPrecision(3))),
+      at: (v) => (ROOT(v) - a) / (b - a),
+      back: (t) => {
+        const r = a + t * (b - a);
+        return Math.sign(r) * r * r;
+      },
+    };
   }
-  return { low, high, ticks: near(low, high, count), at: (v) => (v - low) / (high - low), back: (t) => low + t * (high - low) };
+  return {
+    low,
+    high,
+    ticks: near(low, high, count),
+    at: (v) => (v - low) / (high - low),
+    back: (t) => low + t * (high - low),
+  };
 };
 
 export class Axes {
   constructor(context, box, x, y, look) {
-    Object.assign(this, { context, box, x, y, look });
+    this.context = context;
+    this.box = box;
+    this.x = x;
+    this.y = y;
+    this.look = look;
   }
 
-  px(value) { return this.box.left + this.x.at(value) * this.box.width; }
-  py(value) { return this.box.top + (1 - this.y.at(value)) * this.box.height; }
+  px(value) {
+    return this.box.left + this.x.at(value) * this.box.width;
+  }
+  py(value) {
+    return this.box.top + (1 - this.y.at(value)) * this.box.height;
+  }
 
   grid(xLabel, yLabel) {
     const { context: c, box, look } = this;
@@ -62,7 +109,10 @@ export class Axes {
     for (const tick of this.x.ticks) {
       const x = Math.round(this.px(tick)) + 0.5;
       if (x < box.left - 1 || x > box.left + box.width + 1) continue;
-      c.beginPath(); c.moveTo(x, box.top); c.lineTo(x, box.top + box.height); c.stroke();
+      c.beginPath();
+      c.moveTo(x, box.top);
+      c.lineTo(x, box.top + box.height);
+      c.stroke();
       c.fillText(shortly(tick), x, box.top + box.height + 7);
     }
     c.textAlign = "right";
@@ -71,7 +121,10 @@ export class Axes {
     for (const tick of this.y.ticks) {
       const y = Math.round(this.py(tick)) + 0.5;
       if (y < box.top - 1 || y > box.top + box.height + 1 || last - y < 15) continue;
-      c.beginPath(); c.moveTo(box.left, y); c.lineTo(box.left + box.width, y); c.stroke();
+      c.beginPath();
+      c.moveTo(box.left, y);
+      c.lineTo(box.left + box.width, y);
+      c.stroke();
       c.fillText(shortly(tick), box.left - 8, y);
       last = y;
     }

@@ -1,4 +1,6 @@
-// Lit spheres: under a point light at once, in the studio dome by samples that accumulate while the page rests.
+// @ts-check
+// Lit spheres: under a point light at once, in the studio dome by samples that accumulate while the
+// page rests.
 import { bound, gl, into, linked, checked, numberOf, sized, texture, works } from "./gl.js";
 import { option, state } from "./state.js";
 
@@ -12,10 +14,13 @@ uniform vec2 size;
 out vec4 result;
 void main() {
     vec4 texel = texelFetch(sum, ivec2(gl_FragCoord.xy), 0);
-    vec3 linear = texel.rgb * (chroma ? factor / max(max(texel.r, texel.g), max(texel.b, 1e-30)) : factor);
+    float largest = max(max(texel.r, texel.g), max(texel.b, 1e-30));
+    vec3 linear = texel.rgb * (chroma ? factor / largest : factor);
     linear = clamp(linear, 0.0, 1.0);
-    vec3 coded = mix(12.92 * linear, 1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, linear));
-    vec2 p = (gl_FragCoord.xy / size * 2.0 - 1.0) * vec2(max(size.x / size.y, 1.0), max(size.y / size.x, 1.0)) * 1.06;
+    vec3 bright = 1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055;
+    vec3 coded = mix(12.92 * linear, bright, step(0.0031308, linear));
+    vec2 stretch = vec2(max(size.x / size.y, 1.0), max(size.y / size.x, 1.0));
+    vec2 p = (gl_FragCoord.xy / size * 2.0 - 1.0) * stretch * 1.06;
     float cover = clamp((1.0 - length(p)) * min(size.x, size.y) / 2.12, 0.0, 1.0) * texel.a;
     result = vec4(coded * cover, cover);
 }`;
@@ -37,17 +42,37 @@ export class Balls {
     return this.dome;
   }
 
-  // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with whether it lacks passes.
+  // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with
+  // whether it lacks passes.
   async draw(place, surface, light, width, height, exposure, onto) {
-    if (!works) throw new Error("this browser has no WebGL 2 with float textures, which spheres and lobes need");
-    const [shader, dome] = [await this.shaders.of(surface), light === "dome" ? await this.light() : null];
+    if (!works)
+      throw new Error(
+        "this browser has no WebGL 2 with float textures, which spheres and lobes need",
+      );
+    const [shader, dome] = [
+      await this.shaders.of(surface),
+      light === "dome" ? await this.light() : null,
+    ];
     const number = numberOf(surface, this.shaders.models);
     const numbers = Object.values(shader.answer.places).map(number);
-    const key = JSON.stringify([numbers, light, light === "point" ? state.lightAt : 0, width, height]);
+    const key = JSON.stringify([
+      numbers,
+      light,
+      light === "point" ? state.lightAt : 0,
+      width,
+      height,
+    ]);
     let kept = this.made.get(place);
     if (!kept || kept.width !== width || kept.height !== height) {
       if (kept) for (const each of kept.sums) gl.deleteTexture(each);
-      kept = { width, height, sums: [0, 1].map(() => texture(width, height, 4, null)), key: "", shader: null, count: 0 };
+      kept = {
+        width,
+        height,
+        sums: [0, 1].map(() => texture(width, height, 4, null)),
+        key: "",
+        shader: null,
+        count: 0,
+      };
       this.made.set(place, kept);
     }
     if (kept.key !== key || kept.shader !== shader) Object.assign(kept, { key, shader, count: 0 });
@@ -55,13 +80,26 @@ export class Balls {
     if (kept.count < done) {
       const program = shader.use(shader.sphere, number);
       bound(program, "before", kept.sums[0], 0);
-      if (dome) { bound(program, "dome", dome.radiance, 1); bound(program, "drawn", dome.drawn, 2); }
-      else for (const [name, unit] of [["dome", 1], ["drawn", 2]]) bound(program, name, kept.sums[0], unit);
+      if (dome) {
+        bound(program, "dome", dome.radiance, 1);
+        bound(program, "drawn", dome.drawn, 2);
+      } else
+        for (const [name, unit] of [
+          ["dome", 1],
+          ["drawn", 2],
+        ])
+          bound(program, name, kept.sums[0], unit);
       const [theta, phi] = state.lightAt.map((each) => (each * Math.PI) / 180);
-      const set = (name, ...values) => gl[`uniform${values.length}f`](gl.getUniformLocation(program, name), ...values);
+      const set = (name, ...values) =>
+        gl[`uniform${values.length}f`](gl.getUniformLocation(program, name), ...values);
       set("size", width, height);
       set("corner", 0, 0);
-      set("light", Math.sin(theta) * Math.cos(phi), Math.sin(theta) * Math.sin(phi), Math.cos(theta));
+      set(
+        "light",
+        Math.sin(theta) * Math.cos(phi),
+        Math.sin(theta) * Math.sin(phi),
+        Math.cos(theta),
+      );
       gl.uniform1i(gl.getUniformLocation(program, "count"), kept.count);
       gl.uniform1i(gl.getUniformLocation(program, "lit"), light === "dome" ? 1 : 0);
       gl.disable(gl.DEPTH_TEST);
@@ -77,7 +115,10 @@ export class Balls {
     gl.useProgram(checked(this.show));
     bound(this.show, "sum", kept.sums[0], 0);
     const chroma = place !== "ball" && option("chroma");
-    gl.uniform1f(gl.getUniformLocation(this.show, "factor"), 2 ** exposure / (chroma ? 1 : kept.count));
+    gl.uniform1f(
+      gl.getUniformLocation(this.show, "factor"),
+      2 ** exposure / (chroma ? 1 : kept.count),
+    );
     gl.uniform1i(gl.getUniformLocation(this.show, "chroma"), chroma ? 1 : 0);
     gl.uniform2f(gl.getUniformLocation(this.show, "size"), width, height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -89,7 +130,8 @@ export class Balls {
   async drawn() {
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
-    while (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) await new Promise((done) => setTimeout(done, 4));
+    while (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED)
+      await new Promise((done) => setTimeout(done, 4));
     gl.deleteSync(fence);
   }
 

@@ -1,18 +1,29 @@
+// @ts-check
 // The renderer's own picture of the selected surface, in place of the sphere, on request.
 import { imageOf } from "./views.js";
 import { option, selected, wordsOf } from "./state.js";
 
-const [start, stop, bar, facts] = ["render", "cancel", "progress", "facts"].map((id) => document.getElementById(id));
+const [start, stop, bar, facts] = ["render", "cancel", "progress", "facts"].map((id) =>
+  document.getElementById(id),
+);
 
 export class Exact {
   constructor(link, shown) {
-    Object.assign(this, { link, shown, frame: null, busy: false });
+    this.link = link;
+    this.shown = shown;
+    this.frame = null;
+    this.busy = false;
     start.addEventListener("click", () => this.render());
-    stop.addEventListener("click", () => { stop.disabled = true; link.ask({ do: "cancel" }).catch(() => {}); });
+    stop.addEventListener("click", () => {
+      stop.disabled = true;
+      link.ask({ do: "cancel" }).catch(() => {});
+    });
   }
 
   // Whether there is a frame of a surface as it is now.
-  of(surface) { return this.frame && surface && this.frame.words === wordsOf(surface) ? this.frame : null; }
+  of(surface) {
+    return this.frame && surface && this.frame.words === wordsOf(surface) ? this.frame : null;
+  }
 
   async render() {
     const surface = selected();
@@ -26,12 +37,21 @@ export class Exact {
     facts.className = "";
     try {
       const answer = await this.link.ask({ do: "render", surface: words }, (progress) => {
-        if (progress.samples) { bar.value = progress.samples / progress.of; facts.textContent = `${progress.samples} samples${progress.relmse === null ? "" : `, relMSE ${progress.relmse.toExponential(1)}`}`; } else facts.textContent = `${progress.state} …`;
+        if (progress.samples) {
+          bar.value = progress.samples / progress.of;
+          const { relmse } = progress;
+          const error = relmse === null ? "" : `, relMSE ${relmse.toExponential(1)}`;
+          facts.textContent = `${progress.samples} samples${error}`;
+        } else facts.textContent = `${progress.state} …`;
       });
       if (answer.cancelled) facts.textContent = "cancelled";
       else {
         this.frame = { words, ...answer };
-        facts.textContent = `exact, ${answer.samples} samples, relMSE ${answer.relmse.toExponential(1)}, ${answer.seconds.toFixed(1)} s`;
+        facts.textContent = [
+          `exact, ${answer.samples} samples`,
+          `relMSE ${answer.relmse.toExponential(1)}`,
+          `${answer.seconds.toFixed(1)} s`,
+        ].join(", ");
         this.shown();
       }
     } catch (error) {
@@ -44,18 +64,29 @@ export class Exact {
   }
 
   draw(context, width, height) {
-    const { arrays, shapes } = this.frame, [rows, columns] = shapes.beauty;
+    const { arrays, shapes } = this.frame,
+      [rows, columns] = shapes.beauty;
     if (this.flipped?.frame !== this.frame || this.flipped.exposure !== option("exposure")) {
       const flipped = new Float32Array(arrays.beauty.length);
       // Over the grey that is behind the sphere, linear.
       const behind = ((0x1a / 255 + 0.055) / 1.055) ** 2.4 / 2 ** option("exposure");
-      for (let y = 0; y < rows; y++) for (let i = 0; i < 3 * columns; i++) flipped[3 * columns * (rows - 1 - y) + i] = arrays.beauty[3 * columns * y + i] + (1 - arrays.alpha[columns * y + Math.floor(i / 3)]) * behind;
+      for (let y = 0; y < rows; y++)
+        for (let i = 0; i < 3 * columns; i++)
+          flipped[3 * columns * (rows - 1 - y) + i] =
+            arrays.beauty[3 * columns * y + i] +
+            (1 - arrays.alpha[columns * y + Math.floor(i / 3)]) * behind;
       this.flipped = { frame: this.frame, exposure: option("exposure"), values: flipped };
     }
     const size = Math.min(width, height);
     context.fillStyle = "#1a1a1a";
     context.fillRect(0, 0, width, height);
     context.imageSmoothingEnabled = true;
-    context.drawImage(imageOf(this.flipped.values, columns, rows, option("exposure"), false), (width - size) / 2, (height - size) / 2, size, size);
+    context.drawImage(
+      imageOf(this.flipped.values, columns, rows, option("exposure"), false),
+      (width - size) / 2,
+      (height - size) / 2,
+      size,
+      size,
+    );
   }
 }

@@ -1,9 +1,16 @@
-// Surfaces as GLSL: one context for spheres, lobes and comparisons. A program is compiled once for a form of a surface;
+// @ts-check
+// Surfaces as GLSL: one context for spheres, lobes and comparisons. A program is compiled once for
+// a form of a surface;
 // its sliders set uniforms.
 import { wordsOf } from "./state.js";
 
 const canvas = document.createElement("canvas");
-export const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
+export const gl = canvas.getContext("webgl2", {
+  antialias: true,
+  alpha: true,
+  premultipliedAlpha: true,
+  preserveDrawingBuffer: true,
+});
 export const works = Boolean(gl?.getExtension("EXT_color_buffer_float"));
 
 const VERTEX = `#version 300 es
@@ -13,7 +20,10 @@ precision highp float; precision highp int; precision highp sampler2D;
 `;
 // What both fragment shaders set before a call, and after it.
 const CALL = `
-void pair(vec3 wo, vec3 wi) { wo_x = wo.x; wo_y = wo.y; wo_z = wo.z; wi_x = wi.x; wi_y = wi.y; wi_z = wi.z; }
+void pair(vec3 wo, vec3 wi) {
+    wo_x = wo.x; wo_y = wo.y; wo_z = wo.z;
+    wi_x = wi.x; wi_y = wi.y; wi_z = wi.z;
+}
 `;
 const EVALUATE = `
 uniform sampler2D all_wo, all_wi;
@@ -24,10 +34,12 @@ void main() {
     pair(texelFetch(all_wo, place, 0).xyz, texelFetch(all_wi, place, 0).xyz);
     hand = 1.0; inside = 0.0;
     vec3 value = vec3(0.0); float pdf = 0.0;
-    if (which == 0 && wo_z > 0.0 && (TRANSMITS ? wi_z != 0.0 : wi_z > 0.0)) look_evaluate(value, pdf);
+    if (which == 0 && wo_z > 0.0 && (TRANSMITS ? wi_z != 0.0 : wi_z > 0.0))
+        look_evaluate(value, pdf);
     vec3 direction = vec3(0.0), factor = vec3(0.0);
     DELTAS
-    result = which == 0 ? vec4(value, pdf) : which % 2 == 1 ? vec4(direction, 0.0) : vec4(factor, 0.0);
+    vec4 drawn = which % 2 == 1 ? vec4(direction, 0.0) : vec4(factor, 0.0);
+    result = which == 0 ? vec4(value, pdf) : drawn;
 }`;
 const SPHERE = `
 uniform sampler2D before, dome, drawn;
@@ -35,27 +47,38 @@ uniform vec2 corner, size;
 uniform int count, lit;
 uniform vec3 light;
 out vec4 result;
-uint mixed(uint x) { x ^= x >> 16; x *= 0x7feb352dU; x ^= x >> 15; x *= 0x846ca68bU; return x ^ (x >> 16); }
+uint mixed(uint x) {
+    x ^= x >> 16; x *= 0x7feb352dU;
+    x ^= x >> 15; x *= 0x846ca68bU;
+    return x ^ (x >> 16);
+}
 float number(uint x) { return float(mixed(x) >> 8) / 16777216.0; }
 // The picture's y is the dome's up axis.
 vec3 world(vec3 d) { return vec3(d.x, -d.z, d.y); }
 vec4 around(vec3 d) {
     vec3 w = world(d);
     vec2 extent = vec2(textureSize(dome, 0));
-    vec2 at = vec2(fract(look_atan2(w.y, w.x) / 6.283185307179586), look_atan2(length(w.xy), w.z) / 3.141592653589793) * extent - 0.5;
+    float u = fract(look_atan2(w.y, w.x) / 6.283185307179586);
+    float v = look_atan2(length(w.xy), w.z) / 3.141592653589793;
+    vec2 at = vec2(u, v) * extent - 0.5;
     vec2 low = floor(at), part = at - low;
     vec4 total = vec4(0.0);
     for (int j = 0; j < 2; j++) for (int i = 0; i < 2; i++) {
-        ivec2 cell = ivec2(int(mod(low.x + float(i), extent.x)), int(clamp(low.y + float(j), 0.0, extent.y - 1.0)));
-        total += (i == 0 ? 1.0 - part.x : part.x) * (j == 0 ? 1.0 - part.y : part.y) * texelFetch(dome, cell, 0);
+        float column = mod(low.x + float(i), extent.x);
+        float row = clamp(low.y + float(j), 0.0, extent.y - 1.0);
+        ivec2 cell = ivec2(int(column), int(row));
+        float weight = (i == 0 ? 1.0 - part.x : part.x) * (j == 0 ? 1.0 - part.y : part.y);
+        total += weight * texelFetch(dome, cell, 0);
     }
     return total;
 }
 void main() {
-    vec2 p = ((gl_FragCoord.xy - corner) / size * 2.0 - 1.0) * vec2(max(size.x / size.y, 1.0), max(size.y / size.x, 1.0)) * 1.06;
+    vec2 stretch = vec2(max(size.x / size.y, 1.0), max(size.y / size.x, 1.0));
+    vec2 p = ((gl_FragCoord.xy - corner) / size * 2.0 - 1.0) * stretch * 1.06;
     float square = dot(p, p);
     if (square >= 1.0) { result = vec4(0.0); return; }
-    vec3 n = vec3(p, sqrt(1.0 - square)), t = normalize(cross(vec3(0.0, 1.0, 0.0), n)), b = cross(n, t);
+    vec3 n = vec3(p, sqrt(1.0 - square));
+    vec3 t = normalize(cross(vec3(0.0, 1.0, 0.0), n)), b = cross(n, t);
     mat3 toWorld = mat3(t, b, n);
     vec3 wo = vec3(t.z, b.z, n.z);
     hand = 1.0; inside = 0.0;
@@ -63,14 +86,18 @@ void main() {
     if (lit == 0) {
         vec3 wi = light * toWorld;
         pair(wo, wi);
-        if (TRANSMITS ? wi.z != 0.0 : wi.z > 0.0) { look_evaluate(value, density); total = 3.141592653589793 * value; }
+        if (TRANSMITS ? wi.z != 0.0 : wi.z > 0.0) {
+            look_evaluate(value, density);
+            total = 3.141592653589793 * value;
+        }
     } else {
         uint seed = mixed(uint(gl_FragCoord.x) + 4096U * uint(gl_FragCoord.y));
         vec4 start = vec4(number(seed), number(seed + 1U), number(seed + 2U), 0.0);
         for (int k = 0; k < SAMPLES; k++) {
             float index = float(count * SAMPLES + k);
             vec3 u = fract(start.xyz + index * vec3(0.8191725134, 0.6710436067, 0.5497004779));
-            // One direction of the surface and one of the dome, with the balance heuristic (Veach 1997, eq. 9.8).
+            // One direction of the surface and one of the dome, with the balance heuristic (Veach
+            // 1997, eq. 9.8).
             pair(wo, wo); u1 = u.x; u2 = u.y;
             vec3 wi; look_draw(wi);
             if (wi.z != 0.0) {
@@ -104,22 +131,29 @@ const compiled = (type, text) => {
 // A program of fragment shader text; errors are thrown when it is first used.
 export const linked = (fragment, vertex = VERTEX) => {
   const program = gl.createProgram();
-  for (const [type, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) gl.attachShader(program, compiled(type, text));
+  for (const [type, text] of [
+    [gl.VERTEX_SHADER, vertex],
+    [gl.FRAGMENT_SHADER, fragment],
+  ])
+    gl.attachShader(program, compiled(type, text));
   gl.linkProgram(program);
   return program;
 };
 export const checked = (program) => {
   if (gl.getProgramParameter(program, gl.LINK_STATUS)) return program;
   const logs = gl.getAttachedShaders(program).map((each) => gl.getShaderInfoLog(each));
-  throw new Error(`the graphics driver refuses a shader: ${[gl.getProgramInfoLog(program), ...logs].join(" ").slice(0, 300)}`);
+  const words = [gl.getProgramInfoLog(program), ...logs].join(" ");
+  throw new Error(`the graphics driver refuses a shader: ${words.slice(0, 300)}`);
 };
 
 export const texture = (width, height, channels, data, unit = 15) => {
   const made = gl.createTexture();
   gl.activeTexture(gl.TEXTURE0 + unit);
   gl.bindTexture(gl.TEXTURE_2D, made);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+    gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
+    gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
   const [internal, format] = channels === 1 ? [gl.R32F, gl.RED] : [gl.RGBA32F, gl.RGBA];
   gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, format, gl.FLOAT, data);
   return made;
@@ -133,7 +167,8 @@ export const bound = (program, name, made, unit) => {
 const frame = works ? gl.createFramebuffer() : null;
 export const into = (target, width, height) => {
   gl.bindFramebuffer(gl.FRAMEBUFFER, target ? frame : null);
-  if (target) gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
+  if (target)
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
   gl.viewport(0, 0, width, height);
 };
 export const sized = (width, height) => {
@@ -147,23 +182,41 @@ export const sized = (width, height) => {
 // Which parameters a surface's sliders may change without a compilation.
 const formOf = (surface, models) => {
   const known = models[surface.model]?.parameters ?? [];
-  const live = new Set(known.filter((each) => each.live || surface.open.has(groupOf(each))).map((each) => each.name));
-  const fixed = Object.fromEntries(Object.entries(surface.given).filter(([name]) => !surface.editable || !live.has(name)));
+  const live = new Set(
+    known.filter((each) => each.live || surface.open.has(groupOf(each))).map((each) => each.name),
+  );
+  const fixed = Object.fromEntries(
+    Object.entries(surface.given).filter(([name]) => !surface.editable || !live.has(name)),
+  );
   const extra = [...live].filter((name) => !known.find((each) => each.name === name).live);
   return { words: wordsOf({ ...surface, given: fixed }), extra };
 };
-export const groupOf = (parameter) => (parameter.kind === "normal" ? "normals" : parameter.optional ? "optional" : "");
+export const groupOf = (parameter) =>
+  parameter.kind === "normal" ? "normals" : parameter.optional ? "optional" : "";
 
 // A compiled surface: its two programs, its tables, and where its numbers go.
 export class Shader {
   constructor(answer) {
     this.answer = answer;
     const deltas = Array.from({ length: answer.deltas }, (_, k) => k);
-    const replaced = (text, delta) => text.replaceAll("TRANSMITS", answer.transmits).replace("DELTAS", deltas.map(delta).join("\n"));
+    const replaced = (text, delta) =>
+      text
+        .replaceAll("TRANSMITS", answer.transmits)
+        .replace("DELTAS", deltas.map(delta).join("\n"));
     const start = HEAD + answer.prelude + answer.text + CALL;
-    this.evaluate = linked(start + replaced(EVALUATE, (k) => `if (which > 0 && (which - 1) / 2 == ${k}) look_delta${k}(direction, factor);`));
+    this.evaluate = linked(
+      start +
+        replaced(
+          EVALUATE,
+          (k) => `if (which > 0 && (which - 1) / 2 == ${k}) look_delta${k}(direction, factor);`,
+        ),
+    );
     // What passes a smooth solid leaves it on the other side of the sphere.
-    this.sphere = linked(start + replaced(SPHERE.replaceAll("SAMPLES", "4"), (k) => `{ vec3 d, f; pair(wo, wo); look_delta${k}(d, f);
+    this.sphere = linked(
+      start +
+        replaced(
+          SPHERE.replaceAll("SAMPLES", "4"),
+          (k) => `{ vec3 d, f; pair(wo, wo); look_delta${k}(d, f);
         if (d.z > 0.0) total += f * around(toWorld * d).rgb;
         if (d.z < 0.0) {
             vec3 inward = toWorld * d, m = n - 2.0 * dot(n, inward) * inward;
@@ -172,8 +225,13 @@ export class Shader {
             pair(-inward * there, -inward * there); inside = 1.0;
             vec3 out_d, out_f; look_delta${k}(out_d, out_f); inside = 0.0;
             if (out_d.z < 0.0) total += f * out_f * around(there * out_d).rgb;
-        } }`));
-    this.tables = Object.entries(answer.arrays).map(([name, data]) => [name, texture(answer.shapes[name][1], answer.shapes[name][0], 1, data)]);
+        } }`,
+        ),
+    );
+    this.tables = Object.entries(answer.arrays).map(([name, data]) => [
+      name,
+      texture(answer.shapes[name][1], answer.shapes[name][0], 1, data),
+    ]);
   }
 
   // Use a program with a surface's numbers.
@@ -183,16 +241,23 @@ export class Shader {
     for (const [name, usual] of Object.entries(this.answer.numbers)) {
       const value = numbers(this.answer.places[name]) ?? usual;
       const place = gl.getUniformLocation(program, name);
-      if (usual.length === 3) gl.uniform3fv(place, value); else gl.uniform1f(place, Array.isArray(value) ? value[0] : value);
+      if (usual.length === 3) gl.uniform3fv(place, value);
+      else gl.uniform1f(place, Array.isArray(value) ? value[0] : value);
     }
     return program;
   }
 
-  // Values times the cosine, and pdf, of pairs of directions, 4 numbers each; or a delta's direction or factor.
+  // Values times the cosine, and pdf, of pairs of directions, 4 numbers each; or a delta's
+  // direction or factor.
   at(wo, wi, numbers, which = 0) {
-    const count = wo.length / 3, width = 256, height = Math.ceil(count / width);
+    const count = wo.length / 3,
+      width = 256,
+      height = Math.ceil(count / width);
     const program = this.use(this.evaluate, numbers);
-    const made = [["all_wo", wo], ["all_wi", wi]].map(([name, data], k) => {
+    const made = [
+      ["all_wo", wo],
+      ["all_wi", wi],
+    ].map(([name, data], k) => {
       const texels = new Float32Array(4 * width * height);
       for (let i = 0; i < count; i++) texels.set(data.subarray(3 * i, 3 * i + 3), 4 * i);
       const each = texture(width, height, 4, texels);
@@ -230,10 +295,19 @@ export class Shaders {
     const { words, extra } = formOf(surface, this.models);
     const key = JSON.stringify([words, extra]);
     if (!this.known.has(key)) {
-      this.known.set(key, this.link.ask({ do: "shader", surface: words, live: extra }).then((answer) => { this.compiled++; return new Shader(answer); }));
+      this.known.set(
+        key,
+        this.link.ask({ do: "shader", surface: words, live: extra }).then((answer) => {
+          this.compiled++;
+          return new Shader(answer);
+        }),
+      );
       this.known.get(key).catch(() => this.known.delete(key));
       for (const old of [...this.known.keys()].slice(0, -16)) {
-        this.known.get(old).then((each) => each.free(), () => {});
+        this.known.get(old).then(
+          (each) => each.free(),
+          () => {},
+        );
         this.known.delete(old);
       }
     }
@@ -245,6 +319,7 @@ export class Shaders {
 export const numberOf = (surface, models) => (name) => {
   const parameter = models[surface.model]?.parameters.find((each) => each.name === name);
   if (name in surface.given) return surface.given[name];
-  if (parameter?.follows && parameter.follows in surface.given) return surface.given[parameter.follows];
+  if (parameter?.follows && parameter.follows in surface.given)
+    return surface.given[parameter.follows];
   return surface.values[name];
 };

@@ -1,3 +1,4 @@
+// @ts-check
 // The websocket: requests and their answers, of each slot one at a time and then the newest.
 
 import { packetOf } from "./viewport/packets.js";
@@ -15,10 +16,16 @@ export class Link {
   connect() {
     this.socket = new WebSocket(`ws://${location.host}/talk`);
     this.socket.binaryType = "arraybuffer";
+    /** @type {Promise<void>} */
     this.ready = new Promise((done) => {
-      this.socket.onopen = () => { this.wait = 250; this.tell("", true); done(); };
+      this.socket.onopen = () => {
+        this.wait = 250;
+        this.tell("", true);
+        done();
+      };
     });
-    this.socket.onmessage = ({ data }) => this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
+    this.socket.onmessage = ({ data }) =>
+      this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
     this.socket.onclose = () => {
       const left = [...this.open.values()];
       this.open.clear();
@@ -33,7 +40,10 @@ export class Link {
   receive(answer) {
     const asked = this.open.get(answer.id);
     if (!asked) return;
-    if (answer.progress) { asked.progress?.(answer.progress); return; }
+    if (answer.progress) {
+      asked.progress?.(answer.progress);
+      return;
+    }
     this.open.delete(answer.id);
     if (answer.error !== undefined) asked.fail(new Error(answer.error));
     else asked.done(answer);
@@ -49,7 +59,8 @@ export class Link {
     });
   }
 
-  // Ask in a slot: while one request of it is open, only the newest other waits; those between resolve with null.
+  // Ask in a slot: while one request of it is open, only the newest other waits; those between
+  // resolve with null.
   newest(slot, request) {
     return new Promise((done, fail) => {
       const state = this.slots.get(slot) ?? { busy: false, waiting: null };
@@ -64,7 +75,11 @@ export class Link {
     const { request, done, fail } = state.waiting;
     state.waiting = null;
     state.busy = true;
-    try { done(await this.ask({ ...request, slot })); } catch (error) { fail(error); }
+    try {
+      done(await this.ask({ ...request, slot }));
+    } catch (error) {
+      fail(error);
+    }
     state.busy = false;
     if (state.waiting) this.proceed(slot, state);
   }

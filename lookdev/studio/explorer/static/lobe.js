@@ -1,4 +1,6 @@
-// The lobe in three dimensions: f over all lights above the horizon as a surface, turned by the hand.
+// @ts-check
+// The lobe in three dimensions: f over all lights above the horizon as a surface, turned by the
+// hand.
 import { checked, gl, into, linked, numberOf, sized, works } from "./gl.js";
 import { state } from "./state.js";
 
@@ -30,7 +32,10 @@ const dense = (low, high, about, count) => {
   const even = Math.max(Math.floor(count / 3), 2);
   const found = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));
   const rest = count - even;
-  for (let i = 0; i < rest; i++) found.push(Math.min(high, Math.max(low, about + 0.5 * (high - low) * (-1 + (2 * i) / (rest - 1)) ** 3)));
+  for (let i = 0; i < rest; i++)
+    found.push(
+      Math.min(high, Math.max(low, about + 0.5 * (high - low) * (-1 + (2 * i) / (rest - 1)) ** 3)),
+    );
   return [...new Set(found)].sort((a, b) => a - b);
 };
 
@@ -38,27 +43,51 @@ export class Lobes {
   constructor(shaders) {
     this.shaders = shaders;
     this.program = works ? linked(FRAGMENT, VERTEX) : null;
-    this.buffers = works ? { place: gl.createBuffer(), normal: gl.createBuffer(), index: gl.createBuffer(), array: gl.createVertexArray() } : null;
+    this.buffers = works
+      ? {
+          place: gl.createBuffer(),
+          normal: gl.createBuffer(),
+          index: gl.createBuffer(),
+          array: gl.createVertexArray(),
+        }
+      : null;
   }
 
   // f of a surface over the grid of lights, with its peak.
   async values(surface, theta, phi, cosine) {
-    if (surface.delta) throw new Error(`${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`);
+    if (surface.delta)
+      throw new Error(
+        `${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`,
+      );
     const shader = await this.shaders.of(surface);
-    const thetas = dense(0, Math.PI / 2, theta, COUNT), phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((each) => each + phi);
-    const count = thetas.length * phis.length, wo = new Float32Array(3 * count), wi = new Float32Array(3 * count);
-    const view = [Math.sin(theta) * Math.cos(phi + Math.PI), Math.sin(theta) * Math.sin(phi + Math.PI), Math.cos(theta)];
+    const thetas = dense(0, Math.PI / 2, theta, COUNT),
+      phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((each) => each + phi);
+    const count = thetas.length * phis.length,
+      wo = new Float32Array(3 * count),
+      wi = new Float32Array(3 * count);
+    const view = [
+      Math.sin(theta) * Math.cos(phi + Math.PI),
+      Math.sin(theta) * Math.sin(phi + Math.PI),
+      Math.cos(theta),
+    ];
     let k = 0;
-    for (const t of thetas) for (const p of phis) {
-      wi.set([Math.sin(t) * Math.cos(p), Math.sin(t) * Math.sin(p), Math.max(Math.cos(t), 1e-6)], k);
-      wo.set(view, k);
-      k += 3;
-    }
+    for (const t of thetas)
+      for (const p of phis) {
+        wi.set(
+          [Math.sin(t) * Math.cos(p), Math.sin(t) * Math.sin(p), Math.max(Math.cos(t), 1e-6)],
+          k,
+        );
+        wo.set(view, k);
+        k += 3;
+      }
     const found = shader.at(wo, wi, numberOf(surface, this.shaders.models));
     const f = new Float32Array(count);
     let peak = 0;
     for (let i = 0; i < count; i++) {
-      const value = LUMINANCE[0] * found[4 * i] + LUMINANCE[1] * found[4 * i + 1] + LUMINANCE[2] * found[4 * i + 2];
+      const value =
+        LUMINANCE[0] * found[4 * i] +
+        LUMINANCE[1] * found[4 * i + 1] +
+        LUMINANCE[2] * found[4 * i + 2];
       f[i] = cosine ? value : value / wi[3 * i + 2];
       // Towards the horizon some models go up without limit.
       if (wi[3 * i + 2] > 0.0175) peak = Math.max(peak, f[i]);
@@ -79,24 +108,44 @@ export class Lobes {
     gl.uniformMatrix4fv(gl.getUniformLocation(program, "view"), false, view);
     gl.uniformMatrix3fv(gl.getUniformLocation(program, "turn"), false, turn);
     const top = Math.max(...lobes.map((each) => each.peak), 1e-30);
-    const radius = (f) => (scale === "log" ? Math.max(Math.log10(Math.max(f / top, 1e-30)) / DECADES + 1, 0) : scale === "sqrt" ? Math.sqrt(Math.max(f, 0) / top) : Math.max(f, 0) / top);
+    const radius = (f) =>
+      scale === "log"
+        ? Math.max(Math.log10(Math.max(f / top, 1e-30)) / DECADES + 1, 0)
+        : scale === "sqrt"
+          ? Math.sqrt(Math.max(f, 0) / top)
+          : Math.max(f, 0) / top;
     gl.bindVertexArray(this.buffers.array);
-    const ring = Array.from({ length: 97 }, (_, i) => [Math.cos((i * Math.PI) / 48), Math.sin((i * Math.PI) / 48), 0]).flat();
+    const ring = Array.from({ length: 97 }, (_, i) => [
+      Math.cos((i * Math.PI) / 48),
+      Math.sin((i * Math.PI) / 48),
+      0,
+    ]).flat();
     this.lines(program, ring, gl.LINE_STRIP, [...ink, 0.35]);
-    this.lines(program, [-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [...ink, 0.25]);
+    this.lines(program, [-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [
+      ...ink,
+      0.25,
+    ]);
     lobes.forEach((lobe, index) => {
       const [x, y, z] = lobe.view;
-      if (index === 0) this.lines(program, [0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
+      if (index === 0)
+        this.lines(program, [0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
       if (lobe.solid) this.mesh(program, lobe, radius, colors[index]);
     });
     // Nets are seen through what is before them.
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    lobes.forEach((lobe, index) => { if (!lobe.solid) this.mesh(program, lobe, radius, colors[index]); });
+    lobes.forEach((lobe, index) => {
+      if (!lobe.solid) this.mesh(program, lobe, radius, colors[index]);
+    });
     gl.disable(gl.BLEND);
     gl.bindVertexArray(null);
-    return { canvas, top: canvas.height - height, project: (p) => this.project(view, p, width, height), peak: top };
+    return {
+      canvas,
+      top: canvas.height - height,
+      project: (p) => this.project(view, p, width, height),
+      peak: top,
+    };
   }
 
   lines(program, places, mode, color) {
@@ -112,27 +161,41 @@ export class Lobes {
   }
 
   mesh(program, { f, wi, rows, columns, solid }, radius, color) {
-    const count = rows * columns, places = new Float32Array(3 * count), normals = new Float32Array(3 * count);
+    const count = rows * columns,
+      places = new Float32Array(3 * count),
+      normals = new Float32Array(3 * count);
     for (let i = 0; i < count; i++) {
       const r = Math.min(radius(f[i]), 1.5);
       for (let c = 0; c < 3; c++) places[3 * i + c] = r * wi[3 * i + c];
     }
-    for (let i = 0; i < rows; i++) for (let j = 0; j < columns; j++) {
-      const k = 3 * (i * columns + j), a = 3 * (Math.min(i + 1, rows - 1) * columns + j), b = 3 * (Math.max(i - 1, 0) * columns + j);
-      const c = 3 * (i * columns + ((j + 1) % columns)), d = 3 * (i * columns + ((j + columns - 1) % columns));
-      const u = [0, 1, 2].map((n) => places[a + n] - places[b + n]), v = [0, 1, 2].map((n) => places[c + n] - places[d + n]);
-      normals.set([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], k);
-    }
-    const index = [];
-    for (let i = 0; i < rows - 1; i++) for (let j = 0; j < columns - 1; j++) {
-      const k = i * columns + j;
-      if (solid) index.push(k, k + 1, k + columns, k + 1, k + columns + 1, k + columns);
-      else {
-        if (i % 3 === 0) index.push(k, k + 1);
-        if (j % 4 === 0) index.push(k, k + columns);
+    for (let i = 0; i < rows; i++)
+      for (let j = 0; j < columns; j++) {
+        const k = 3 * (i * columns + j),
+          a = 3 * (Math.min(i + 1, rows - 1) * columns + j),
+          b = 3 * (Math.max(i - 1, 0) * columns + j);
+        const c = 3 * (i * columns + ((j + 1) % columns)),
+          d = 3 * (i * columns + ((j + columns - 1) % columns));
+        const u = [0, 1, 2].map((n) => places[a + n] - places[b + n]),
+          v = [0, 1, 2].map((n) => places[c + n] - places[d + n]);
+        normals.set(
+          [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]],
+          k,
+        );
       }
-    }
-    for (const [place, buffer, data] of [[0, this.buffers.place, places], [1, this.buffers.normal, normals]]) {
+    const index = [];
+    for (let i = 0; i < rows - 1; i++)
+      for (let j = 0; j < columns - 1; j++) {
+        const k = i * columns + j;
+        if (solid) index.push(k, k + 1, k + columns, k + 1, k + columns + 1, k + columns);
+        else {
+          if (i % 3 === 0) index.push(k, k + 1);
+          if (j % 4 === 0) index.push(k, k + columns);
+        }
+      }
+    for (const [place, buffer, data] of /** @type {[number, WebGLBuffer, Float32Array][]} */ ([
+      [0, this.buffers.place, places],
+      [1, this.buffers.normal, normals],
+    ])) {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, data, gl.STREAM_DRAW);
       gl.enableVertexAttribArray(place);
@@ -147,10 +210,24 @@ export class Lobes {
 
   // Orthographic, z up: the hemisphere fits.
   camera(width, height) {
-    const [azimuth, elevation] = state.turn, [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
-    const right = [ca, sa, 0], up = [-sa * se, ca * se, ce], back = [sa * ce, -ca * ce, se];
-    const pixels = Math.min(width / 2.5, height / 2.3), view = new Float32Array(16);
-    for (let i = 0; i < 3; i++) [view[4 * i], view[4 * i + 1], view[4 * i + 2]] = [(right[i] * 2 * pixels) / width, (up[i] * 2 * pixels) / height, -back[i] * 0.3];
+    const [azimuth, elevation] = state.turn,
+      [ca, sa, ce, se] = [
+        Math.cos(azimuth),
+        Math.sin(azimuth),
+        Math.cos(elevation),
+        Math.sin(elevation),
+      ];
+    const right = [ca, sa, 0],
+      up = [-sa * se, ca * se, ce],
+      back = [sa * ce, -ca * ce, se];
+    const pixels = Math.min(width / 2.5, height / 2.3),
+      view = new Float32Array(16);
+    for (let i = 0; i < 3; i++)
+      [view[4 * i], view[4 * i + 1], view[4 * i + 2]] = [
+        (right[i] * 2 * pixels) / width,
+        (up[i] * 2 * pixels) / height,
+        -back[i] * 0.3,
+      ];
     view[13] = (-0.42 * ce * 2 * pixels) / height;
     view[15] = 1;
     return { view, turn: new Float32Array([0, 1, 2].flatMap((i) => [right[i], up[i], back[i]])) };

@@ -1,7 +1,14 @@
-// What the page shows: surfaces, kind of plot, options, light. All of it is in the URL, as words of the command line.
+// @ts-check
+// What the page shows: surfaces, kind of plot, options, light. All of it is in the URL, as words of
+// the command line.
 
 const plain = (value) => Number(value.toPrecision(7)).toString();
-const written = (value) => (Array.isArray(value) ? value.map(plain).join("/") : typeof value === "number" ? plain(value) : value);
+const written = (value) =>
+  Array.isArray(value)
+    ? value.map(plain).join("/")
+    : typeof value === "number"
+      ? plain(value)
+      : value;
 
 // The words of a surface: label, base, and the parameters that are given.
 export const wordsOf = (surface, labelled = false) => {
@@ -10,7 +17,9 @@ export const wordsOf = (surface, labelled = false) => {
   return labelled && surface.label ? `${surface.label}=${words}` : words;
 };
 
-export const nameOf = (surface) => surface.label || (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "").replace(/^.*\//, "");
+export const nameOf = (surface) =>
+  surface.label ||
+  (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "").replace(/^.*\//, "");
 
 export const state = {
   offered: null,
@@ -28,7 +37,8 @@ const listeners = new Set();
 export const onChange = (listener) => listeners.add(listener);
 
 let writing = 0;
-// Tell what changed: "surfaces", "kind", "options", "parameter", "selected", "light", "turn"; `detail` is passed on.
+// Tell what changed: "surfaces", "kind", "options", "parameter", "selected", "light", "turn";
+// `detail` is passed on.
 export const changed = (what, detail = {}) => {
   for (const each of listeners) each(what, detail);
   clearTimeout(writing);
@@ -41,7 +51,13 @@ export const shownSurfaces = () => state.surfaces.filter((each) => !each.hidden 
 export const colorOf = (surface) => {
   const color = state.offered.colors[surface.color % state.offered.colors.length];
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  return color === "#000000" ? (dark ? "#f2f2f2" : "#1a1a1a") : dark && color === "#0072b2" ? "#3aa0e0" : color;
+  return color === "#000000"
+    ? dark
+      ? "#f2f2f2"
+      : "#1a1a1a"
+    : dark && color === "#0072b2"
+      ? "#3aa0e0"
+      : color;
 };
 
 export const addSurface = (described, hidden = false) => {
@@ -56,28 +72,41 @@ export const addSurface = (described, hidden = false) => {
 // The options of the current kind that are not at their defaults.
 export const givenOptions = () => {
   const { uses } = state.offered.kinds[state.kind];
-  return Object.fromEntries(uses.map((name) => [name, option(name)]).filter(([name, value]) => value !== state.offered.options[name]));
+  return Object.fromEntries(
+    uses
+      .map((name) => [name, option(name)])
+      .filter(([name, value]) => value !== state.offered.options[name]),
+  );
 };
 // On spheres theta and phi are those of the light, which the hand turns, too.
 const ofLight = (name) => (state.kind === "sphere" ? ["theta", "phi"].indexOf(name) : -1);
-export const option = (name) => (ofLight(name) >= 0 ? state.lightAt[ofLight(name)] : state.options[name] ?? state.offered.options[name]);
-export const setOption = (name, value) => { if (ofLight(name) >= 0) state.lightAt[ofLight(name)] = value; else state.options[name] = value; };
+export const option = (name) =>
+  ofLight(name) >= 0
+    ? state.lightAt[ofLight(name)]
+    : (state.options[name] ?? state.offered.options[name]);
+export const setOption = (name, value) => {
+  if (ofLight(name) >= 0) state.lightAt[ofLight(name)] = value;
+  else state.options[name] = value;
+};
 
 export const urlOf = () => {
   const query = new URLSearchParams();
   for (const each of state.surfaces) query.append("s", wordsOf(each, true));
   query.set("kind", state.kind);
-  if (state.selected) query.set("on", state.selected);
+  if (state.selected) query.set("on", `${state.selected}`);
   const hidden = state.surfaces.flatMap((each, index) => (each.hidden ? [index] : []));
   if (hidden.length) query.set("hide", hidden.join(","));
-  for (const [name, value] of Object.entries(state.options)) if (value !== state.offered.options[name]) query.set(name, value);
+  for (const [name, value] of Object.entries(state.options))
+    if (value !== state.offered.options[name]) query.set(name, value);
   if (state.light === "point") query.set("light", "point");
   query.set("at", state.lightAt.map((each) => Math.round(each)).join(","));
   query.set("turn", state.turn.map((each) => each.toFixed(2)).join(","));
   return `${location.pathname}${location.search}#${query}`;
 };
 
-const writeUrl = () => { if (state.surfaces.length) history.replaceState(null, "", urlOf()); };
+const writeUrl = () => {
+  if (state.surfaces.length) history.replaceState(null, "", urlOf());
+};
 
 const pair = (text, usual) => {
   const numbers = (text ?? "").split(",").map(Number);
@@ -93,7 +122,8 @@ export const readUrl = () => {
     const text = query.get(name);
     if (text === null) continue;
     if (typeof usual === "boolean") state.options[name] = text === "true";
-    else if (typeof usual === "number" && Number.isFinite(Number(text))) state.options[name] = Number(text);
+    else if (typeof usual === "number" && Number.isFinite(Number(text)))
+      state.options[name] = Number(text);
     else if (choices[name]?.includes(text)) state.options[name] = text;
   }
   state.light = query.get("light") === "point" ? "point" : "dome";

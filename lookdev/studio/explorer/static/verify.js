@@ -1,3 +1,4 @@
+// @ts-check
 // What the browser computes, at random pairs of directions, beside the models in float64.
 import { numberOf } from "./gl.js";
 import { nameOf, shownSurfaces, wordsOf } from "./state.js";
@@ -7,47 +8,101 @@ const SHARE = 0.99;
 
 // Differences relative to each value, or to the thousandth part of the median where that is larger.
 const compare = (found, expected, width) => {
-  const sizes = Float32Array.from(expected, Math.abs).sort(), floor = 1e-3 * Math.max(1, sizes[sizes.length >> 1]), differences = new Float32Array(expected.length);
+  const sizes = Float32Array.from(expected, Math.abs).sort(),
+    floor = 1e-3 * Math.max(1, sizes[sizes.length >> 1]),
+    differences = new Float32Array(expected.length);
   for (let i = 0; i < expected.length; i++) {
     const value = found[4 * Math.floor(i / width) + (i % width)];
-    differences[i] = Number.isFinite(value) ? Math.abs(value - expected[i]) / Math.max(Math.abs(expected[i]), floor) : Infinity;
+    differences[i] = Number.isFinite(value)
+      ? Math.abs(value - expected[i]) / Math.max(Math.abs(expected[i]), floor)
+      : Infinity;
   }
   return differences;
 };
 
-// For each surface: the share of channels within the tolerance, the quantile of 99 % and the largest difference.
+// For each surface: the share of channels within the tolerance, the quantile of 99 % and the
+// largest difference.
 export const verify = async (link, shaders) => {
   const rows = [];
   for (const surface of shownSurfaces()) {
     try {
-      const [shader, { arrays }] = [await shaders.of(surface), await link.ask({ do: "pairs", surface: wordsOf(surface) })];
-      const numbers = numberOf(surface, shaders.models), all = [];
+      const [shader, { arrays }] = [
+        await shaders.of(surface),
+        await link.ask({ do: "pairs", surface: wordsOf(surface) }),
+      ];
+      const numbers = numberOf(surface, shaders.models),
+        all = [];
       if (arrays.value.some(Boolean)) {
         const found = shader.at(arrays.wo, arrays.wi, numbers);
-        all.push(compare(found, arrays.value, 3), compare(found.filter((_, i) => i % 4 === 3).reduce((out, v, i) => { out[4 * i] = v; return out; }, new Float32Array(found.length)), arrays.pdf, 1));
+        all.push(
+          compare(found, arrays.value, 3),
+          compare(
+            found
+              .filter((_, i) => i % 4 === 3)
+              .reduce((out, v, i) => {
+                out[4 * i] = v;
+                return out;
+              }, new Float32Array(found.length)),
+            arrays.pdf,
+            1,
+          ),
+        );
       }
       for (let k = 0; arrays[`direction${k}`]; k++) {
-        all.push(compare(shader.at(arrays.wo, arrays.wi, numbers, 1 + 2 * k), arrays[`direction${k}`], 3));
-        all.push(compare(shader.at(arrays.wo, arrays.wi, numbers, 2 + 2 * k), arrays[`factor${k}`], 3));
+        all.push(
+          compare(shader.at(arrays.wo, arrays.wi, numbers, 1 + 2 * k), arrays[`direction${k}`], 3),
+        );
+        all.push(
+          compare(shader.at(arrays.wo, arrays.wi, numbers, 2 + 2 * k), arrays[`factor${k}`], 3),
+        );
       }
       const sorted = Float32Array.from(all.flatMap((each) => [...each])).sort();
       const quantile = sorted[Math.floor(SHARE * (sorted.length - 1))];
-      rows.push({ name: nameOf(surface), count: sorted.length, within: sorted.filter((each) => each < TOLERANCE).length / sorted.length, quantile, most: sorted[sorted.length - 1], agrees: quantile < TOLERANCE });
-    } catch (error) { rows.push({ name: nameOf(surface), problem: error.message, agrees: false }); }
+      rows.push({
+        name: nameOf(surface),
+        count: sorted.length,
+        within: sorted.filter((each) => each < TOLERANCE).length / sorted.length,
+        quantile,
+        most: sorted[sorted.length - 1],
+        agrees: quantile < TOLERANCE,
+      });
+    } catch (error) {
+      rows.push({ name: nameOf(surface), problem: error.message, agrees: false });
+    }
   }
   return rows;
 };
 
 export const verdict = (rows) => {
   const table = document.createElement("table");
-  table.innerHTML = "<thead><tr><th>Surface</th><th>Channels</th><th>99 % within</th><th>Largest</th><th></th></tr></thead>";
+  table.innerHTML =
+    "<thead><tr><th>Surface</th><th>Channels</th><th>99 % within</th>" +
+    "<th>Largest</th><th></th></tr></thead>";
   const body = table.createTBody();
   for (const each of rows) {
-    const row = body.insertRow(), cells = each.problem ? [each.name, each.problem, "", "", ""] : [each.name, each.count, each.quantile.toExponential(1), each.most.toExponential(1), each.agrees ? "agrees" : "differs"];
-    cells.forEach((text, i) => { const cell = row.insertCell(); cell.textContent = text; if (i === 4) cell.className = each.agrees ? "good" : "bad"; else if (i && !each.problem) cell.className = "number"; });
-    if (each.problem) row.cells[1].colSpan = 4, row.deleteCell(4), row.deleteCell(3), row.deleteCell(2);
+    const row = body.insertRow(),
+      cells = each.problem
+        ? [each.name, each.problem, "", "", ""]
+        : [
+            each.name,
+            each.count,
+            each.quantile.toExponential(1),
+            each.most.toExponential(1),
+            each.agrees ? "agrees" : "differs",
+          ];
+    cells.forEach((text, i) => {
+      const cell = row.insertCell();
+      cell.textContent = text;
+      if (i === 4) cell.className = each.agrees ? "good" : "bad";
+      else if (i && !each.problem) cell.className = "number";
+    });
+    if (each.problem)
+      ((row.cells[1].colSpan = 4), row.deleteCell(4), row.deleteCell(3), row.deleteCell(2));
   }
   const text = document.createElement("p");
-  text.textContent = `f times the cosine, and the pdf, at 2048 random pairs of directions, in the browser's float32 and in Python's float64. They agree if the relative difference is below ${TOLERANCE} in 99 % of the channels.`;
+  text.textContent =
+    "f times the cosine, and the pdf, at 2048 random pairs of directions, in the browser's " +
+    "float32 and in Python's float64. They agree if the relative difference is below " +
+    `${TOLERANCE} in 99 % of the channels.`;
   return [text, table];
 };

@@ -1,4 +1,6 @@
-// How each kind of plot draws the numbers of surfaces on the canvas. A view is given `items`, surfaces with their
+// @ts-check
+// How each kind of plot draws the numbers of surfaces on the canvas. A view is given `items`,
+// surfaces with their
 // numbers, and returns what is under a point of the canvas, as text.
 import { Axes, scaleOf, shortly } from "./axes.js";
 import { colorOf, nameOf, option, state } from "./state.js";
@@ -12,87 +14,174 @@ const DECADES = 4;
 const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
 
 // The curves of colours (n, 3): of their luminance in the surface's colour, or of each channel.
-const curvesOf = (items, name = "f") => items.flatMap(({ surface, data }, index) => {
-  const f = data.arrays[name], count = f.length / 3;
-  if (option("channels") === "rgb") return Object.entries(RGB).map(([channel, colors], c) => ({ surface, data, color: colors[dark() ? 1 : 0], dash: DASHES[index % 4], label: `${nameOf(surface)} ${channel}`, values: Float32Array.from({ length: count }, (_, i) => f[3 * i + c]) }));
-  const values = Float32Array.from({ length: count }, (_, i) => LUMINANCE[0] * f[3 * i] + LUMINANCE[1] * f[3 * i + 1] + LUMINANCE[2] * f[3 * i + 2]);
-  return [{ surface, data, color: colorOf(surface), dash: [], label: nameOf(surface), values }];
-});
+const curvesOf = (items, name = "f") =>
+  items.flatMap(({ surface, data }, index) => {
+    const f = data.arrays[name],
+      count = f.length / 3;
+    if (option("channels") === "rgb")
+      return Object.entries(RGB).map(([channel, colors], c) => ({
+        surface,
+        data,
+        color: colors[dark() ? 1 : 0],
+        dash: DASHES[index % 4],
+        label: `${nameOf(surface)} ${channel}`,
+        values: Float32Array.from({ length: count }, (_, i) => f[3 * i + c]),
+      }));
+    const values = Float32Array.from(
+      { length: count },
+      (_, i) => LUMINANCE[0] * f[3 * i] + LUMINANCE[1] * f[3 * i + 1] + LUMINANCE[2] * f[3 * i + 2],
+    );
+    return [{ surface, data, color: colorOf(surface), dash: [], label: nameOf(surface), values }];
+  });
 
 const nearest = (xs, x) => {
   let [low, high] = [0, xs.length - 1];
-  while (high - low > 1) { const middle = (low + high) >> 1; if (xs[middle] > x) high = middle; else low = middle; }
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (xs[middle] > x) high = middle;
+    else low = middle;
+  }
   return x - xs[low] < xs[high] - x ? low : high;
 };
 
-const boxOf = (width, height) => ({ left: width < 500 ? 48 : 64, top: 40, width: width - (width < 500 ? 64 : 92), height: height - 96 });
+const boxOf = (width, height) => ({
+  left: width < 500 ? 48 : 64,
+  top: 40,
+  width: width - (width < 500 ? 64 : 92),
+  height: height - 96,
+});
 
 const fLabel = () => (option("cosine") ? "f cos θi (1/sr)" : "f (1/sr)");
 
 // Curves over an angle, as `lookdev.plotting.curves`.
-const curvesView = ({ xLabel, yLabel, name = "f", range, extra, title, one }) => (c, items, width, height, look) => {
-  const box = boxOf(width, height), curves = curvesOf(items, name);
-  let [high, low] = [0, Infinity];
-  for (const { data, values } of curves) values.forEach((v, i) => {
-    if (data.arrays.inner && !data.arrays.inner[i]) return;
-    high = Math.max(high, v);
-    if (v > 0) low = Math.min(low, v);
-  });
-  high ||= 1;
-  const kind = state.offered.kinds[state.kind].uses.includes("scale") ? option("scale") : "linear";
-  const [from, to] = range?.(items) ?? (kind === "log" ? [Math.max(Math.min(low, high), high * 1e-8) * 0.7, high * 1.6] : [0, high * (kind === "sqrt" ? 1.1 : 1.06)]);
-  const xs = items[0]?.data.arrays.x ?? [0, 90];
-  const angles = state.offered.kinds[state.kind].uses.includes("angles") ? option("angles") : "linear";
-  const axes = new Axes(c, box, scaleOf(angles, xs[0], xs[xs.length - 1], Math.max(3, Math.min(9, width / 90))), scaleOf(range?.(items) ? "linear" : kind, from, to, Math.max(3, Math.min(8, height / 60))), look);
-  axes.grid(xLabel(), yLabel(items));
-  if (one) axes.curve([xs[0], xs[xs.length - 1]], [1, 1], look.edge, { width: 1 });
-  for (const { data, values, color, dash } of curves) {
-    const errors = data.arrays.error;
-    const band = errors && option("channels") !== "rgb" ? Float32Array.from({ length: values.length }, (_, i) => LUMINANCE.reduce((sum, w, k) => sum + w * errors[3 * i + k], 0)) : null;
-    axes.curve(data.arrays.x, values, color, { dash, band });
-  }
-  extra?.(axes, items, look);
-  c.fillStyle = look.quiet;
-  c.font = `12px ${look.font}`;
-  c.textAlign = "right";
-  c.fillText(title(items), box.left + box.width, box.top - 12);
-  return (x, y) => {
-    if (x < box.left || x > box.left + box.width || !curves.length) return "";
-    const at = axes.x.back((x - box.left) / box.width);
-    const found = curves.map(({ data, values, label }) => `${label} ${shortly(values[nearest(data.arrays.x, at)])}`);
-    return { text: `${shortly(Number(at.toPrecision(4)))}°   ${found.join("   ")}`, line: x };
+const SCALE_WORDS = { log: ["log", `${DECADES} decades`], sqrt: ["square root"] };
+
+/** Return what writes the value of a curve at an angle. */
+const valueAt =
+  (angle) =>
+  ({ data, values, label }) =>
+    `${label} ${shortly(values[nearest(data.arrays.x, angle)])}`;
+
+/** Write the half and difference angles of a place in a slice. */
+const halfAngles = (found) => `θh ${found[2].toFixed(1)}°  θd ${found[3].toFixed(1)}°`;
+
+const curvesView =
+  ({ xLabel, yLabel, name = "f", range = null, extra = null, title, one = false }) =>
+  (c, items, width, height, look) => {
+    const box = boxOf(width, height),
+      curves = curvesOf(items, name);
+    let [high, low] = [0, Infinity];
+    for (const { data, values } of curves)
+      values.forEach((v, i) => {
+        if (data.arrays.inner && !data.arrays.inner[i]) return;
+        high = Math.max(high, v);
+        if (v > 0) low = Math.min(low, v);
+      });
+    high ||= 1;
+    const kind = state.offered.kinds[state.kind].uses.includes("scale")
+      ? option("scale")
+      : "linear";
+    const [from, to] =
+      range?.(items) ??
+      (kind === "log"
+        ? [Math.max(Math.min(low, high), high * 1e-8) * 0.7, high * 1.6]
+        : [0, high * (kind === "sqrt" ? 1.1 : 1.06)]);
+    const xs = items[0]?.data.arrays.x ?? [0, 90];
+    const angles = state.offered.kinds[state.kind].uses.includes("angles")
+      ? option("angles")
+      : "linear";
+    const axes = new Axes(
+      c,
+      box,
+      scaleOf(angles, xs[0], xs[xs.length - 1], Math.max(3, Math.min(9, width / 90))),
+      scaleOf(range?.(items) ? "linear" : kind, from, to, Math.max(3, Math.min(8, height / 60))),
+      look,
+    );
+    axes.grid(xLabel(), yLabel(items));
+    if (one) axes.curve([xs[0], xs[xs.length - 1]], [1, 1], look.edge, { width: 1 });
+    for (const { data, values, color, dash } of curves) {
+      const errors = data.arrays.error;
+      const band =
+        errors && option("channels") !== "rgb"
+          ? Float32Array.from({ length: values.length }, (_, i) =>
+              LUMINANCE.reduce((sum, w, k) => sum + w * errors[3 * i + k], 0),
+            )
+          : null;
+      axes.curve(data.arrays.x, values, color, { dash, band });
+    }
+    extra?.(axes, items, look);
+    c.fillStyle = look.quiet;
+    c.font = `12px ${look.font}`;
+    c.textAlign = "right";
+    c.fillText(title(items), box.left + box.width, box.top - 12);
+    return (x) => {
+      if (x < box.left || x > box.left + box.width || !curves.length) return "";
+      const at = axes.x.back((x - box.left) / box.width);
+      const found = curves.map(
+        ({ data, values, label }) => `${label} ${shortly(values[nearest(data.arrays.x, at)])}`,
+      );
+      return { text: `${shortly(Number(at.toPrecision(4)))}°   ${found.join("   ")}`, line: x };
+    };
   };
-};
 
 const polar = (c, items, width, height, look) => {
-  const curves = curvesOf(items), radius = Math.min(width / 2 - 46, height - 110), [x0, y0] = [width / 2, (height + radius) / 2 + 14];
-  const peak = Math.max(...curves.map(({ values }) => values.reduce((a, b) => Math.max(a, b), 0)), 0) || 1, floor = peak * 10 ** -DECADES;
+  const curves = curvesOf(items),
+    radius = Math.min(width / 2 - 46, height - 110),
+    [x0, y0] = [width / 2, (height + radius) / 2 + 14];
+  const peak =
+      Math.max(...curves.map(({ values }) => values.reduce((a, b) => Math.max(a, b), 0)), 0) || 1,
+    floor = peak * 10 ** -DECADES;
   const scale = option("scale");
-  const size = (v) => (scale === "log" ? Math.log10(Math.max(v, floor) / floor) / DECADES : scale === "sqrt" ? Math.sqrt(Math.max(v, 0) / peak) : Math.max(v, 0) / peak) * 0.94;
+  const size = (v) =>
+    (scale === "log"
+      ? Math.log10(Math.max(v, floor) / floor) / DECADES
+      : scale === "sqrt"
+        ? Math.sqrt(Math.max(v, 0) / peak)
+        : Math.max(v, 0) / peak) * 0.94;
   c.lineWidth = 1;
   c.font = `11px ${look.font}`;
   c.textAlign = "center";
-  const rings = scale === "log" ? Array.from({ length: DECADES + 1 }, (_, k) => floor * 10 ** k) : scaleOf(scale, 0, peak, 4).ticks.filter((v) => v > 0 && v <= peak * 1.001);
+  const rings =
+    scale === "log"
+      ? Array.from({ length: DECADES + 1 }, (_, k) => floor * 10 ** k)
+      : scaleOf(scale, 0, peak, 4).ticks.filter((v) => v > 0 && v <= peak * 1.001);
   for (const v of rings) {
     const r = size(v) * radius;
     if (r < 1) continue;
     c.strokeStyle = look.line;
-    c.beginPath(); c.arc(x0, y0, r, Math.PI, 0); c.stroke();
+    c.beginPath();
+    c.arc(x0, y0, r, Math.PI, 0);
+    c.stroke();
     c.fillStyle = look.quiet;
     c.fillText(shortly(Number(v.toPrecision(2))), x0 + r, y0 + 16);
   }
   for (let degrees = -90; degrees <= 90; degrees += 30) {
     const a = (degrees * Math.PI) / 180;
     c.strokeStyle = look.line;
-    c.beginPath(); c.moveTo(x0, y0); c.lineTo(x0 + radius * Math.sin(a), y0 - radius * Math.cos(a)); c.stroke();
+    c.beginPath();
+    c.moveTo(x0, y0);
+    c.lineTo(x0 + radius * Math.sin(a), y0 - radius * Math.cos(a));
+    c.stroke();
     c.fillStyle = look.quiet;
-    if (Math.abs(degrees) < 90) c.fillText(`${degrees}°`, x0 + (radius + 16) * Math.sin(a), y0 - (radius + 14) * Math.cos(a) + 4);
+    if (Math.abs(degrees) < 90)
+      c.fillText(
+        `${degrees}°`,
+        x0 + (radius + 16) * Math.sin(a),
+        y0 - (radius + 14) * Math.cos(a) + 4,
+      );
   }
-  for (const [sign, text] of [[-1, "view"], [1, "mirrored"]]) {
-    const a = (sign * option("theta") * Math.PI) / 180, [x, y] = [x0 + radius * Math.sin(a), y0 - radius * Math.cos(a)];
+  for (const { sign, text } of [
+    { sign: -1, text: "view" },
+    { sign: 1, text: "mirrored" },
+  ]) {
+    const a = (sign * option("theta") * Math.PI) / 180,
+      [x, y] = [x0 + radius * Math.sin(a), y0 - radius * Math.cos(a)];
     c.strokeStyle = look.quiet;
     c.setLineDash([5, 4]);
-    c.beginPath(); c.moveTo(x0, y0); c.lineTo(x, y); c.stroke();
+    c.beginPath();
+    c.moveTo(x0, y0);
+    c.lineTo(x, y);
+    c.stroke();
     c.setLineDash([]);
     c.fillStyle = look.ink;
     c.fillText(text, x + sign * 4, y - 6);
@@ -103,7 +192,8 @@ const polar = (c, items, width, height, look) => {
     c.setLineDash(dash);
     c.beginPath();
     data.arrays.x.forEach((degrees, i) => {
-      const a = (degrees * Math.PI) / 180, r = size(values[i]) * radius;
+      const a = (degrees * Math.PI) / 180,
+        r = size(values[i]) * radius;
       c.lineTo(x0 + r * Math.sin(a), y0 - r * Math.cos(a));
     });
     c.stroke();
@@ -112,30 +202,47 @@ const polar = (c, items, width, height, look) => {
   c.fillStyle = look.ink;
   c.textAlign = "left";
   c.font = `12px ${look.font}`;
-  c.fillText(`${fLabel()}${scale === "log" ? `, log, ${DECADES} decades` : scale === "sqrt" ? ", square root" : ""}`, 18, 28);
+  c.fillText([fLabel(), ...(SCALE_WORDS[scale] ?? [])].join(", "), 18, 28);
   return (x, y) => {
     const at = (Math.atan2(x - x0, y0 - y) * 180) / Math.PI;
     if (Math.abs(at) > 90) return "";
-    return { text: `θi ${at.toFixed(1)}°   ${curves.map(({ data, values, label }) => `${label} ${shortly(values[nearest(data.arrays.x, at)])}`).join("   ")}` };
+    return {
+      text: [`θi ${at.toFixed(1)}°`, ...curves.map(valueAt(at))].join("   "),
+    };
   };
 };
 
 // sRGB of linear values in [0, 1], by a table.
-const CODES = Uint8ClampedArray.from({ length: 16385 }, (_, i) => { const v = i / 16384; return Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055)); });
+const CODES = Uint8ClampedArray.from({ length: 16385 }, (_, i) => {
+  const v = i / 16384;
+  return Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
+});
 const pictures = new WeakMap();
 
 // An image of colours, row 0 at the bottom; kept while the numbers and the exposure stay.
 export const imageOf = (array, width, height, exposure, chroma) => {
-  const key = `${exposure} ${chroma}`, known = pictures.get(array);
+  const key = `${exposure} ${chroma}`,
+    known = pictures.get(array);
   if (known?.key === key) return known.canvas;
-  const canvas = known?.canvas ?? new OffscreenCanvas(width, height), context = canvas.getContext("2d");
-  const pixels = context.createImageData(width, height), data = pixels.data, gain = 2 ** exposure;
+  const canvas = known?.canvas ?? new OffscreenCanvas(width, height),
+    context = canvas.getContext("2d");
+  const pixels = context.createImageData(width, height),
+    data = pixels.data,
+    gain = 2 ** exposure;
   for (let y = 0; y < height; y++) {
-    let from = 3 * width * (height - 1 - y), to = 4 * width * y;
+    let from = 3 * width * (height - 1 - y),
+      to = 4 * width * y;
     for (let x = 0; x < width; x++, from += 3, to += 4) {
       let [r, g, b] = [array[from], array[from + 1], array[from + 2]];
-      if (chroma) { const most = Math.max(r, g, b, 1e-30); r /= most; g /= most; b /= most; }
-      r *= gain; g *= gain; b *= gain;
+      if (chroma) {
+        const most = Math.max(r, g, b, 1e-30);
+        r /= most;
+        g /= most;
+        b /= most;
+      }
+      r *= gain;
+      g *= gain;
+      b *= gain;
       data[to] = CODES[r >= 1 ? 16384 : (r * 16384) | 0];
       data[to + 1] = CODES[g >= 1 ? 16384 : (g * 16384) | 0];
       data[to + 2] = CODES[b >= 1 ? 16384 : (b * 16384) | 0];
@@ -148,18 +255,39 @@ export const imageOf = (array, width, height, exposure, chroma) => {
 };
 
 // Squares side by side, as large as they fit.
-export const squares = (count, width, height, { left = 46, right = 16, top = 34, bottom = 44, gap = 20 } = {}) => {
+export const squares = (
+  count,
+  width,
+  height,
+  { left = 46, right = 16, top = 34, bottom = 44, gap = 20 } = {},
+) => {
   let best = { size: 0 };
   for (let columns = 1; columns <= count; columns++) {
     const rows = Math.ceil(count / columns);
-    const size = Math.min((width - (columns * (left + right) + (columns - 1) * gap)) / columns, (height - rows * (top + bottom)) / rows);
+    const size = Math.min(
+      (width - (columns * (left + right) + (columns - 1) * gap)) / columns,
+      (height - rows * (top + bottom)) / rows,
+    );
     if (size > best.size) best = { size, columns, rows };
   }
-  const { size, columns, rows } = best, w = columns * (left + size + right) + (columns - 1) * gap, h = rows * (top + size + bottom);
-  return Array.from({ length: count }, (_, i) => ({ size, x: (width - w) / 2 + left + (i % columns) * (left + size + right + gap), y: (height - h) / 2 + top + Math.floor(i / columns) * (top + size + bottom) }));
+  const { size, columns, rows } = best,
+    w = columns * (left + size + right) + (columns - 1) * gap,
+    h = rows * (top + size + bottom);
+  return Array.from({ length: count }, (_, i) => ({
+    size,
+    x: (width - w) / 2 + left + (i % columns) * (left + size + right + gap),
+    y: (height - h) / 2 + top + Math.floor(i / columns) * (top + size + bottom),
+  }));
 };
 
-const MARKS = [[0.035, 0.5, "specular peak", -90, "center"], [0.5, 0.96, "Fresnel peak", 0, "center"], [0.5, 0.03, "retroreflection", 0, "center"], [0.97, 0.03, "grazing retroreflection", 0, "right"], [0.5, 0.5, "diffuse", 0, "center"]];
+/** @type {[number, number, string, number, CanvasTextAlign][]} */
+const MARKS = [
+  [0.035, 0.5, "specular peak", -90, "center"],
+  [0.5, 0.96, "Fresnel peak", 0, "center"],
+  [0.5, 0.03, "retroreflection", 0, "center"],
+  [0.97, 0.03, "grazing retroreflection", 0, "right"],
+  [0.5, 0.5, "diffuse", 0, "center"],
+];
 
 const frameSlice = (c, { x, y, size }, look, title, color) => {
   c.strokeStyle = look.edge;
@@ -189,7 +317,13 @@ const frameSlice = (c, { x, y, size }, look, title, color) => {
 const drawSlice = (c, place, data, look, title, color, marked) => {
   const [rows, columns] = data.shapes.f;
   c.imageSmoothingEnabled = place.size * devicePixelRatio < columns;
-  c.drawImage(imageOf(data.arrays.f, columns, rows, option("exposure"), option("chroma")), place.x, place.y, place.size, place.size);
+  c.drawImage(
+    imageOf(data.arrays.f, columns, rows, option("exposure"), option("chroma")),
+    place.x,
+    place.y,
+    place.size,
+    place.size,
+  );
   frameSlice(c, place, look, title, color);
   if (!marked || place.size < 230) return;
   c.font = `11px ${look.font}`;
@@ -199,7 +333,8 @@ const drawSlice = (c, place, data, look, title, color, marked) => {
     c.rotate((turn * Math.PI) / 180);
     c.textAlign = align;
     c.textBaseline = turn ? "top" : "middle";
-    const width = c.measureText(text).width + 8, left = align === "right" ? -width : -width / 2;
+    const width = c.measureText(text).width + 8,
+      left = align === "right" ? -width : -width / 2;
     c.fillStyle = "rgb(0 0 0 / 0.45)";
     c.fillRect(left + (align === "right" ? 4 : 0), turn ? -2 : -8, width, 16);
     c.fillStyle = "#fff";
@@ -211,82 +346,146 @@ const drawSlice = (c, place, data, look, title, color, marked) => {
 
 const sliceAt = (place, x, y, count) => {
   const [u, v] = [(x - place.x) / place.size, 1 - (y - place.y) / place.size];
-  return u < 0 || u >= 1 || v < 0 || v >= 1 ? null : [Math.floor(u * count), Math.floor(v * count), u * 90, v * 90];
+  return u < 0 || u >= 1 || v < 0 || v >= 1
+    ? null
+    : [Math.floor(u * count), Math.floor(v * count), u * 90, v * 90];
 };
 
 const slice = (c, items, width, height, look) => {
   const places = squares(items.length, width, height);
-  items.forEach(({ surface, data }, i) => drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), i === 0));
+  items.forEach(({ surface, data }, i) =>
+    drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), i === 0),
+  );
   return (x, y) => {
     for (const [i, place] of places.entries()) {
-      const { data } = items[i], found = sliceAt(place, x, y, data.shapes.f[1]);
+      const { data } = items[i],
+        found = sliceAt(place, x, y, data.shapes.f[1]);
       if (!found) continue;
       const k = 3 * (found[1] * data.shapes.f[1] + found[0]);
-      return { text: `θh ${found[2].toFixed(1)}°  θd ${found[3].toFixed(1)}°   f ${[0, 1, 2].map((n) => shortly(data.arrays.f[k + n])).join(" / ")}` };
+      const channels = [0, 1, 2].map((n) => shortly(data.arrays.f[k + n]));
+      return {
+        text: `${halfAngles(found)}   f ${channels.join(" / ")}`,
+      };
     }
     return "";
   };
 };
 
-const BLUE_RED = (t) => { // ColorBrewer's RdBu, reversed, by its ends and the middle
-  const [a, b] = t < 0.5 ? [[5, 48, 97], [247, 247, 247]] : [[247, 247, 247], [103, 0, 31]], s = t < 0.5 ? 2 * t : 2 * t - 1;
+const BLUE_RED = (t) => {
+  // ColorBrewer's RdBu, reversed, by its ends and the middle
+  const [a, b] =
+      t < 0.5
+        ? [
+            [5, 48, 97],
+            [247, 247, 247],
+          ]
+        : [
+            [247, 247, 247],
+            [103, 0, 31],
+          ],
+    s = t < 0.5 ? 2 * t : 2 * t - 1;
   const bent = t < 0.5 ? s ** 0.8 : s ** 1.2;
   return a.map((each, i) => each + (b[i] - each) * bent);
 };
 
 const difference = (c, items, width, height, look) => {
   if (items.length < 2) return "A difference needs two surfaces: add another.";
-  const [one, other] = items.map(({ data }) => data.arrays.f), [rows, columns] = items[0].data.shapes.f;
-  const luminance = (f, k) => LUMINANCE[0] * f[k] + LUMINANCE[1] * f[k + 1] + LUMINANCE[2] * f[k + 2];
+  const [one, other] = items.map(({ data }) => data.arrays.f),
+    [rows, columns] = items[0].data.shapes.f;
+  const luminance = (f, k) =>
+    LUMINANCE[0] * f[k] + LUMINANCE[1] * f[k + 1] + LUMINANCE[2] * f[k + 2];
   const root = new Float32Array(rows * columns);
   let sum = 0;
-  for (let i = 0; i < root.length; i++) { root[i] = Math.cbrt(luminance(other, 3 * i)) - Math.cbrt(luminance(one, 3 * i)); sum += root[i] ** 2; }
-  const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
-  const picture = new OffscreenCanvas(columns, rows), context = picture.getContext("2d"), pixels = context.createImageData(columns, rows);
-  for (let y = 0; y < rows; y++) for (let x = 0; x < columns; x++) {
-    const t = Math.min(1, Math.max(0, 0.5 + (0.5 * root[(rows - 1 - y) * columns + x]) / limit));
-    pixels.data.set([...BLUE_RED(t), 255], 4 * (y * columns + x));
+  for (let i = 0; i < root.length; i++) {
+    root[i] = Math.cbrt(luminance(other, 3 * i)) - Math.cbrt(luminance(one, 3 * i));
+    sum += root[i] ** 2;
   }
+  const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
+  const picture = new OffscreenCanvas(columns, rows),
+    context = picture.getContext("2d"),
+    pixels = context.createImageData(columns, rows);
+  for (let y = 0; y < rows; y++)
+    for (let x = 0; x < columns; x++) {
+      const t = Math.min(1, Math.max(0, 0.5 + (0.5 * root[(rows - 1 - y) * columns + x]) / limit));
+      pixels.data.set([...BLUE_RED(t), 255], 4 * (y * columns + x));
+    }
   context.putImageData(pixels, 0, 0);
   const places = squares(3, width, height);
-  items.slice(0, 2).forEach(({ surface, data }, i) => drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), false));
+  items
+    .slice(0, 2)
+    .forEach(({ surface, data }, i) =>
+      drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), false),
+    );
   c.imageSmoothingEnabled = false;
   c.drawImage(picture, places[2].x, places[2].y, places[2].size, places[2].size);
-  frameSlice(c, places[2], look, `∛f: second less first, rms ${shortly(Number(Math.sqrt(sum / root.length).toPrecision(3)))}`, look.ink);
+  frameSlice(
+    c,
+    places[2],
+    look,
+    `∛f: second less first, rms ${shortly(Number(Math.sqrt(sum / root.length).toPrecision(3)))}`,
+    look.ink,
+  );
   c.font = `11px ${look.font}`;
   c.textAlign = "right";
   c.fillStyle = look.quiet;
-  c.fillText(`blue −${shortly(Number(limit.toPrecision(2)))}, red +${shortly(Number(limit.toPrecision(2)))}`, places[2].x + places[2].size, places[2].y + places[2].size + 34);
+  c.fillText(
+    `blue −${shortly(Number(limit.toPrecision(2)))}, red +${shortly(Number(limit.toPrecision(2)))}`,
+    places[2].x + places[2].size,
+    places[2].y + places[2].size + 34,
+  );
   return (x, y) => {
     for (const [i, place] of places.entries()) {
       const found = sliceAt(place, x, y, columns);
       if (!found) continue;
       const k = found[1] * columns + found[0];
-      return { text: `θh ${found[2].toFixed(1)}°  θd ${found[3].toFixed(1)}°   ${i === 2 ? `difference of ∛f ${shortly(root[k])}` : `f ${shortly(luminance([one, other][i], 3 * k))}`}` };
+      const value =
+        i === 2
+          ? `difference of ∛f ${shortly(root[k])}`
+          : `f ${shortly(luminance([one, other][i], 3 * k))}`;
+      return {
+        text: `${halfAngles(found)}   ${value}`,
+      };
     }
     return "";
   };
 };
 
 // Viridis by five of its colours.
-const VIRIDIS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-const viridis = (t) => { const k = Math.min(3, Math.floor(t * 4)), s = t * 4 - k; return VIRIDIS[k].map((each, i) => each + (VIRIDIS[k + 1][i] - each) * s); };
+const VIRIDIS = [
+  [68, 1, 84],
+  [59, 82, 139],
+  [33, 145, 140],
+  [94, 201, 98],
+  [253, 231, 37],
+];
+const viridis = (t) => {
+  const k = Math.min(3, Math.floor(t * 4)),
+    s = t * 4 - k;
+  return VIRIDIS[k].map((each, i) => each + (VIRIDIS[k + 1][i] - each) * s);
+};
 
 const heat = (array, top, width, height) => {
-  const canvas = new OffscreenCanvas(width, height), context = canvas.getContext("2d"), pixels = context.createImageData(width, height);
-  for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
-    const v = Math.log10(Math.max(array[(height - 1 - y) * width + x] / top, 1e-6)) / 6 + 1;
-    pixels.data.set([...viridis(Math.min(1, Math.max(0, v))), 255], 4 * (y * width + x));
-  }
+  const canvas = new OffscreenCanvas(width, height),
+    context = canvas.getContext("2d"),
+    pixels = context.createImageData(width, height);
+  for (let y = 0; y < height; y++)
+    for (let x = 0; x < width; x++) {
+      const v = Math.log10(Math.max(array[(height - 1 - y) * width + x] / top, 1e-6)) / 6 + 1;
+      pixels.data.set([...viridis(Math.min(1, Math.max(0, v))), 255], 4 * (y * width + x));
+    }
   context.putImageData(pixels, 0, 0);
   return canvas;
 };
 
 const sampling = (c, items, width, height, look) => {
-  const rowHeight = height / items.length, column = (width - 40) / 3;
+  const rowHeight = height / items.length,
+    column = (width - 40) / 3;
   const spots = [];
   items.forEach(({ surface, data }, row) => {
-    const { pdf, value, counts, edges } = data.arrays, [rows, columns] = data.shapes.pdf, top = row * rowHeight, box = { top: top + 56, height: rowHeight - 108 };
+    const { pdf, value, counts, edges } = data.arrays,
+      [rows, columns] = data.shapes.pdf,
+      top = row * rowHeight,
+      box = { top: top + 56, height: rowHeight - 108 };
     c.font = `550 12px ${look.font}`;
     c.textAlign = "left";
     c.fillStyle = colorOf(surface);
@@ -295,8 +494,12 @@ const sampling = (c, items, width, height, look) => {
     c.fillStyle = look.quiet;
     c.fillText(data.note, 60 + c.measureText(nameOf(surface)).width + 24, top + 22);
     const peak = pdf.reduce((a, b) => Math.max(a, b), 1e-12);
-    [[pdf, "pdf (1/sr), log"], [value, "f cos θi (1/sr), log"]].forEach(([array, title], k) => {
-      const left = 60 + k * column, w = column - 66;
+    [
+      [pdf, "pdf (1/sr), log"],
+      [value, "f cos θi (1/sr), log"],
+    ].forEach(([array, title], k) => {
+      const left = 60 + k * column,
+        w = column - 66;
       c.imageSmoothingEnabled = false;
       c.drawImage(heat(array, peak, columns, rows), left, box.top, w, box.height);
       c.strokeStyle = look.edge;
@@ -307,15 +510,23 @@ const sampling = (c, items, width, height, look) => {
       c.fillStyle = look.quiet;
       c.font = `11px ${look.font}`;
       c.textAlign = "right";
-      for (const tick of [-1, 0, 1]) c.fillText(tick, left - 6, box.top + box.height * (1 - (tick + 1) / 2) + 4);
+      for (const tick of [-1, 0, 1])
+        c.fillText(tick, left - 6, box.top + box.height * (1 - (tick + 1) / 2) + 4);
       c.textAlign = "center";
-      for (const tick of [0, 180, 360]) c.fillText(tick, left + (w * tick) / 360, box.top + box.height + 16);
+      for (const tick of [0, 180, 360])
+        c.fillText(tick, left + (w * tick) / 360, box.top + box.height + 16);
       c.fillText("φ (degrees), upwards cos θi", left + w / 2, box.top + box.height + 32);
       c.font = `12px ${look.font}`;
       spots.push({ left, w, top: box.top, h: box.height, array, rows, columns, title });
     });
     const most = counts.reduce((a, b) => Math.max(a, b), 1);
-    const axes = new Axes(c, { left: 60 + 2 * column + 10, top: box.top, width: column - 56, height: box.height }, scaleOf("log", edges[0], edges[edges.length - 1], 3), scaleOf("log", 0.7, most * 1.5, 5), look);
+    const axes = new Axes(
+      c,
+      { left: 60 + 2 * column + 10, top: box.top, width: column - 56, height: box.height },
+      scaleOf("log", edges[0], edges[edges.length - 1], 3),
+      scaleOf("log", 0.7, most * 1.5, 5),
+      look,
+    );
     axes.grid("", "samples, by f cos / pdf");
     c.fillStyle = colorOf(surface);
     for (let i = 0; i < counts.length; i++) {
@@ -328,7 +539,11 @@ const sampling = (c, items, width, height, look) => {
     for (const { left, w, top, h, array, rows, columns, title } of spots) {
       const [u, v] = [(x - left) / w, 1 - (y - top) / h];
       if (u < 0 || u >= 1 || v < 0 || v >= 1) continue;
-      return { text: `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${title.split(" (")[0]} ${shortly(array[Math.floor(v * rows) * columns + Math.floor(u * columns)])}` };
+      const cell = Math.floor(v * rows) * columns + Math.floor(u * columns);
+      const value = `${title.split(" (")[0]} ${shortly(array[cell])}`;
+      return {
+        text: `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${value}`,
+      };
     }
     return "";
   };
@@ -336,17 +551,51 @@ const sampling = (c, items, width, height, look) => {
 
 const schlick = (axes, items, look) => {
   const found = items.find(({ data }) => data.arrays.schlick);
-  if (found) axes.curve(found.data.arrays.x, found.data.arrays.schlick, look.ink, { dash: [6, 4], width: 1.2 });
+  if (found)
+    axes.curve(found.data.arrays.x, found.data.arrays.schlick, look.ink, {
+      dash: [6, 4],
+      width: 1.2,
+    });
 };
-const still = () => { const [axis, theta, phi] = [option("axis"), option("theta"), option("phi")]; return axis === "theta_i" ? `view θo = ${theta}°` : `${axis === "theta_h" ? "θd" : "θh"} = ${theta}°, φd = ${phi}°`; };
+const still = () => {
+  const [axis, theta, phi] = [option("axis"), option("theta"), option("phi")];
+  return axis === "theta_i"
+    ? `view θo = ${theta}°`
+    : `${axis === "theta_h" ? "θd" : "θh"} = ${theta}°, φd = ${phi}°`;
+};
 const risen = (items) => items.some(({ data }) => data.arrays.schlick);
-const worst = (items) => { const most = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0)); return most.length ? `integration error at most ${shortly(Number(Math.max(...most).toPrecision(1)))}` : ""; };
+const worst = (items) => {
+  const most = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0));
+  return most.length
+    ? `integration error at most ${shortly(Number(Math.max(...most).toPrecision(1)))}`
+    : "";
+};
 
 export const VIEWS = {
-  cartesian: curvesView({ xLabel: () => `${AXIS[option("axis")]} (degrees)`, yLabel: fLabel, title: still }),
-  retro: curvesView({ xLabel: () => "θh = θi = θo (degrees)", yLabel: fLabel, title: () => "retroreflection" }),
-  fresnel: curvesView({ xLabel: () => "θd (degrees)", yLabel: (items) => (risen(items) ? "offset and scaled f" : "reflectance"), range: (items) => (risen(items) ? state.offered.fresnelRange : null), extra: schlick, title: (items) => (risen(items) ? "mean over θh from 1° to 4°; dashed: Schlick's curve" : "Fresnel reflectance") }),
-  albedo: curvesView({ xLabel: () => "θo (degrees)", yLabel: () => "directional albedo", title: worst, one: true }),
+  cartesian: curvesView({
+    xLabel: () => `${AXIS[option("axis")]} (degrees)`,
+    yLabel: fLabel,
+    title: still,
+  }),
+  retro: curvesView({
+    xLabel: () => "θh = θi = θo (degrees)",
+    yLabel: fLabel,
+    title: () => "retroreflection",
+  }),
+  fresnel: curvesView({
+    xLabel: () => "θd (degrees)",
+    yLabel: (items) => (risen(items) ? "offset and scaled f" : "reflectance"),
+    range: (items) => (risen(items) ? state.offered.fresnelRange : null),
+    extra: schlick,
+    title: (items) =>
+      risen(items) ? "mean over θh from 1° to 4°; dashed: Schlick's curve" : "Fresnel reflectance",
+  }),
+  albedo: curvesView({
+    xLabel: () => "θo (degrees)",
+    yLabel: () => "directional albedo",
+    title: worst,
+    one: true,
+  }),
   polar,
   slice,
   difference,

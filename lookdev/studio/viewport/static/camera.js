@@ -1,7 +1,12 @@
+// @ts-check
 // Cameras, as lookdev/scene/camera.py has them: degrees, metres, z up.
 
 const radians = (degrees) => (degrees * Math.PI) / 180;
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 export const sum = (a, b, scale = 1) => a.map((x, i) => x + scale * b[i]);
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
@@ -10,7 +15,9 @@ export const reach = (camera) => Math.tan(radians(camera.fov) / 2);
 
 /** The unit vectors to the right, up and backwards. */
 export function frame(camera) {
-  const azimuth = radians(camera.azimuth - 90), elevation = radians(camera.elevation), roll = radians(camera.roll);
+  const azimuth = radians(camera.azimuth - 90),
+    elevation = radians(camera.elevation),
+    roll = radians(camera.roll);
   const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
   const level = Math.cos(elevation);
   const back = [level * Math.cos(azimuth), level * Math.sin(azimuth), Math.sin(elevation)];
@@ -24,28 +31,40 @@ export const position = (camera) => sum(camera.target, frame(camera)[2], camera.
 
 /** The camera after it has orbited its pivot, counter-clockwise seen from above. */
 export function orbited(camera, degrees) {
-  const [x, y] = camera.pivot, turn = radians(degrees);
+  const [x, y] = camera.pivot,
+    turn = radians(degrees);
   const [dx, dy] = [camera.target[0] - x, camera.target[1] - y];
-  const target = [x + Math.cos(turn) * dx - Math.sin(turn) * dy, y + Math.sin(turn) * dx + Math.cos(turn) * dy];
+  const target = [
+    x + Math.cos(turn) * dx - Math.sin(turn) * dy,
+    y + Math.sin(turn) * dx + Math.cos(turn) * dy,
+  ];
   return { ...camera, target: [...target, camera.target[2]], azimuth: camera.azimuth + degrees };
 }
 
-/** The same camera about its target, turned and raised; never beyond the poles, where right has no direction. */
+/**
+ * The same camera about its target, turned and raised; never beyond the poles, where right has no
+ * direction.
+ */
 export function rotated(camera, degrees, raised) {
   const elevation = Math.max(-89.9, Math.min(89.9, camera.elevation + raised));
   return { ...camera, azimuth: camera.azimuth + degrees, elevation };
 }
 
-/** The camera moved so that what is at the target's depth follows the pointer, by shares of the frame's width. */
+/**
+ * The camera moved so that what is at the target's depth follows the pointer, by shares of the
+ * frame's width.
+ */
 export function panned(camera, across, along) {
-  const [right, up] = frame(camera), width = 2 * reach(camera) * camera.distance;
+  const [right, up] = frame(camera),
+    width = 2 * reach(camera) * camera.distance;
   return { ...camera, target: sum(sum(camera.target, right, -across * width), up, -along * width) };
 }
 
 /** The camera nearer to its target by a factor. */
 export const zoomed = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
 
-// Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and Patterson 1976).
+// Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and
+// Patterson 1976).
 const STEPS = [1, 2, 3, 4].map((k) => 1.1673039782614187 ** -k);
 function shift(seed, k) {
   let x = Math.imul(seed + 1, 0x9e3779b9) ^ Math.imul(k + 1, 0x632be5ab); // Wellons' "lowbias32"
@@ -55,13 +74,21 @@ function shift(seed, k) {
 }
 const point = (number, seed) => STEPS.map((step, k) => (shift(seed, k) + step * (number + 1)) % 1);
 
-/** The uniforms of a frame: sample `number` of each pixel's area, or its middle, and of the lens, about `center`. */
-export function view(camera, { element, center, radius, width, height, number, seed, centred = false }) {
+/**
+ * The uniforms of a frame: sample `number` of each pixel's area, or its middle, and of the lens,
+ * about `center`.
+ */
+export function view(
+  camera,
+  { element, center, radius, width, height, number, seed, centred = false },
+) {
   const seen = orbited(camera, -element);
-  const [right, up, back] = frame(seen), half = reach(seen);
+  const [right, up, back] = frame(seen),
+    half = reach(seen);
   const [lensU, lensV, ...area] = point(number, seed);
   const [u, v] = centred ? [0.5, 0.5] : area;
-  const around = 2 * Math.PI * lensV, out = camera.lens ? 0.5 * camera.lens.aperture * Math.sqrt(lensU) : 0;
+  const around = 2 * Math.PI * lensV,
+    out = camera.lens ? 0.5 * camera.lens.aperture * Math.sqrt(lensU) : 0;
   const within = [out * Math.cos(around), out * Math.sin(around)];
   const focus = camera.lens ? camera.lens.focus : 1;
   const middle = sum(position(seen), center, -1);
@@ -73,7 +100,10 @@ export function view(camera, { element, center, radius, width, height, number, s
     eye: sum(sum(middle, right, within[0]), up, within[1]),
     place: [0, 1].map((k) => -2 * camera.shift[k] - (2 * ([u, v][k] - 0.5)) / width),
     lens: within.map((x) => x / focus / half),
-    depths: [Math.max(1e-3 * camera.distance, away - 1.01 * radius - out), away + 1.01 * radius + out],
+    depths: [
+      Math.max(1e-3 * camera.distance, away - 1.01 * radius - out),
+      away + 1.01 * radius + out,
+    ],
     aspect: width / height,
     size: [width, height],
   };
@@ -81,5 +111,8 @@ export function view(camera, { element, center, radius, width, height, number, s
 
 /** Sines and cosines of the turns of the lights that turn with the rig, and of those that stay. */
 export function turns(element, lighting) {
-  return [lighting - element, -element].flatMap((each) => [Math.sin(radians(each)), Math.cos(radians(each))]);
+  return [lighting - element, -element].flatMap((each) => [
+    Math.sin(radians(each)),
+    Math.cos(radians(each)),
+  ]);
 }

@@ -1,4 +1,6 @@
-// A film: what each pixel sees, one sample of its light, and the sum of all samples so far, in floats.
+// @ts-check
+// A film: what each pixel sees, one sample of its light, and the sum of all samples so far, in
+// floats.
 
 import { texture } from "./gl.js";
 
@@ -7,16 +9,28 @@ const FINEST = 1024; // places along the longer side, if that is more than pixel
 
 export class Film {
   constructor(gl, width, height, places = null) {
-    // Finding triangles takes as long for few pixels as for many: small films find them at several places of a pixel.
+    // Finding triangles takes as long for few pixels as for many: small films find them at several
+    // places of a pixel.
     const fit = Math.floor(Math.log2(Math.max(1, FINEST / Math.max(width, height))));
-    Object.assign(this, { gl, width, height, places: places ?? Math.min(MOST_PLACES, 2 ** fit), count: 0, seen: null });
+    this.gl = gl;
+    this.width = width;
+    this.height = height;
+    this.places = places ?? Math.min(MOST_PLACES, 2 ** fit);
+    this.count = 0;
+    this.seen = null;
     this.visible = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.visible);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, this.places * width, this.places * height);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
     this.depth = gl.createRenderbuffer();
     gl.bindRenderbuffer(gl.RENDERBUFFER, this.depth);
-    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT32F, this.places * width, this.places * height);
+    gl.renderbufferStorage(
+      gl.RENDERBUFFER,
+      gl.DEPTH_COMPONENT32F,
+      this.places * width,
+      this.places * height,
+    );
     this.seeing = this.target(this.visible);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
     this.floats = [0, 1, 2, 3].map(() => texture(gl, "RGBA32F", width, height));
@@ -26,7 +40,8 @@ export class Film {
   }
 
   target(attached) {
-    const { gl } = this, made = gl.createFramebuffer();
+    const { gl } = this,
+      made = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, made);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, attached, 0);
     return made;
@@ -40,13 +55,19 @@ export class Film {
   }
 
   /** One sample of the light of each pixel. */
-  get sample() { return this.floats[2]; }
+  get sample() {
+    return this.floats[2];
+  }
 
   /** What is behind the asset. */
-  get lights() { return this.floats[3]; }
+  get lights() {
+    return this.floats[3];
+  }
 
   /** The sum of all samples: radiance that coverage multiplies, and coverage. */
-  get sums() { return this.floats[this.count % 2]; }
+  get sums() {
+    return this.floats[this.count % 2];
+  }
 
   /** Begin to find what is seen: nothing. */
   see() {
@@ -76,9 +97,13 @@ export class Film {
 
   /** Have the means (height x width x 4), row 0 at the top, as of one sample. */
   write(means) {
-    const { gl, width, height } = this, rows = new Float32Array(means.length);
+    const { gl, width, height } = this,
+      rows = new Float32Array(means.length);
     for (let row = 0; row < height; row += 1) {
-      rows.set(means.subarray(4 * width * row, 4 * width * (row + 1)), 4 * width * (height - 1 - row));
+      rows.set(
+        means.subarray(4 * width * row, 4 * width * (row + 1)),
+        4 * width * (height - 1 - row),
+      );
     }
     this.count = 1;
     gl.bindTexture(gl.TEXTURE_2D, this.sums);
@@ -87,22 +112,36 @@ export class Film {
 
   /** Return the means (height x width x 4), row 0 at the top. */
   read() {
-    const { gl, width, height } = this, rows = new Float32Array(4 * width * height);
+    const { gl, width, height } = this,
+      rows = new Float32Array(4 * width * height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets[this.count % 2]);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, rows);
     const means = new Float32Array(rows.length);
     for (let row = 0; row < height; row += 1) {
       const from = rows.subarray(4 * width * (height - 1 - row), 4 * width * (height - row));
-      means.set(from.map((x) => x / this.count), 4 * width * row);
+      means.set(
+        from.map((x) => x / this.count),
+        4 * width * row,
+      );
     }
     return means;
   }
 
   /** Return the number of the triangle seen at a pixel, -1 for none; y from the top. */
   triangle(x, y) {
-    const { gl, places } = this, texel = new Uint32Array(4), middle = Math.floor(places / 2);
+    const { gl, places } = this,
+      texel = new Uint32Array(4),
+      middle = Math.floor(places / 2);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.seeing);
-    gl.readPixels(places * x + middle, places * (this.height - 1 - y) + middle, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, texel);
+    gl.readPixels(
+      places * x + middle,
+      places * (this.height - 1 - y) + middle,
+      1,
+      1,
+      gl.RGBA_INTEGER,
+      gl.UNSIGNED_INT,
+      texel,
+    );
     return texel[0] - 1;
   }
 }

@@ -1,4 +1,6 @@
-// WebGL 2: programs that compile in the background, textures by the digests of their content, and fences.
+// @ts-check
+// WebGL 2: programs that compile in the background, textures by the digests of their content, and
+// fences.
 
 const FORMATS = {
   R32F: ["RED", "FLOAT", Float32Array],
@@ -11,10 +13,18 @@ const FORMATS = {
 
 /** Return WebGL 2 of a canvas; throws an Error that says what the browser lacks. */
 export function context(canvas) {
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
-  if (!gl) throw new Error("this browser has no WebGL 2, or it is switched off: the viewport cannot draw");
+  const gl = canvas.getContext("webgl2", {
+    alpha: false,
+    antialias: false,
+    preserveDrawingBuffer: true,
+  });
+  if (!gl)
+    throw new Error("this browser has no WebGL 2, or it is switched off: the viewport cannot draw");
   if (!gl.getExtension("EXT_color_buffer_float")) {
-    throw new Error("this browser has no float targets (EXT_color_buffer_float): the viewport cannot add up light");
+    throw new Error(
+      "this browser has no float targets (EXT_color_buffer_float): " +
+        "the viewport cannot add up light",
+    );
   }
   gl.getExtension("OES_texture_float_linear");
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -28,7 +38,8 @@ export async function finished(gl) {
   const started = performance.now();
   const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   gl.flush();
-  while (!gl.isContextLost() && gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) await pause(1);
+  while (!gl.isContextLost() && gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED)
+    await pause(1);
   gl.deleteSync(fence);
   return performance.now() - started;
 }
@@ -42,7 +53,10 @@ export class Programs {
     this.compiled = 0; // programs so far
   }
 
-  /** Return a program once it is linked; the page goes on meanwhile where the browser compiles in the background. */
+  /**
+   * Return a program once it is linked; the page goes on meanwhile where the browser compiles in
+   * the background.
+   */
   get(vertex, fragment) {
     const key = `${vertex}\n//\n${fragment}`;
     if (!this.made.has(key)) this.made.set(key, this.link(vertex, fragment));
@@ -50,9 +64,13 @@ export class Programs {
   }
 
   async link(vertex, fragment) {
-    const { gl } = this, handle = gl.createProgram();
+    const { gl } = this,
+      handle = gl.createProgram();
     this.compiled += 1;
-    const shaders = [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]].map(([type, text]) => {
+    const shaders = [
+      [gl.VERTEX_SHADER, vertex],
+      [gl.FRAGMENT_SHADER, fragment],
+    ].map(([type, text]) => {
       const shader = gl.createShader(type);
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
@@ -60,11 +78,18 @@ export class Programs {
       return shader;
     });
     gl.linkProgram(handle);
-    while (this.parallel && !gl.isContextLost() && !gl.getProgramParameter(handle, this.parallel.COMPLETION_STATUS_KHR)) {
+    while (
+      this.parallel &&
+      !gl.isContextLost() &&
+      !gl.getProgramParameter(handle, this.parallel.COMPLETION_STATUS_KHR)
+    ) {
       await pause(4);
     }
     if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) {
-      const logs = [...shaders.map((each) => gl.getShaderInfoLog(each)), gl.getProgramInfoLog(handle)];
+      const logs = [
+        ...shaders.map((each) => gl.getShaderInfoLog(each)),
+        gl.getProgramInfoLog(handle),
+      ];
       throw new Error(`a shader does not compile: ${logs.filter(Boolean).join("\n")}`);
     }
     shaders.forEach((each) => gl.deleteShader(each));
@@ -85,7 +110,12 @@ class Program {
       const { name, type } = gl.getActiveUniform(handle, number);
       const at = gl.getUniformLocation(handle, name);
       this.uniforms.set(name, { at, type });
-      const samplers = [gl.SAMPLER_2D, gl.SAMPLER_3D, gl.INT_SAMPLER_2D, gl.UNSIGNED_INT_SAMPLER_2D];
+      const samplers = [
+        gl.SAMPLER_2D,
+        gl.SAMPLER_3D,
+        gl.INT_SAMPLER_2D,
+        gl.UNSIGNED_INT_SAMPLER_2D,
+      ];
       if (samplers.includes(type)) {
         gl.uniform1i(at, this.units.size);
         this.units.set(name, this.units.size);
@@ -93,7 +123,10 @@ class Program {
     }
     const room = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS);
     if (this.units.size > room) {
-      throw new Error(`a look reads ${this.units.size} textures with its lights; this browser has room for ${room}`);
+      throw new Error(
+        `a look reads ${this.units.size} textures with its lights; ` +
+          `this browser has room for ${room}`,
+      );
     }
   }
 
@@ -109,10 +142,10 @@ class Program {
       gl[`uniform${values.length}${whole ? "iv" : "fv"}`](uniform.at, values);
     }
     for (const [name, unit] of this.units) {
-      const texture = textures[name];
-      if (!texture) throw new Error(`no texture '${name}'`);
+      const bound = textures[name];
+      if (!bound) throw new Error(`no texture '${name}'`);
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(texture.target ?? gl.TEXTURE_2D, texture.handle ?? texture);
+      gl.bindTexture(bound.target ?? gl.TEXTURE_2D, bound.handle ?? bound);
     }
   }
 }
@@ -124,8 +157,10 @@ export function texture(gl, format, width, height, data = null) {
   gl.activeTexture(gl.TEXTURE0);
   gl.bindTexture(gl.TEXTURE_2D, handle);
   gl.texImage2D(gl.TEXTURE_2D, 0, gl[format], width, height, 0, gl[channels], gl[type], data);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+    gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
+    gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
   return handle;
 }
 
@@ -139,7 +174,10 @@ export function writeNumbers(gl, handle, width, numbers) {
   }
 }
 
-/** Triangles by vertices of three floats and a number each, and indices, as lookdev.studio.viewport.geometry has them. */
+/**
+ * Triangles by vertices of three floats and a number each, and indices, as
+ * lookdev.studio.viewport.geometry has them.
+ */
 export class Triangles {
   constructor(gl, vertices, indices) {
     this.gl = gl;
@@ -157,9 +195,13 @@ export class Triangles {
     gl.bindVertexArray(null);
   }
 
-  bind() { this.gl.bindVertexArray(this.array); }
+  bind() {
+    this.gl.bindVertexArray(this.array);
+  }
 
-  draw(first, last) { this.gl.drawElements(this.gl.TRIANGLES, 3 * (last - first), this.gl.UNSIGNED_INT, 12 * first); }
+  draw(first, last) {
+    this.gl.drawElements(this.gl.TRIANGLES, 3 * (last - first), this.gl.UNSIGNED_INT, 12 * first);
+  }
 
   delete() {
     this.gl.deleteVertexArray(this.array);
@@ -177,20 +219,35 @@ export class Textures {
 
   /** Return the textures of descriptions by name, fetched where they are new. */
   async get(described) {
-    const entries = Object.entries(described).map(async ([name, each]) => [name, await this.one(each)]);
+    const entries = Object.entries(described).map(async ([name, each]) => [
+      name,
+      await this.one(each),
+    ]);
     return Object.fromEntries(await Promise.all(entries));
   }
 
   one(each) {
     const key = `${each.buffer} ${each.format} ${each.width}`;
     if (!this.made.has(key)) {
-      this.made.set(key, this.fetched(each.buffer).then((bytes) => {
-        const most = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
-        if (Math.max(each.width, each.height) > most) {
-          throw new Error(`an image of ${each.width} x ${each.height} texels; this browser has room for ${most} a side`);
-        }
-        return texture(this.gl, each.format, each.width, each.height, new FORMATS[each.format][2](bytes));
-      }));
+      this.made.set(
+        key,
+        this.fetched(each.buffer).then((bytes) => {
+          const most = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
+          if (Math.max(each.width, each.height) > most) {
+            throw new Error(
+              `an image of ${each.width} x ${each.height} texels; ` +
+                `this browser has room for ${most} a side`,
+            );
+          }
+          return texture(
+            this.gl,
+            each.format,
+            each.width,
+            each.height,
+            new FORMATS[each.format][2](bytes),
+          );
+        }),
+      );
     }
     return this.made.get(key);
   }
@@ -209,23 +266,38 @@ export class Textures {
 /** The tables of a view of OpenColorIO, as lookdev.output.review.view describes them. */
 export function viewTextures(gl, view) {
   const smooth = gl.getExtension("OES_texture_float_linear");
-  return Object.fromEntries(view.textures.map((table) => {
-    const bytes = Uint8Array.from(atob(table.texels), (c) => c.charCodeAt(0));
-    const texels = new Float32Array(bytes.buffer);
-    const target = table.size[2] > 1 ? gl.TEXTURE_3D : gl.TEXTURE_2D;
-    const format = table.components === 1 ? gl.RED : gl.RGB;
-    const [single, half] = table.components === 1 ? [gl.R32F, gl.R16F] : [gl.RGB32F, gl.RGB16F];
-    const internal = smooth ? single : half, handle = gl.createTexture();
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(target, handle);
-    if (target === gl.TEXTURE_3D) gl.texImage3D(target, 0, internal, ...table.size, 0, format, gl.FLOAT, texels);
-    else gl.texImage2D(target, 0, internal, table.size[0], table.size[1], 0, format, gl.FLOAT, texels);
-    for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(target, which, table.smooth ? gl.LINEAR : gl.NEAREST);
-    }
-    for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
-      gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);
-    }
-    return [table.sampler, { handle, target }];
-  }));
+  return Object.fromEntries(
+    view.textures.map((table) => {
+      const bytes = Uint8Array.from(atob(table.texels), (c) => c.charCodeAt(0));
+      const texels = new Float32Array(bytes.buffer);
+      const target = table.size[2] > 1 ? gl.TEXTURE_3D : gl.TEXTURE_2D;
+      const format = table.components === 1 ? gl.RED : gl.RGB;
+      const [single, half] = table.components === 1 ? [gl.R32F, gl.R16F] : [gl.RGB32F, gl.RGB16F];
+      const internal = smooth ? single : half,
+        handle = gl.createTexture();
+      gl.activeTexture(gl.TEXTURE0);
+      gl.bindTexture(target, handle);
+      if (target === gl.TEXTURE_3D)
+        gl.texImage3D(target, 0, internal, ...table.size, 0, format, gl.FLOAT, texels);
+      else
+        gl.texImage2D(
+          target,
+          0,
+          internal,
+          table.size[0],
+          table.size[1],
+          0,
+          format,
+          gl.FLOAT,
+          texels,
+        );
+      for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+        gl.texParameteri(target, which, table.smooth ? gl.LINEAR : gl.NEAREST);
+      }
+      for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
+        gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);
+      }
+      return [table.sampler, { handle, target }];
+    }),
+  );
 }

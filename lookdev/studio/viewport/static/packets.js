@@ -1,10 +1,13 @@
-// Numbers of the server, as lookdev/studio/packets.py writes them: a header, and arrays of floats by their names.
+// @ts-check
+// Numbers of the server, as lookdev/studio/packets.py writes them: a header, and arrays of floats
+// by their names.
 
 export const packetOf = (buffer) => {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   let place = 4 + length;
-  const arrays = {}, shapes = {};
+  const arrays = {},
+    shapes = {};
   for (const [name, shape] of header.arrays) {
     const count = shape.reduce((a, b) => a * b, 1);
     arrays[name] = new Float32Array(buffer, place, count);

@@ -1,3 +1,4 @@
+// @ts-check
 // The shaders that depend on no scene: samples are added up, and pictures put on the canvas.
 
 export const OVER_ALL = `#version 300 es
@@ -14,7 +15,8 @@ void main() {
     if (before > 0.0) total += texelFetch(sums, at, 0);
 }`;
 
-// The picture on the canvas. While a coarse film shows a change of the surface, what is behind the asset stays sharp.
+// The picture on the canvas. While a coarse film shows a change of the surface, what is behind the
+// asset stays sharp.
 // Right of the wipe stands the exact picture, or what it differs by.
 export const PRESENT = `#version 300 es
 precision highp float;
@@ -39,7 +41,8 @@ void main() {
         vec4 left = texelFetch(sums, min(ivec2(place * vec2(size)), size - 1), 0) / samples;
         float apart = gain * dot(right.rgb - left.rgb, vec3(1.0 / 3.0));
         vec3 grey = vec3(max(left.a, right.a) > 0.0 ? 0.25 : 0.1);
-        here.rgb = mix(grey, apart > 0.0 ? vec3(1.0, 0.62, 0.2) : vec3(0.2, 0.55, 1.0), min(1.0, abs(apart)));
+        vec3 tint = apart > 0.0 ? vec3(1.0, 0.62, 0.2) : vec3(0.2, 0.55, 1.0);
+        here.rgb = mix(grey, tint, min(1.0, abs(apart)));
     }
     shown = vec4(here.rgb, 1.0);
 }`;

@@ -1,18 +1,32 @@
-// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Light adds up over frames; a change shows
+// @ts-check
+// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Light adds up over
+// frames; a change shows
 // at once at a resolution that the machine draws in time, then whole.
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
-import { Programs, Textures, Triangles, context, finished, viewTextures, writeNumbers } from "./gl.js";
+import {
+  Programs,
+  Textures,
+  Triangles,
+  context,
+  finished,
+  viewTextures,
+  writeNumbers,
+} from "./gl.js";
 import { ADD, OVER_ALL, PRESENT } from "./shaders.js";
 
 const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
-const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
-const LONG = 300; // milliseconds of a whole sample, beyond which pictures between the first and the whole one are shown
+// samples of the light before the places in the pixels change: finding triangles takes longer
+const LEAST_PER_VIEW = 4;
+// milliseconds of a whole sample, beyond which pictures between the first and the whole one are
+// shown
+const LONG = 300;
 const TRIANGLES = 1 << 16; // between such looks
 const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
-const LIFT = 1e-6; // of the asset's radius, above its facet, at which a ray leaves a surface: as the renderer's do
+// of the asset's radius, above its facet, at which a ray leaves a surface: as the renderer's do
+const LIFT = 1e-6;
 const SCALES = [1, 2, 4, 8, 16];
 
 export class Viewport extends EventTarget {
@@ -23,7 +37,20 @@ export class Viewport extends EventTarget {
     this.gl = context(canvas);
     this.programs = new Programs(this.gl);
     this.textures = new Textures(this.gl, fetched);
-    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, shadows: true, behind: 0, seed: 0, most: 4096, wipe: 1, differs: false };
+    this.settings = {
+      element: 0,
+      lighting: 0,
+      exposure: 0,
+      background: true,
+      shadows: true,
+      behind: 0,
+      seed: 0,
+      most: 4096,
+      wipe: 1,
+      differs: false,
+    };
+    /** @type {[number, number] | null} The size in pixels; null: that of the scene. */
+    this.size = null;
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
@@ -32,23 +59,28 @@ export class Viewport extends EventTarget {
     this.shown = -1; // version of the last picture
     this.awaited = 0; // samples
     this.frames = 0;
+    /** @type {(() => void) | null} */
     this.wake = null;
     this.stopped = false;
     this.running = this.run();
   }
 
-  /** Show a scene once all of it is compiled and fetched; until then what was shown stays, and can be changed.
+  /**
+   * Show a scene once all of it is compiled and fetched; until then what was shown stays, and can
+   * be changed.
    *
    * The user's camera stays while that of the scene is the same. */
   async show(data) {
     const { gl } = this;
-    const looks = await Promise.all(data.looks.map(async (look) => ({
-      ...look,
-      visible: await this.programs.get(data.vertex, look.visible),
-      relight: await this.programs.get(OVER_ALL, look.relight),
-      textures: await this.textures.get(look.textures),
-      numbers: { ...look.numbers },
-    })));
+    const looks = await Promise.all(
+      data.looks.map(async (look) => ({
+        ...look,
+        visible: await this.programs.get(data.vertex, look.visible),
+        relight: await this.programs.get(OVER_ALL, look.relight),
+        textures: await this.textures.get(look.textures),
+        numbers: { ...look.numbers },
+      })),
+    );
     const [add, behind, develop, present, rig, corners, vertices, indices] = await Promise.all([
       this.programs.get(OVER_ALL, ADD),
       this.programs.get(OVER_ALL, data.behind),
@@ -61,10 +93,24 @@ export class Viewport extends EventTarget {
     ]);
     const before = this.scene;
     const triangles = new Triangles(gl, vertices, indices);
-    const view = before?.data.view.name === data.view.name ? before.view : viewTextures(gl, data.view);
-    this.scene = { ...data, data, looks, add, behind, develop, present, view, rig, corners, triangles };
+    const view =
+      before?.data.view.name === data.view.name ? before.view : viewTextures(gl, data.view);
+    this.scene = {
+      ...data,
+      data,
+      looks,
+      add,
+      behind,
+      develop,
+      present,
+      view,
+      rig,
+      corners,
+      triangles,
+    };
     before?.triangles.delete();
-    if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera)) this.camera = data.camera;
+    if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera))
+      this.camera = data.camera;
     const described = data.looks.flatMap((look) => Object.values(look.textures));
     this.textures.keep([...described, ...Object.values(data.rig.textures), data.corners]);
     this.resize(...(this.size ?? data.resolution));
@@ -92,15 +138,25 @@ export class Viewport extends EventTarget {
   /** Change settings: element and lighting are degrees, exposure is in stops. */
   set(settings) {
     const differs = (name) => name in settings && settings[name] !== this.settings[name];
-    const [seen, lit] = [differs("element") || differs("seed"), differs("lighting") || differs("shadows")];
+    const [seen, lit] = [
+      differs("element") || differs("seed"),
+      differs("lighting") || differs("shadows"),
+    ];
     Object.assign(this.settings, settings);
     if (seen || lit) this.change(seen);
     else this.redraw();
   }
 
-  /** Change the numbers of lights, with which those of the rig begin: their radiance, for instance. */
+  /**
+   * Change the numbers of lights, with which those of the rig begin: their radiance, for instance.
+   */
   setLights(numbers) {
-    writeNumbers(this.gl, this.scene.rig.rig_numbers, this.scene.data.rig.textures.rig_numbers.width, numbers);
+    writeNumbers(
+      this.gl,
+      this.scene.rig.rig_numbers,
+      this.scene.data.rig.textures.rig_numbers.width,
+      numbers,
+    );
     this.lit += 1;
     this.change();
   }
@@ -128,7 +184,10 @@ export class Viewport extends EventTarget {
     if (!this.last) return null;
     const at = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
     const { width, height } = this.last;
-    const triangle = this.last.triangle(at(x, width, this.canvas.width), at(y, height, this.canvas.height));
+    const triangle = this.last.triangle(
+      at(x, width, this.canvas.width),
+      at(y, height, this.canvas.height),
+    );
     return this.scene.parts.find((each) => each.first <= triangle && triangle < each.last) ?? null;
   }
 
@@ -138,24 +197,32 @@ export class Viewport extends EventTarget {
     while (this.shown < version) await this.once("picture");
   }
 
-  /** Wait until `count` samples have been added up; returns the means of them, or of more if there were, row 0 at the top. */
+  /**
+   * Wait until `count` samples have been added up; returns the means of them, or of more if there
+   * were, row 0 at the top.
+   */
   async accumulated(count) {
     this.awaited = count;
     this.wake?.();
-    const complete = () => this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
+    const complete = () =>
+      this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
     while (!complete()) await this.once("picture");
     this.awaited = 0;
     return this.last.read();
   }
 
-  /** The samples that the film is to have: those awaited are a picture of their own, however fast they are made. */
+  /**
+   * The samples that the film is to have: those awaited are a picture of their own, however fast
+   * they are made.
+   */
   goal() {
     return this.film(0).count < this.awaited ? this.awaited : this.settings.most;
   }
 
   /** Wait for the next event of a name; throws what has ended the drawing. */
   async once(name) {
-    if (!this.failed) await new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
+    if (!this.failed)
+      await new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
     if (this.failed) throw this.failed;
   }
 
@@ -171,7 +238,10 @@ export class Viewport extends EventTarget {
         if (this.scene && this.shown < this.version) await this.first();
         else if (this.scene && this.film(0).count < this.goal()) await this.more();
         else if (this.dirty && this.last) this.picture(this.last);
-        else await new Promise((resolve) => { this.wake = resolve; });
+        else
+          await new Promise((resolve) => {
+            this.wake = () => resolve(undefined);
+          });
       }
     } catch (error) {
       this.failed = error;
@@ -182,8 +252,12 @@ export class Viewport extends EventTarget {
 
   /** Draw one sample of all pixels after a change, at the finest scale that has been in time. */
   async first() {
-    const { version } = this, film = this.film(this.scale), started = performance.now();
-    this.films.forEach((each) => { if (each) each.count = 0; });
+    const { version } = this,
+      film = this.film(this.scale),
+      started = performance.now();
+    this.films.forEach((each) => {
+      if (each) each.count = 0;
+    });
     await this.see(film);
     if (this.version !== version) return;
     film.clear();
@@ -195,26 +269,33 @@ export class Viewport extends EventTarget {
     await finished(this.gl);
     const took = performance.now() - started;
     this.frames += 1;
-    this.dispatchEvent(new CustomEvent("picture", { detail: { count: 1, took, scale: SCALES[this.scale] } }));
+    this.dispatchEvent(
+      new CustomEvent("picture", { detail: { count: 1, took, scale: SCALES[this.scale] } }),
+    );
     if (took > AT_ONCE && this.scale + 1 < SCALES.length) this.scale += 1;
     else if (took < AT_ONCE / 5 && this.scale > 0) this.scale -= 1;
   }
 
-  /** Add samples to the whole film: strips of one, or as many as fit in the time between looks for a change. */
+  /**
+   * Add samples to the whole film: strips of one, or as many as fit in the time between looks for a
+   * change.
+   */
   async more() {
     const between = this.between();
     if (between) {
       if (await this.strips(between)) this.picture(between);
       return;
     }
-    const { gl, version } = this, film = this.film(0), fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
+    const { gl, version } = this,
+      film = this.film(0),
+      fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
     const started = performance.now();
     if (fit < 2) {
-      if (!await this.strips(film)) return;
+      if (!(await this.strips(film))) return;
     } else {
       const count = Math.min(Math.floor(fit), this.goal() - film.count);
       for (let k = 0; k < count; k += 1) {
-        if (!await this.see(film, true) || this.version !== version) return;
+        if (!(await this.see(film, true)) || this.version !== version) return;
         film.clear();
         this.relight(film, 0, film.height);
         film.add(this.scene.add);
@@ -225,9 +306,13 @@ export class Viewport extends EventTarget {
     if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
   }
 
-  /** The film that is twice as fine as the one shown, where the whole one takes long: the picture always gets finer. */
+  /**
+   * The film that is twice as fine as the one shown, where the whole one takes long: the picture
+   * always gets finer.
+   */
   between() {
-    const whole = this.film(0), shown = this.films.indexOf(this.last);
+    const whole = this.film(0),
+      shown = this.films.indexOf(this.last);
     const takes = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
     return whole.count === 0 && shown > 1 && takes > LONG ? this.film(shown - 1) : null;
   }
@@ -235,12 +320,13 @@ export class Viewport extends EventTarget {
   /** Add one sample to a film; returns whether no change has ended it. */
   async strips(film) {
     const { version } = this;
-    if (!await this.see(film, true) || this.version !== version) return false;
+    if (!(await this.see(film, true)) || this.version !== version) return false;
     film.clear();
     let top = 0;
     while (top < film.height) {
       const rows = this.rate ? Math.max(4, Math.floor((this.rate * TILE) / film.width)) : 16;
-      const bottom = Math.min(film.height, top + rows), started = performance.now();
+      const bottom = Math.min(film.height, top + rows),
+        started = performance.now();
       this.relight(film, top, bottom);
       await finished(this.gl);
       this.timed((bottom - top) * film.width, started);
@@ -251,7 +337,9 @@ export class Viewport extends EventTarget {
     return true;
   }
 
-  /** Note how many pixels took the time since; a single quick strip does not make the next one long. */
+  /**
+   * Note how many pixels took the time since; a single quick strip does not make the next one long.
+   */
   timed(pixels, started) {
     const now = pixels / Math.max(performance.now() - started, 0.1);
     this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
@@ -260,14 +348,21 @@ export class Viewport extends EventTarget {
   picture(film) {
     this.last = film;
     this.draw(film);
-    this.dispatchEvent(new CustomEvent("picture", { detail: { count: film.count, scale: SCALES[this.films.indexOf(film)] } }));
+    this.dispatchEvent(
+      new CustomEvent("picture", {
+        detail: { count: film.count, scale: SCALES[this.films.indexOf(film)] },
+      }),
+    );
   }
 
-  /** Find what each pixel of a film sees in its next sample, unless that was seen last; returns whether it has.
+  /**
+   * Find what each pixel of a film sees in its next sample, unless that was seen last; returns
+   * whether it has.
    *
    * With `patient`, triangles are drawn some at a time, and a change ends it. */
   async see(film, patient = false) {
-    const { gl, scene, version } = this, { element, seed } = this.settings;
+    const { gl, scene, version } = this,
+      { element, seed } = this.settings;
     const number = Math.floor(film.count / Math.max(LEAST_PER_VIEW, film.places ** 2));
     if (film.seen?.placed === this.placed && film.seen.number === number) return true;
     const given = { element, center: scene.center, radius: scene.radius, number, seed };
@@ -279,7 +374,9 @@ export class Viewport extends EventTarget {
     const opaque = merged(scene.looks.filter((look) => !look.see_through));
     const ranges = [
       ...opaque.map((range) => ({ ...range, look: scene.looks.find((look) => !look.see_through) })),
-      ...scene.looks.filter((look) => look.see_through).map((look) => ({ first: look.first, last: look.last, look })),
+      ...scene.looks
+        .filter((look) => look.see_through)
+        .map((look) => ({ first: look.first, last: look.last, look })),
     ];
     for (const { first, last, look } of ranges) {
       for (let from = first; from < last; from += TRIANGLES) {
@@ -287,7 +384,10 @@ export class Viewport extends EventTarget {
         gl.viewport(0, 0, width, height);
         gl.enable(gl.DEPTH_TEST);
         const numbers = { ...seen, sample_number: number, seed };
-        look.visible.use({ ...numbers, ...look.numbers }, { ...look.textures, corners: scene.corners });
+        look.visible.use(
+          { ...numbers, ...look.numbers },
+          { ...look.textures, corners: scene.corners },
+        );
         scene.triangles.bind();
         scene.triangles.draw(from, Math.min(from + TRIANGLES, last));
         gl.bindVertexArray(null);
@@ -312,9 +412,24 @@ export class Viewport extends EventTarget {
     const turns = cameras.turns(settings.element, settings.lighting);
     const shadow = { shadowed: settings.shadows ? 1 : 0, lift: LIFT * scene.radius };
     for (const look of scene.looks) {
-      const numbers = { ...film.seen, ...shadow, size: [film.width, film.height], places: film.places, turns };
-      Object.assign(numbers, { sample_number: film.count, seed: settings.seed, triangles: [look.first, look.last] });
-      const textures = { ...look.textures, ...scene.rig, corners: scene.corners, visible: film.visible };
+      const numbers = {
+        ...film.seen,
+        ...shadow,
+        size: [film.width, film.height],
+        places: film.places,
+        turns,
+      };
+      Object.assign(numbers, {
+        sample_number: film.count,
+        seed: settings.seed,
+        triangles: [look.first, look.last],
+      });
+      const textures = {
+        ...look.textures,
+        ...scene.rig,
+        corners: scene.corners,
+        visible: film.visible,
+      };
       look.relight.use({ ...numbers, ...look.numbers }, textures);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
@@ -323,17 +438,25 @@ export class Viewport extends EventTarget {
 
   /** Turn the light of a film into code values, over what is behind the asset. */
   develop(film) {
-    const { gl, scene } = this, { exposure, behind, background } = this.settings;
+    const { gl, scene } = this,
+      { exposure, behind, background } = this.settings;
     this.lights(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
     gl.viewport(0, 0, film.width, film.height);
-    const numbers = { samples: film.count, exposure: 2 ** exposure, behind, lit: background ? 1 : 0 };
+    const numbers = {
+      samples: film.count,
+      exposure: 2 ** exposure,
+      behind,
+      lit: background ? 1 : 0,
+    };
     scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
   }
 
-  /** Show an exact picture of what was shown at a version: `mean` has width * height * 4 numbers, row 0 at the top. A
+  /**
+   * Show an exact picture of what was shown at a version: `mean` has width * height * 4 numbers,
+   * row 0 at the top. A
    * change of anything but the exposure and the background ends it. */
   setExact(mean, width, height, version) {
     const { gl } = this;
@@ -341,7 +464,8 @@ export class Viewport extends EventTarget {
       this.exact?.delete();
       this.exact = new Film(gl, width, height, 1);
       gl.bindTexture(gl.TEXTURE_2D, this.exact.developed);
-      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+        gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
     }
     this.exact.write(mean);
     this.exactVersion = version;
@@ -350,17 +474,30 @@ export class Viewport extends EventTarget {
 
   /** What stands right of the wipe: numbers and textures of `PRESENT`. */
   beside(film) {
-    const { wipe, differs } = this.settings, { exact } = this, shows = exact && this.exactVersion === this.version;
+    const { wipe, differs } = this.settings,
+      { exact } = this,
+      shows = exact && this.exactVersion === this.version;
     const none = { exact: film.developed, exact_sums: film.sums, sums: film.sums };
-    if (!shows || (wipe >= 1 && !differs)) return { numbers: { wipe: 2, differs: 0, samples: 1, gain: 0 }, textures: none };
+    if (!shows || (wipe >= 1 && !differs))
+      return { numbers: { wipe: 2, differs: 0, samples: 1, gain: 0 }, textures: none };
     this.develop(exact);
-    const numbers = { wipe, differs: differs ? 1 : 0, samples: film.count, gain: 2 ** this.settings.exposure * DIFFERENCE };
-    return { numbers, textures: { exact: exact.developed, exact_sums: exact.sums, sums: film.sums } };
+    const numbers = {
+      wipe,
+      differs: differs ? 1 : 0,
+      samples: film.count,
+      gain: 2 ** this.settings.exposure * DIFFERENCE,
+    };
+    return {
+      numbers,
+      textures: { exact: exact.developed, exact_sums: exact.sums, sums: film.sums },
+    };
   }
 
   /** Show a film on the canvas. */
   draw(film) {
-    const { gl, scene } = this, { width, height } = this.canvas, whole = this.films[0];
+    const { gl, scene } = this,
+      { width, height } = this.canvas,
+      whole = this.films[0];
     this.dirty = false;
     this.develop(film);
     const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
@@ -368,14 +505,23 @@ export class Viewport extends EventTarget {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
     const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
-    scene.present.use({ canvas: [width, height], keep, ...beside.numbers }, { ...textures, ...beside.textures });
+    scene.present.use(
+      { canvas: [width, height], keep, ...beside.numbers },
+      { ...textures, ...beside.textures },
+    );
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   /** What is behind the asset, by what it depends on. */
   get surroundings() {
     const { element, lighting } = this.settings;
-    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer, this.lit]);
+    return JSON.stringify([
+      this.camera,
+      element,
+      lighting,
+      this.scene.data.rig.textures.rig_numbers.buffer,
+      this.lit,
+    ]);
   }
 
   /** Find what is behind the asset, unless a film has it. */
@@ -385,10 +531,19 @@ export class Viewport extends EventTarget {
     film.surroundings = surroundings;
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[3]);
     gl.viewport(0, 0, film.width, film.height);
-    const given = { element: settings.element, center: scene.center, radius: scene.radius, number: 0, seed: 0 };
+    const given = {
+      element: settings.element,
+      center: scene.center,
+      radius: scene.radius,
+      number: 0,
+      seed: 0,
+    };
     const size = { width: film.width, height: film.height, centred: true };
     const view = cameras.view({ ...this.camera, lens: null }, { ...given, ...size });
-    scene.behind.use({ ...view, turns: cameras.turns(settings.element, settings.lighting) }, scene.rig);
+    scene.behind.use(
+      { ...view, turns: cameras.turns(settings.element, settings.lighting) },
+      scene.rig,
+    );
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 }
@@ -397,7 +552,8 @@ export class Viewport extends EventTarget {
 function merged(ranges) {
   const joined = [];
   for (const { first, last } of ranges) {
-    if (joined.length && joined[joined.length - 1].last === first) joined[joined.length - 1].last = last;
+    if (joined.length && joined[joined.length - 1].last === first)
+      joined[joined.length - 1].last = last;
     else joined.push({ first, last });
   }
   return joined;
