@@ -1,6 +1,6 @@
 """Stand-ins: the closures of Cycles that approximate a lobe where only closures can be used, by model and lobe.
 
-Stand-ins for a lobe are one function and its entry in the table of the model's file. What depends on the light is
+Each lobe has one function and an entry in the `STAND_INS` of its model's file. Factors that depend on the light are
 fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
@@ -23,7 +23,13 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
 
 
 def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return the closures that stand for a lobe seen from `wo`, (..., 3); a lobe without any raises CodegenError."""
+    """Return the closures that stand for a lobe seen from `wo`, (..., 3).
+
+    Raises
+    ------
+    CodegenError
+        No closures stand for this lobe.
+    """
     stand_in = STAND_INS.get((lobe.model, lobe.name))
     if stand_in is None:
         raise CodegenError(

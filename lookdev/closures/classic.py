@@ -1,4 +1,4 @@
-"""Closures of Cycles that stand for lobes of the classic models (`lookdev.brdf.classic`): Lambert's is one of them."""
+"""Closures of Cycles that stand for lobes of the classic models (`lookdev.brdf.classic`): Lambert's alone."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lookdev.closures.closure import Closure, StandIn
 
 
 def lambert(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return the closure that is the lobe."""
+    """Return Cycles' diffuse closure, which equals the lobe."""
     return (Closure("diffuse", lobe.values["color"], frame=lobe.frame),)
 
 

@@ -1,8 +1,8 @@
-"""Closures of Cycles, evaluated as in Cycles, so that their distance from the lobes they stand for can be computed.
+"""Closures of Cycles in NumPy, as Cycles evaluates them, to compute how far they are from the lobes they stand for.
 
-A lobe's view-dependent factors are in the weights of its closures exactly. The rest is fitted
-(`lookdev.closures.fits`): the shape of the lobe, and a factor over the view that restores its directional albedo. The
-formulas are those of intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2:
+The weights of closures contain a lobe's view-dependent factors exactly. The rest is fitted (`lookdev.closures.fits`):
+the shape of the lobe, and a factor over the view that restores its directional albedo. The formulas are those of
+intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2:
 
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
@@ -41,20 +41,20 @@ class Closure:
         ``"metal"`` (GGX with Schlick's Fresnel), ``"conductor"`` (GGX with the exact one), ``"sheen"`` (a metal of
         alpha 1 and `f0` 0), ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets that transmit all light).
     weight : (..., 3)
-        At least 0; of a metal, a conductor and a rough diffuse one grey and at most 1.
+        At least 0. The weight of a metal, a conductor and a rough diffuse closure is grey and at most 1.
     alpha_x, alpha_y : (...)
-        Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second; without meaning for
-        Lambert's and sheen. Where their product is below 2e-10, Cycles renders a mirror.
+        Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second. Lambert's closures and
+        sheen do not use them. Where their product is below 2e-10, Cycles renders a mirror.
     frame
-        About the closure's normal.
+        Its z axis is the closure's normal.
     ior : (...)
         Of a refraction, the index of refraction of the other side.
     f0 : (..., 3)
-        Of a metal, its reflectance at normal incidence, in [0, 1]; of a rough diffuse one its colour, at least 0.
+        Of a metal, the reflectance at normal incidence, in [0, 1]; of a rough diffuse closure, the colour, at least 0.
     roughness : (...)
-        Of a rough diffuse one, in [0, 1].
+        Of a rough diffuse closure, in [0, 1].
     eta, k : (..., 3)
-        Of a conductor, its index of refraction.
+        Of a conductor, the index of refraction and the extinction.
     """
 
     kind: Kind
@@ -75,59 +75,59 @@ class Closure:
 
 
 StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
-"""From a lobe and the view it was made for, (..., 3), to closures in the shading frame."""
+"""Maps a lobe, and the view (..., 3) that it was made for, to closures in the shading frame."""
 
 
 def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
-    """Return a closure's weight times f in 1/sr times the cosine by its normal, (..., 3), as in Cycles.
+    """Return a closure's weight times f in 1/sr times the cosine to its normal, (..., 3), as in Cycles.
 
     `wo` and `wi`, (..., 3), are unit directions to the viewer, above the horizon, and to the light; z is the shading
-    normal. It is 0 where light comes from the wrong side of the closure's normal or of the surface.
+    normal. The result is 0 where light comes from the wrong side of the closure's normal or of the surface.
     """
-    o, i = closure.frame.to_local(wo), closure.frame.to_local(wi)
+    wo_local, wi_local = closure.frame.to_local(wo), closure.frame.to_local(wi)
     side = -1.0 if closure.transmits else 1.0
-    valid = (o[..., 2] > 0.0) & (side * i[..., 2] > 0.0) & (side * wi[..., 2] > 0.0)
+    valid = (wo_local[..., 2] > 0.0) & (side * wi_local[..., 2] > 0.0) & (side * wi[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
-    o, i = np.where(mask, o, ZENITH), np.where(mask, i, side * ZENITH)
+    wo_local, wi_local = np.where(mask, wo_local, ZENITH), np.where(mask, wi_local, side * ZENITH)
     color = closure.weight
-    value: Array
+    shape: Array
     if closure.kind in ("diffuse", "translucent", "rough_diffuse"):
-        value = np.abs(i[..., 2]) / np.pi
+        shape = np.abs(wi_local[..., 2]) / np.pi
     else:
-        value = _microfacets(closure, o, i)
+        shape = _microfacets(closure, wo_local, wi_local)
     if closure.kind == "rough_diffuse":
-        color = color * _oren_nayar(closure, o, i)
+        color = color * _oren_nayar(closure, wo_local, wi_local)
     if closure.kind in ("metal", "sheen"):
-        color = color * mix_color(closure.f0, np.ones(3), schlick_weight(dot(o, normalize(o + i))))
+        color = color * mix_color(closure.f0, np.ones(3), schlick_weight(dot(wo_local, normalize(wo_local + wi_local))))
     if closure.kind == "conductor":
         # As in Cycles 5.2; Cycles 4.5 approximates it.
-        cos_theta_d = np.expand_dims(dot(o, normalize(o + i)), -1)
+        cos_theta_d = np.expand_dims(dot(wo_local, normalize(wo_local + wi_local)), -1)
         color = color * conductor_fresnel(np.minimum(cos_theta_d, 1.0), closure.eta, closure.k)
-    return np.asarray(scale(color, np.where(valid, value, 0.0)))
+    return np.asarray(scale(color, np.where(valid, shape, 0.0)))
 
 
-# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model; multiple scattering as of OpenPBR 1.1.
+# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model. Multiple scattering is that of OpenPBR 1.1.
 def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
     """Return the ratio of Oren and Nayar's f to Lambert's, (..., 3)."""
     sigma, nv, nl = closure.roughness, wo[..., 2], wi[..., 2]
-    once = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
+    single = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
     t = dot(wo, wi) - nl * nv
     t = np.where(t > 0.0, t / np.maximum(np.maximum(nl, nv), TINY), t)
     ev, el = (rough_diffuse_albedo(sigma, oren_nayar_g(cosine)) for cosine in (nv, nl))
-    mean = once * (1.0 + sigma * (2.0 - 5.6 / np.pi) / 3.0)
+    mean = single * (1.0 + sigma * (2.0 - 5.6 / np.pi) / 3.0)
     color = np.clip(closure.f0, 0.0, 1.0)
-    again = color * color * np.expand_dims(mean / np.maximum(1.0 - mean, TINY) * (1.0 - ev) * (1.0 - el), -1)
-    again = again / (1.0 - color * np.expand_dims(1.0 - mean, -1))
-    return np.multiply(closure.f0, np.expand_dims(once * (1.0 + sigma * t), -1) + again)
+    multiple = color * color * np.expand_dims(mean / np.maximum(1.0 - mean, TINY) * (1.0 - ev) * (1.0 - el), -1)
+    multiple = multiple / (1.0 - color * np.expand_dims(1.0 - mean, -1))
+    return np.multiply(closure.f0, np.expand_dims(single * (1.0 + sigma * t), -1) + multiple)
 
 
 def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
-    """Return the albedo (...) of single scattering, by `g` of `oren_nayar_g`."""
+    """Return the albedo (...) of single scattering, from `g`, a value of `oren_nayar_g`."""
     return (1.0 + sigma * g * (1.0 / np.pi)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
-    """Integrate the rough term of Oren and Nayar's over the light, (...)."""
+    """Return the integral of Oren and Nayar's rough term over the light, (...)."""
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)

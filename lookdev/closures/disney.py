@@ -1,7 +1,7 @@
 """Closures of Cycles that stand for the lobes of Disney's BRDF (`lookdev.brdf.disney`).
 
-The diffuse albedo is exact; what comes from `lookdev.closures.fits` is fitted. Cosines are those of the view
-to the lobe's normal, weights are colours.
+The diffuse albedo is exact; factors from `lookdev.closures.fits` are fitted. Cosines are those of the view to the
+lobe's normal. Weights are colours.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     The shape of sheen is exact but for a factor 1 / (cos_theta_i + cos_theta_o).
     """
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
-    dielectric, under, roughness = p["dielectric"], p["subsurface"], p["roughness"]
+    dielectric, subsurface, roughness = p["dielectric"], p["subsurface"], p["roughness"]
     sheen = scale(scale(p["sheen_color"], dielectric), fit("sheen")(cos_theta))
     closures: tuple[Closure, ...] = (Closure("sheen", sheen, frame=lobe.frame),)
-    if not same(under, 0.0):
-        color = scale(p["baseColor"], dielectric * under)
+    if not same(subsurface, 0.0):
+        color = scale(p["baseColor"], dielectric * subsurface)
         closures += _subsurface(color, cos_theta, roughness, lobe.frame)
-    if not same(under, 1.0):
-        color = scale(p["baseColor"], dielectric * (1.0 - under))
+    if not same(subsurface, 1.0):
+        color = scale(p["baseColor"], dielectric * (1.0 - subsurface))
         closures += (
             _rough_diffuse(scale(color, diffuse_albedo(cos_theta, roughness)), roughness, cos_theta, lobe.frame),
         )
@@ -47,7 +47,7 @@ def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 # The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
 # fd90 - 1 is roughness X - 1/2; the cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions.
 def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
-    """Directional albedo of the diffuse term for a white base colour, (...)."""
+    """Return the directional albedo of the diffuse term for a white base colour, (...)."""
     mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)
     mean_x2 = 5.0 / 72.0 + cos_theta * (1.0 / 42.0 - cos_theta * (1.0 / 56.0))
     at_light = roughness * mean_x - 0.5 / 21.0
@@ -57,28 +57,28 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Return a closure of a directional albedo (..., 3) and a retroreflection that grows with `retro`, (...)."""
+    """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
     if same(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
     sigma = np.maximum(sigma, 0.01)
-    # White scatters again all that it does not scatter once, other colours about the square of themselves.
-    once = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
-    own = reflected / mix(once, 1.0, _square(np.minimum(reflected, 1.0)))
-    return Closure("rough_diffuse", np.ones(3), frame=frame, f0=own, roughness=sigma)
+    # Of the light that is not scattered once, white scatters all again, a colour about the square of itself.
+    single = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
+    base_color = reflected / mix(single, 1.0, _square(np.minimum(reflected, 1.0)))
+    return Closure("rough_diffuse", np.ones(3), frame=frame, f0=base_color, roughness=sigma)
 
 
-# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)), the term of Hanrahan and Krueger 1993 but for Fss, which is
-# nearly that of the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term
-# is quadratic in roughness.
+# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)): the term of Hanrahan and Krueger 1993 without Fss, which
+# depends on little but the view. The directional albedo of this GGX is 1 - cos_theta ln(1 + 1 / cos_theta); that of
+# the whole term is quadratic in roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
     """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
     # The mean of cos^2 theta_d is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
-    c = np.maximum(cos_theta, TINY)
-    reflected = wide * (1.0 - c * np.log(1.0 + 1.0 / c)) + even
+    cosine = np.maximum(cos_theta, TINY)
+    reflected = wide * (1.0 - cosine * np.log(1.0 + 1.0 / cosine)) + even
     ratio = fit("subsurface")(cos_theta, roughness) / reflected
     return (
         Closure("ggx", scale(color, ratio * wide), frame=frame),
@@ -87,9 +87,12 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe: a metal and GGX with its alphas, of exact metals a conductor too.
+    """Return closures for the specular lobe: a metal and GGX with its alphas; for exact metals also a conductor.
 
-    Another gamma than 2 raises CodegenError.
+    Raises
+    ------
+    CodegenError
+        The lobe's gamma is not 2.
     """
     p, wo = lobe.values, lobe.frame.to_local(wo)
     if not same(p["gamma"], 2.0):
@@ -105,58 +108,61 @@ def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         seen = seen_alphas(alphas, wo, shape("anisotropic"))
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
-        # Shadowing removes about the part of a wider lobe that is beyond; that of 2012 does not depend on the alphas.
+        # Shadowing removes about the part of a wider lobe that the limit cuts off. Shadowing of the 2012 variant does
+        # not depend on the alphas.
         within = x / alphas[0]
     ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, seen.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
     typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, seen.cosine), 0.0, 1.0)
     if variant == "2012":
         within = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical, p["roughness"])
-    ratio, grazing = (np.clip(within * each, 0.001, 1.0) for each in (ratio, grazing))
+    ratio, grazing = (np.clip(within * value, 0.001, 1.0) for value in (ratio, grazing))
     mean = schlick_weight(typical) * seen.skew
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
-    own_mean = ratio * mean / grazing
+    metal_mean = ratio * mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), mean)
     if not same(p["filmThickness"], 0.0):
-        # The colour of a film at the typical cosine, as that of all microfacets.
+        # All microfacets get the colour of the film at the typical cosine.
         film = typical, p["filmThickness"], p["filmIor"]
         color = film_reflectance(fresnel, *film)
         if is_exact(p):
             color = mix_color(color, metal_film_reflectance(p["eta"], p["k"], *film), p["metallic"])
         return (Closure("ggx", scale(color, ratio), x, y, lobe.frame),)
     reflected = scale(fresnel, ratio)
-    own_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(
-        np.maximum(1.0 - own_mean, 0.001), -1
+    metal_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(metal_mean, -1)) / np.expand_dims(
+        np.maximum(1.0 - metal_mean, 0.001), -1
     )
-    # All microfacets reflect alike what f in [0, 1] does not reach.
+    # GGX, whose microfacets reflect alike at all angles, adds the reflectance that f in [0, 1] does not reach.
     rest = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     closures = (
-        Closure("metal", weight, x, y, lobe.frame, f0=np.clip(own_f0, 0.0, 1.0)),
+        Closure("metal", weight, x, y, lobe.frame, f0=np.clip(metal_f0, 0.0, 1.0)),
         Closure("ggx", rest, x, y, lobe.frame),
     )
     if not is_exact(p):
         return closures
-    # With the same B, a conductor reflects B g F(c) of its own typical cosine c: where Schlick's weight is its mean.
-    own, wanted = (metal_fresnel(p, 1.0 - np.power(np.clip(each, 0.0, 1.0), 0.2)) for each in (own_mean, mean))
-    exact = scale(wanted, ratio)
-    channels = exact / np.maximum(own, TINY)
+    # With the same B, a conductor reflects B g F(c) at its own typical cosine c, where Schlick's weight is its mean.
+    reflected_metal, target = (
+        metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, mean)
+    )
+    exact = scale(target, ratio)
+    channels = exact / np.maximum(reflected_metal, TINY)
     grey = np.clip(np.minimum(np.minimum(channels[..., 0], channels[..., 1]), channels[..., 2]), 0.0, 1.0)
     metals = (
         Closure("conductor", np.expand_dims(grey, -1) * np.ones(3), x, y, lobe.frame, eta=p["eta"], k=p["k"]),
-        Closure("ggx", np.maximum(exact - scale(own, grey), 0.0), x, y, lobe.frame),
+        Closure("ggx", np.maximum(exact - scale(reflected_metal, grey), 0.0), x, y, lobe.frame),
     )
     parts = (closures, 1.0 - p["metallic"]), (metals, p["metallic"])
-    return tuple(replace(each, weight=scale(each.weight, share)) for part, share in parts for each in part)
+    return tuple(replace(closure, weight=scale(closure.weight, share)) for part, share in parts for closure in part)
 
 
 @dataclass(frozen=True)
 class SeenAlphas:
-    """Alphas (...) of the isotropic lobes that an anisotropic one resembles as seen from one direction.
+    """Alphas (...) of the isotropic lobes that an anisotropic lobe resembles from one view.
 
-    ratio, cosine : for the fits of those names.
-    skew : factor of Schlick's mean weight.
+    ratio, cosine : arguments of the fits of these names.
+    skew : factor of the mean of Schlick's weight.
     """
 
     ratio: Array
@@ -165,17 +171,17 @@ class SeenAlphas:
 
 
 def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, float]) -> SeenAlphas:
-    """Return the alphas for a view `wo`, (..., 3): along its azimuth as it grazes, their mean from above.
+    """Return the alphas for a view `wo`, (..., 3): their mean from above, the one along its azimuth at grazing views.
 
-    `shape` has the `azimuth`, how much of that the ratio follows, the `skew` of a lobe of mean alpha 1 as the view
-    grazes, and the `skew_rise` up to a view from above.
+    `shape` has three numbers: `azimuth` is the share of the alpha along the azimuth in the ratio's alpha; `skew` is for
+    a lobe of mean alpha 1 at grazing views; `skew_rise` is its increase towards a view from above.
     """
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
-    # 0 on the diagonals.
-    towards = _square(wo[..., 0]) - _square(wo[..., 1])
-    strength = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
-    skew = np.power(alphas[0] / alphas[1], -strength * towards)
+    # The cosine of twice the azimuth times sin^2 theta: 0 on the diagonals.
+    azimuth_cosine = _square(wo[..., 0]) - _square(wo[..., 1])
+    exponent = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
+    skew = np.power(alphas[0] / alphas[1], -exponent * azimuth_cosine)
     ratio, cosine = (np.minimum(np.sqrt(square), 1.0) for square in (mix(mean2, along2, shape["azimuth"]), along2))
     return SeenAlphas(ratio, cosine, skew)
 
@@ -185,23 +191,30 @@ def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
     ratio = weight * fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
     return tuple(
-        Closure("metal", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, frame, f0=COAT_F0 * np.ones(3))
-        for share, a in coat_mix(alpha, shape("clearcoat"))
+        Closure(
+            "metal",
+            np.expand_dims(share * ratio, -1) * np.ones(3),
+            part_alpha,
+            part_alpha,
+            frame,
+            f0=COAT_F0 * np.ones(3),
+        )
+        for share, part_alpha in coat_mix(alpha, shape("clearcoat"))
     )
 
 
 def coat_mix(alpha: Array, shape: Mapping[str, Sequence[float]]) -> list[tuple[float, Array]]:
     """Return the share and the alpha of each GGX lobe in the mix for GTR1 of an `alpha`, (...), the broadest first.
 
-    `shape` has the `shares`, and the `powers` of alpha that are the alphas.
+    `shape` has the `shares`, and the `powers` to which alpha is raised.
     """
-    # GTR1's energy is spread evenly over log tan theta_h, from alpha to 1; GGX lobes are steps there.
+    # GTR1 spreads its energy evenly over log tan theta_h, from alpha to 1. A GGX lobe is a step there.
     return [(share, np.power(alpha, power)) for share, power in zip(shape["shares"], shape["powers"], strict=True)]
 
 
 # Burley 2012, section 5.6.
 def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
-    """Smith's G1 of the 2012 variant, for one direction, (...)."""
+    """Return Smith's G1 of the 2012 variant for one direction, (...)."""
     return 2.0 * cos_theta * smith_ggx(cos_theta, _square(0.5 + 0.5 * roughness))
 
 

@@ -1,6 +1,6 @@
-"""Fits of integrals that have no closed form, as small rationals in plain arithmetic, which can be traced.
+"""Fits of integrals without a closed form: small rationals in plain arithmetic, which can be traced.
 
-`lookdev.closures.fitting` defines each one and writes the table ``data/closure_fits.json``: coefficients and residuals.
+`lookdev.closures.fitting` defines them and writes the table ``data/closure_fits.json``: coefficients and residuals.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def table() -> dict[str, Any]:
 
 @cache
 def fit(name: str) -> Rational:
-    """Return a fit of the table."""
+    """Return the fit of a name in the table."""
     entry = table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])
 
 
 def shape(name: str) -> Mapping[str, Any]:
-    """Return the parameters of a mix of closures."""
+    """Return the parameters of the mix of closures of a name in the table."""
     numbers: Mapping[str, Any] = table()["shapes"][name]
     return numbers

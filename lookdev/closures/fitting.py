@@ -1,10 +1,12 @@
 """Make the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes ``data/closure_fits.json``.
 
-It integrates lobes and closures by quadrature, in some seconds, and is deterministic. First the shapes: mixes of
-closures, by the smallest mean over views of the L1 distance of directional energy from the lobe's. Then the ratios: a
-lobe's directional albedo by that of its mix, and the cosine at which Schlick's weight is its mean over the lobe. Views
-up to 85 degrees have equal weights, those beyond less and less. A residual is the largest and the root mean square
-error of the directional albedo up to 85 degrees, relative to at least 0.1.
+The script integrates lobes and closures by quadrature. It takes some seconds and is deterministic.
+
+First it searches the shapes: the mixes of closures whose directional energy has the smallest L1 distance from the
+lobe's, averaged over views. Then it fits the ratios: a lobe's directional albedo divided by that of its mix, and the
+cosine at which Schlick's weight is its mean over the lobe. Views up to 85 degrees have equal weights; beyond, weights
+fall. A residual is the largest and the root mean square error of the directional albedo up to 85 degrees, relative to
+at least 0.1.
 """
 
 from __future__ import annotations
@@ -54,70 +56,80 @@ _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A problem, the relative error of the albedo by the values (n,) of a fit, and the angle of the view, (n,)."""
+    """A problem of least squares, and how to judge its fit.
+
+    `error` maps the values (n,) of a fit to relative errors of albedo. `angle` is that of the view in degrees, (n,).
+    """
 
     problem: Problem
     error: Callable[[Floats], Floats]
     angle: Floats
 
 
-def _loosened(angle: Floats) -> Floats:
+def _tolerance_factor(angle: Floats) -> Floats:
+    """Return a factor of the tolerance: 1 for views up to 85 degrees, beyond twice as large with each degree."""
     return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
 
 
 def ratio_goal(a: Albedos, x: Floats, target: Floats) -> Goal:
-    """Return the goal of a factor of the weight, which should be `target`."""
+    """Return the goal for a factor of the weight, which should be `target`."""
     relative = a.whole / np.maximum(a.whole, _FLOOR)
-    tolerance = _TOLERANCE * target * _loosened(a.angle)
-    return Goal(Problem(x, a.alpha, target, tolerance), lambda got: np.abs(got / target - 1.0) * relative, a.angle)
+    tolerance = _TOLERANCE * target * _tolerance_factor(a.angle)
+    return Goal(
+        Problem(x, a.alpha, target, tolerance), lambda values: np.abs(values / target - 1.0) * relative, a.angle
+    )
 
 
 def grazing_goal(a: Albedos, factor: Floats) -> Goal:
-    """Return the goal of the lobe's albedo by the mix's, both with Schlick's weight, divided by a known factor."""
-    # A small part of the whole has a larger tolerance.
+    """Return the goal for the lobe's albedo over the mix's, both with Schlick's weight, divided by a known factor."""
+    # Where this is a small part of the whole, the tolerance is larger.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
     target = a.weighted / a.mix_weighted / factor
-    problem = Problem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _loosened(a.angle))
-    return Goal(problem, lambda got: np.abs(got / target - 1.0) * relative, a.angle)
+    problem = Problem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _tolerance_factor(a.angle))
+    return Goal(problem, lambda values: np.abs(values / target - 1.0) * relative, a.angle)
 
 
 def cosine_goal(a: Albedos) -> Goal:
-    """Return the goal of the cosine at which Schlick's weight is its mean over the lobe."""
+    """Return the goal for the cosine at which Schlick's weight is its mean over the lobe."""
     mean = a.weighted / a.whole
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.whole)
     root = mean**0.2
-    tolerance = np.minimum((mean + allowed) ** 0.2 - root, 0.3) * _loosened(a.angle)
+    tolerance = np.minimum((mean + allowed) ** 0.2 - root, 0.3) * _tolerance_factor(a.angle)
     problem = Problem(a.cosine, a.alpha, 1.0 - root, tolerance)
-    return Goal(problem, lambda got: np.abs(schlick_weight(got) - mean) / allowed * _TOLERANCE, a.angle)
+    return Goal(problem, lambda values: np.abs(schlick_weight(values) - mean) / allowed * _TOLERANCE, a.angle)
 
 
-def diffuse_goal(grid: Grid, closure: Closure, base_color: float, roughness: Sequence[float], **given: float) -> Goal:
-    """Return the goal of the weight of a closure for Disney's diffuse lobe, by the cosine of the view and roughness."""
+def diffuse_goal(
+    grid: Grid, closure: Closure, base_color: float, roughness: Sequence[float], **parameters: float
+) -> Goal:
+    """Return the goal for a closure's weight in Disney's diffuse lobe, over the cosine of the view and roughness."""
     wi, weight = hemisphere_grid(96)
     rows = []
     for angle in grid.angles:
         wo = view_at(angle)
-        own = closure_cosine(closure, wo, wi)[:, 0] @ weight
-        for each in roughness:
-            lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=each, **given)
-            rows.append((angle, wo[2], each, own, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight))
-    angle, x, y, own, albedo = np.array(rows).T
+        closure_albedo = closure_cosine(closure, wo, wi)[:, 0] @ weight
+        for level in roughness:
+            lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=level, **parameters)
+            rows.append(
+                (angle, wo[2], level, closure_albedo, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight)
+            )
+    angle, x, y, closure_albedo, albedo = np.array(rows).T
     floored = np.maximum(albedo, _FLOOR)
-    problem = Problem(x, y, albedo / own, _TOLERANCE * floored / own * _loosened(angle))
-    return Goal(problem, lambda got: np.abs(got * own - albedo) / floored, angle)
+    problem = Problem(x, y, albedo / closure_albedo, _TOLERANCE * floored / closure_albedo * _tolerance_factor(angle))
+    return Goal(problem, lambda values: np.abs(values * closure_albedo - albedo) / floored, angle)
 
 
 def retro_goal(grid: Grid) -> Goal:
-    """Return the goal of the albedo of Oren and Nayar's rough term, by the cosine of the view."""
+    """Return the goal for the albedo of Oren and Nayar's rough term, over the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
-    problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _loosened(grid.angles))
-    # The rough term is at most 1 / pi of an albedo.
-    return Goal(problem, lambda got: np.abs(got - target) / np.pi, grid.angles)
+    problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _tolerance_factor(grid.angles))
+    # The rough term contributes at most 1 / pi of itself to an albedo.
+    return Goal(problem, lambda values: np.abs(values - target) / np.pi, grid.angles)
 
 
 def retro_shape() -> dict[str, Any]:
-    """Search the roughness of Oren and Nayar's closure at grazing views for Disney's diffuse lobe of roughness 1."""
+    """Search the roughness of Oren and Nayar's closure, at grazing views, for Disney's diffuse lobe of roughness 1."""
     wi, weight = hemisphere_grid(48)
     lobes = []
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
@@ -127,42 +139,42 @@ def retro_shape() -> dict[str, Any]:
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
-        found = []
+        values = []
         for wo, roughness, lobe in lobes:
             sigma = strength * roughness * (1.0 - wo[2]) ** 3
             closure = Closure("rough_diffuse", ONE, f0=0.5 * ONE, roughness=sigma)
             energy = closure_cosine(closure, wo, wi)[:, 0] * weight
-            found.append(float(0.5 * np.abs(energy / energy.sum() - lobe).sum()))
-        return found
+            values.append(float(0.5 * np.abs(energy / energy.sum() - lobe).sum()))
+        return values
 
     best = min((round(0.02 * k, 2) for k in range(40)), key=lambda strength: float(np.mean(distances(strength))))
     return {"strength": best, "distance": _summary(distances(best))}
 
 
 def coat_shape() -> dict[str, Any]:
-    """Search powers and shares of three GGX lobes for the clearcoat: the same for every gloss."""
+    """Search powers and shares of three GGX lobes for the clearcoat, the same for every gloss."""
     best, smallest = {}, np.inf
-    few = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
+    grid = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
     lobes = _normalised_lobes(
-        coat_setups({"shares": [1.0], "powers": [1.0]}, few),
+        coat_setups({"shares": [1.0], "powers": [1.0]}, grid),
         lambda alpha: [Closure("metal", ONE, alpha**k, alpha**k, f0=COAT_F0 * ONE) for k in powers],
     )
     tenths = range(1, 9)
     shares = np.array([(a, b, 10 - a - b) for a in tenths for b in tenths if a + b < 10]) / 10.0
-    for chosen in combinations(range(len(powers)), 3):
+    for columns in combinations(range(len(powers)), 3):
         distances = np.mean(
-            [0.5 * np.abs(shares @ parts[list(chosen)] - whole).sum(axis=1) for whole, parts in lobes], 0
+            [0.5 * np.abs(shares @ parts[list(columns)] - whole).sum(axis=1) for whole, parts in lobes], 0
         )
-        at = int(distances.argmin())
-        if distances[at] < smallest:
-            smallest = float(distances[at])
-            best = {"powers": [powers[k] for k in chosen], "shares": shares[at].tolist()}
+        index = int(distances.argmin())
+        if distances[index] < smallest:
+            smallest = float(distances[index])
+            best = {"powers": [powers[k] for k in columns], "shares": shares[index].tolist()}
     return best
 
 
 def highlight_shape() -> dict[str, Any]:
-    """Search the share of GGX beside Beckmann as a highlight widens, and its width."""
+    """Search the width of GGX relative to Beckmann, and how its share grows as a highlight widens."""
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)
     setups = highlight_setups({"start": 1.0, "slope": 1.0, "width": 1.0}, grid=_SHAPE_GRID)
     lobes = _normalised_lobes(
@@ -176,8 +188,8 @@ def highlight_shape() -> dict[str, Any]:
     def mean_distance(shape: Shape) -> float:
         column = 1 + widths.index(shape["width"])
         total = 0.0
-        for each, (whole, parts) in zip(setups, lobes, strict=True):
-            share = np.clip(shape["slope"] * (each.alpha - shape["start"]), 0.0, 1.0)
+        for setup, (whole, parts) in zip(setups, lobes, strict=True):
+            share = np.clip(shape["slope"] * (setup.alpha - shape["start"]), 0.0, 1.0)
             total += 0.5 * np.abs((1.0 - share) * parts[0] + share * parts[column] - whole).sum()
         return total
 
@@ -193,40 +205,40 @@ def highlight_shape() -> dict[str, Any]:
 def _normalised_lobes(
     setups: Sequence[Setup], closures: Callable[[float], Sequence[Closure]]
 ) -> list[tuple[Floats, Floats]]:
-    """Return the energy by direction, of sum 1, of each lobe, (n,), and of the closures of its alpha, (k, n)."""
+    """Return the energy by direction, normalised to 1, of each lobe, (n,), and of the closures of its alpha, (k, n)."""
     lobes = []
     for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
         whole = setup_values(setup, wi)[0] * weight
-        parts = np.stack([closure_cosine(each, setup.wo, wi)[:, 0] * weight for each in closures(setup.alpha)])
+        parts = np.stack([closure_cosine(closure, setup.wo, wi)[:, 0] * weight for closure in closures(setup.alpha)])
         lobes.append((whole / whole.sum(), parts / parts.sum(axis=1, keepdims=True)))
     return lobes
 
 
 def make_shapes() -> dict[str, dict[str, Any]]:
-    """Search the shapes, and add their distances from the lobes."""
+    """Search the shapes of clearcoat and highlight, and add their distances from the lobes."""
     shapes = {"clearcoat": coat_shape(), "highlight": highlight_shape()}
     for name, setups in {
         "clearcoat": coat_setups(shapes["clearcoat"], _SHAPE_GRID),
         "highlight": highlight_setups(shapes["highlight"], grid=_SHAPE_GRID),
     }.items():
-        shapes[name]["distance"] = _summary([distance(each) for each in setups])
+        shapes[name]["distance"] = _summary([distance(setup) for setup in setups])
     return shapes
 
 
 def make_fits(
-    shapes: Mapping[str, Shape], grid: Grid = FULL, known: Callable[[str], Rational] | None = None
+    shapes: Mapping[str, Shape], grid: Grid = FULL, load_fit: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, Goal]]:
-    """Return every fit for mixes of these shapes, with its goal; `known` returns fits by name instead of new ones."""
+    """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
     fits: dict[str, tuple[Rational, Goal]] = {}
 
     def add(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
-        found = known(name) if known else fit_rational(goal.problem, above, below)
-        fits[name] = found, goal
-        return found
+        rational = load_fit(name) if load_fit else fit_rational(goal.problem, above, below)
+        fits[name] = rational, goal
+        return rational
 
-    add("sheen", diffuse_goal(grid, Closure("sheen", ONE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _NONE)
-    add("retro", retro_goal(grid), Degree(4, 0, 4), _NONE)
+    add("sheen", diffuse_goal(grid, Closure("sheen", ONE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _CONSTANT)
+    add("retro", retro_goal(grid), Degree(4, 0, 4), _CONSTANT)
     levels = [0.0, 0.25, 0.5, 0.75, 1.0]
     add(
         "subsurface",
@@ -242,10 +254,10 @@ def make_fits(
 
     a = measure(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
-    # The weight contains Smith's factors of 2012: of the view, and of a typical light.
+    # The weight contains Smith's factors of 2012, for the view and for a typical light.
     roughness = np.tile(grid.roughness, len(grid.angles))
-    both = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
-    shadowing = np.prod([*both], axis=0)
+    factors = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
+    shadowing = np.prod([*factors], axis=0)
     add("specular_2012", ratio_goal(a, a.cosine, a.whole / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
     add("specular_grazing_2012", grazing_goal(a, shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
 
@@ -257,35 +269,35 @@ def make_fits(
     add("highlight_cosine", cosine_goal(a), Degree(4, 4, 4), Degree(2, 2, 2))
     straight, *bent = (measure(highlight_setups(shapes["highlight"], bend, grid)) for bend in (0.0, *grid.bends))
     unbent = add("transmitted", _relative_goal(straight), Degree(3, 3, 4), Degree(3, 3, 3))
-    add("transmitted_tilt", _tilt_goal(shapes["highlight"], bent, unbent), Degree(1, 1, 2), _NONE)
+    add("transmitted_tilt", _tilt_goal(shapes["highlight"], bent, unbent), Degree(1, 1, 2), _CONSTANT)
     return fits
 
 
 def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
-    """Search the deviation of anisotropic lobes, dielectric and metal, from isotropic ones."""
+    """Search the shape of anisotropic lobes, dielectric and metal: how they deviate from isotropic ones."""
     cases = []
     for roughness, anisotropic, angle, azimuth in product(
         (0.3, 0.45, 0.6), (0.3, 0.6, 0.9), (40, 60, 75, 85), (0, 45, 90)
     ):
         wo = view_at(angle, azimuth)
-        given = {"roughness": roughness, "anisotropic": anisotropic}
+        parameters = {"roughness": roughness, "anisotropic": anisotropic}
         aspect = np.sqrt(1.0 - 0.9 * anisotropic)
         x, y = roughness**2 / aspect, roughness**2 * aspect
-        whole = disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, **given)
-        weighted = disney_lobe("specular", wo, specular=0.0, **given)
+        whole = disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, **parameters)
+        weighted = disney_lobe("specular", wo, specular=0.0, **parameters)
         albedos = measure([Setup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
         cases.append(((x, y), wo, albedos.whole, albedos.weighted, albedos.mix))
 
     def errors(shape: Shape) -> Floats:
-        found = []
+        deviations = []
         for alphas, wo, whole, weighted, mix in cases:
             seen = seen_alphas(alphas, wo, shape)
             mean = schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], seen.cosine))) * seen.skew
             reflected = fits["specular_2014"](wo[2], seen.ratio) * mix
             for f0 in (0.04, 1.0):
-                got, right = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
-                found.append(np.abs(got - right) / np.maximum(right, _FLOOR))
-        return np.concatenate(found)
+                value, target = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
+                deviations.append(np.abs(value - target) / np.maximum(target, _FLOOR))
+        return np.concatenate(deviations)
 
     shapes = [
         {"azimuth": azimuth, "skew": skew, "skew_rise": rise}
@@ -297,7 +309,7 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
     return best | {"residual": _residual(errors(best))}
 
 
-_NONE = Degree(0, 0, 0)
+_CONSTANT = Degree(0, 0, 0)
 
 
 def _relative_goal(a: Albedos) -> Goal:
@@ -305,47 +317,53 @@ def _relative_goal(a: Albedos) -> Goal:
 
 
 def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goal:
-    """Return the goal of the change of a wide lobe's ratio by a bent view, by the tilt, 1 minus the bend's cosine."""
-    a = Albedos(*(np.concatenate(each) for each in zip(*(vars(one).values() for one in bent), strict=True)))
+    """Return the goal for the change of a wide lobe's ratio in a refracted view, over the tilt.
+
+    The tilt is 1 minus the cosine of the angle by which refraction bends the view.
+    """
+    a = Albedos(*(np.concatenate(column) for column in zip(*(vars(albedos).values() for albedos in bent), strict=True)))
     factor = a.tilt * a.alpha * np.asarray(ggx_share(a.alpha, shape))
-    a = Albedos(*(each[factor > 0.0] for each in vars(a).values()))
+    a = Albedos(*(column[factor > 0.0] for column in vars(a).values()))
     factor = factor[factor > 0.0]
     base = np.asarray(straight(relative_cosine(a.cosine, a.alpha), a.alpha))
     whole = _relative_goal(a)
     problem = Problem(a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor)
-    return Goal(problem, lambda got: whole.error(base + factor * got), a.angle)
+    return Goal(problem, lambda values: whole.error(base + factor * values), a.angle)
 
 
-def _entry(found: Rational, goal: Goal) -> dict[str, Any]:
-    error = goal.error(np.asarray(found(goal.problem.x, goal.problem.y)))[goal.angle <= 85.0]
-    return {"numerator": found.numerator, "denominator": found.denominator, "residual": _residual(error)}
+def _entry(rational: Rational, goal: Goal) -> dict[str, Any]:
+    error = goal.error(np.asarray(rational(goal.problem.x, goal.problem.y)))[goal.angle <= 85.0]
+    return {"numerator": rational.numerator, "denominator": rational.denominator, "residual": _residual(error)}
 
 
 def _residual(error: Floats) -> dict[str, float]:
-    return {"largest": _rounded(float(error.max())), "rms": _rounded(float(np.sqrt(np.mean(error * error))))}
+    return {
+        "largest": _round_figures(float(error.max())),
+        "rms": _round_figures(float(np.sqrt(np.mean(error * error)))),
+    }
 
 
 def _summary(distances: Sequence[float]) -> dict[str, float]:
-    return {"largest": _rounded(max(distances)), "mean": _rounded(float(np.mean(distances)))}
+    return {"largest": _round_figures(max(distances)), "mean": _round_figures(float(np.mean(distances)))}
 
 
-def _rounded(value: float) -> float:
+def _round_figures(value: float) -> float:
     return float(f"{value:.3g}")
 
 
 def make_table() -> dict[str, Any]:
-    """Return the table."""
+    """Return the table of shapes and fits."""
     shapes = make_shapes()
     fits = make_fits(shapes)
     shapes["retro"] = retro_shape()
-    shapes["anisotropic"] = anisotropic_shape({name: found for name, (found, _) in fits.items()})
-    return {"shapes": shapes, "fits": {name: _entry(*each) for name, each in fits.items()}}
+    shapes["anisotropic"] = anisotropic_shape({name: rational for name, (rational, _) in fits.items()})
+    return {"shapes": shapes, "fits": {name: _entry(*fit_and_goal) for name, fit_and_goal in fits.items()}}
 
 
 def main() -> None:
-    """Write the table."""
+    """Write the table to its file."""
     text = json.dumps(make_table(), indent=1)
-    # One row of numbers a line.
+    # A line has one row of numbers.
     text = re.sub(r"\[[^][]+\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
     DATA.write_text(text + "\n")
 

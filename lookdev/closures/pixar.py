@@ -1,9 +1,10 @@
 """Closures of Cycles that stand for the lobes of Pixar's model (`lookdev.brdf.pixar`): highlights are fitted.
 
-A narrow sin-Gaussian is a Beckmann lobe with ``alpha^2 = 1 / power``; a wide one, which ends at the horizon, is mixed
-with GGX. A transmitted highlight is a refraction whose normal is the refracted view and whose index is so high that
-light leaves along the microfacet's normal, whatever the view. Mirrored directions are twice as far from their mean as
-half vectors in the plane of incidence, and less across it: alpha is twice as large, times the root of the cosine.
+A narrow sin-Gaussian is a Beckmann lobe with ``alpha^2 = 1 / power``. A wide one ends at the horizon; GGX is mixed in.
+
+A transmitted highlight is a refraction whose normal is the refracted view. Its index is so high that light leaves along
+the microfacet's normal for every view. In the plane of incidence, mirrored directions are twice as far from their mean
+as half vectors, and less across it: alpha is twice as large, times the root of the cosine.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
     else:
         ratio = fit("highlight")(relative, alpha)
-    # In the last half degree the fits are far off.
+    # In the last half degree before grazing, the fits are far off.
     ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
     typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
     fresnel = p["term"].weight(typical)
     mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, shape("highlight"))
-    return tuple(replace(each, weight=scale(fresnel, ratio * each.weight)) for each in mix)
+    return tuple(replace(closure, weight=scale(fresnel, ratio * closure.weight)) for closure in mix)
 
 
 def highlight_mix(
@@ -59,7 +60,7 @@ def highlight_mix(
 ) -> tuple[Closure, ...]:
     """Return the closures of a highlight with their shares, (...), as weights.
 
-    `shape` has the `start` and `slope` of GGX's share over alpha, and its `width` relative to Beckmann's.
+    `shape` has `start` and `slope` of GGX's share over alpha, and the `width` of GGX relative to Beckmann.
     """
     share = ggx_share(alpha, shape)
     kinds: tuple[Kind, Kind] = ("beckmann", "ggx")
@@ -69,8 +70,8 @@ def highlight_mix(
         frame, ior, kinds = Leaning(frame.from_local(view)), IOR, ("beckmann_refraction", "ggx_refraction")
     parts = (kinds[0], 1.0 - share, alpha), (kinds[1], share, shape["width"] * alpha)
     return tuple(
-        Closure(kind, part, np.minimum(a, 1.0), np.minimum(a, 1.0), frame, ior)
-        for kind, part, a in parts
+        Closure(kind, part, np.minimum(part_alpha, 1.0), np.minimum(part_alpha, 1.0), frame, ior)
+        for kind, part, part_alpha in parts
         if not same(part, 0.0)
     )
 

@@ -1,7 +1,7 @@
-"""Least squares for rationals, for `lookdev.closures.fitting`.
+"""Least squares for rational functions, for `lookdev.closures.fitting`.
 
-Levenberg-Marquardt with an analytic Jacobian, reweighted between rounds towards the smallest largest error (Lawson's
-algorithm). A step is taken only where the denominator is above a floor on the whole domain, so that there is no pole.
+Levenberg-Marquardt with an analytic Jacobian; between rounds, weights change towards the smallest largest error
+(Lawson's algorithm). A step is taken only if the denominator stays above a floor on the whole domain: no pole appears.
 """
 
 from __future__ import annotations
@@ -43,45 +43,48 @@ class Degree:
 
 
 def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Rational:
-    """Fit a rational: of all steps, the one with the smallest largest error."""
+    """Fit a rational: return the coefficients of the step whose largest error is the smallest."""
     above, below = numerator.terms(), denominator.terms()[1:]
-    n = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
-    d = _powers(below, problem.x, problem.y)
-    guard = _powers(below, *_box(problem))
+    numerator_terms = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
+    denominator_terms = _powers(below, problem.x, problem.y)
+    domain = _powers(below, *_box(problem))
     target = problem.target / problem.tolerance
     size = len(above)
-    c = np.concatenate([np.linalg.lstsq(n, target, rcond=None)[0], np.zeros(len(below))])
+    coefficients = np.concatenate([np.linalg.lstsq(numerator_terms, target, rcond=None)[0], np.zeros(len(below))])
     weight = np.ones_like(target)
-    best, smallest = c, np.inf
+    best_coefficients, smallest = coefficients, np.inf
     for _ in range(_ROUNDS):
         root, damping = np.sqrt(weight), 1e-3
         for _ in range(_STEPS):
-            q = 1.0 + d @ c[size:]
-            value = n @ c[:size] / q
+            q = 1.0 + denominator_terms @ coefficients[size:]
+            value = numerator_terms @ coefficients[:size] / q
             error = value - target
             if np.abs(error).max() < smallest:
-                best, smallest = c, float(np.abs(error).max())
-            jacobian = np.hstack([n, -value[:, None] * d]) * (root / q)[:, None]
+                best_coefficients, smallest = coefficients, float(np.abs(error).max())
+            jacobian = np.hstack([numerator_terms, -value[:, None] * denominator_terms]) * (root / q)[:, None]
             scale = np.sqrt((jacobian * jacobian).sum(axis=0)) + 1e-12
             loss = (weight * error * error).sum()
             for _ in range(_TRIES):
-                damped = np.vstack([jacobian / scale, np.sqrt(damping) * np.eye(len(c))])
-                step = np.linalg.lstsq(damped, np.append(-error * root, np.zeros(len(c))), rcond=None)[0] / scale
-                tried = c + step
-                q = 1.0 + d @ tried[size:]
-                moved = (weight * (n @ tried[:size] / q - target) ** 2).sum()
-                if moved < loss and (1.0 + guard @ tried[size:]).min() > _FLOOR:
+                damped = np.vstack([jacobian / scale, np.sqrt(damping) * np.eye(len(coefficients))])
+                step = (
+                    np.linalg.lstsq(damped, np.append(-error * root, np.zeros(len(coefficients))), rcond=None)[0]
+                    / scale
+                )
+                candidate = coefficients + step
+                q = 1.0 + denominator_terms @ candidate[size:]
+                reduced = (weight * (numerator_terms @ candidate[:size] / q - target) ** 2).sum()
+                if reduced < loss and (1.0 + domain @ candidate[size:]).min() > _FLOOR:
                     break
                 damping *= 4.0
             else:
                 break
-            c, damping = tried, max(damping / 6.0, 1e-9)
-            if loss - moved < 1e-4 * loss:
+            coefficients, damping = candidate, max(damping / 6.0, 1e-9)
+            if loss - reduced < 1e-4 * loss:
                 break
-        error = np.abs(n @ c[:size] / (1.0 + d @ c[size:]) - target)
+        error = np.abs(numerator_terms @ coefficients[:size] / (1.0 + denominator_terms @ coefficients[size:]) - target)
         weight = weight * (error / error.max() + 0.03)
         weight /= weight.mean()
-    top, bottom = best[:size], np.append(1.0, best[size:])
+    top, bottom = best_coefficients[:size], np.append(1.0, best_coefficients[size:])
     largest = np.abs(bottom).max()
     return Rational(_rows(above, top / largest), _rows(denominator.terms(), bottom / largest))
 

@@ -1,4 +1,4 @@
-"""Setups of the fits: lobes of the models seen from all angles, and the mixes of closures that stand for them."""
+"""Setups of the fits: lobes of the models from all views, and the mixes of closures that stand for them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _CELLS = (48, 32)
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Values at which lobes are measured: views and cones in degrees; `bends` are indices of refraction minus 1."""
+    """Values at which lobes are integrated: views and cones in degrees; `bends` are indices of refraction minus 1."""
 
     angles: Floats
     roughness: Floats
@@ -52,11 +52,13 @@ Shape = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A lobe seen from one angle, and the closures for it.
+    """A lobe at one view, and the closures that stand for it.
 
-    angle : degrees, of the view `wo`; `view` is `wo`, refracted where the lobe transmits.
-    width, alpha : the scale of the quadrature, of the narrowest lobe; the variable of the fit.
-    whole, weighted : the lobe where its Fresnel term is 1, and where it is Schlick's weight.
+    angle : degrees from the normal to the view `wo`.
+    view : `wo`, refracted if the lobe transmits.
+    width : the scale of the quadrature, that of the narrowest lobe.
+    alpha : the variable of the fit.
+    whole, weighted : the lobe with a Fresnel term of 1, and with one that is Schlick's weight.
     mix : closures, without the ratio that is fitted.
     """
 
@@ -72,7 +74,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Albedos:
-    """Setups as arrays (n,): directional albedos of the whole lobe and of the mix, and both with Schlick's weight."""
+    """Directional albedos of setups, (n,): of the whole lobe and of the mix, and of both with Schlick's weight."""
 
     angle: Floats
     cosine: Floats
@@ -85,7 +87,7 @@ class Albedos:
 
 
 def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
-    """Return setups of Disney's specular lobe, isotropic."""
+    """Return setups of a variant of Disney's isotropic specular lobe."""
     return [
         Setup(
             angle,
@@ -107,9 +109,9 @@ def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
     setups = []
     for angle in grid.angles:
         wo = view_at(angle)
-        for each in grid.gloss:
-            lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=each)
-            width = 0.1 + (0.001 - 0.1) * each
+        for gloss in grid.gloss:
+            lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=gloss)
+            width = 0.1 + (0.001 - 0.1) * gloss
             mix = coat_mix(width, shape)
             closures = [Closure("metal", 0.25 * share * ONE, alpha, alpha, f0=COAT_F0 * ONE) for share, alpha in mix]
             setups.append(Setup(angle, wo, wo, width, width, lobe, lobe, closures))
@@ -126,10 +128,10 @@ def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL)
             view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if bend else wo
         for cone in grid.cones:
             whole, weighted = (_highlight(cone, bend, normal, wo) for normal in (1.0, 0.0))
-            # 1 / sqrt(power).
+            # This is 1 / sqrt(power).
             alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
             mix = highlight_mix(np.array(alpha), view, Upright(), bend is not None, shape)
-            closures = [replace(each, weight=each.weight * ONE) for each in mix]
+            closures = [replace(closure, weight=closure.weight * ONE) for closure in mix]
             # A refraction is narrower than the lobe in the plane of incidence.
             width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
             setups.append(Setup(angle, wo, view, width, alpha, whole, weighted, closures))
@@ -137,48 +139,49 @@ def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL)
 
 
 def measure(setups: Sequence[Setup]) -> Albedos:
-    """Integrate the lobes and mixes of setups."""
+    """Integrate the lobes and mixes of setups over the light."""
     rows = []
-    for each in setups:
-        wi, weight = half_vector_grid(each.view, each.width, _CELLS)
-        values = setup_values(each, wi)
+    for setup in setups:
+        wi, weight = half_vector_grid(setup.view, setup.width, _CELLS)
+        values = setup_values(setup, wi)
         whole, weighted, mix = values @ weight
-        mix_weighted = (values[2] * schlick_weight(Directions.of(each.view, wi).cos_theta_d)) @ weight
-        if each.whole.transmits:
-            # A refraction is symmetric about its own normal, twice as wide as half vectors.
-            wi, weight = half_vector_grid(view_at(0.0), each.width, _CELLS)
-            light = -np.asarray(Leaning(each.view).from_local(wi))
-            mix = sum(closure_cosine(one, each.wo, light)[:, 0] for one in each.mix) @ weight
+        mix_weighted = (values[2] * schlick_weight(Directions.of(setup.view, wi).cos_theta_d)) @ weight
+        if setup.whole.transmits:
+            # A refraction is symmetric about its own normal, and twice as wide as half vectors.
+            wi, weight = half_vector_grid(view_at(0.0), setup.width, _CELLS)
+            light = -np.asarray(Leaning(setup.view).from_local(wi))
+            mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix) @ weight
         rows.append(
-            (each.angle, each.view[2], 1.0 - each.wo @ each.view, each.alpha, whole, weighted, mix, mix_weighted)
+            (setup.angle, setup.view[2], 1.0 - setup.wo @ setup.view, setup.alpha, whole, weighted, mix, mix_weighted)
         )
     return Albedos(*np.array(rows).T)
 
 
 def distance(setup: Setup) -> float:
-    """Return half the L1 distance of a mix from its lobe over directions of light, both normalised: 0 to 1."""
+    """Return half the L1 distance of a mix from its lobe over the light, both normalised: 0 to 1."""
     wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
     whole, _, mix = setup_values(setup, wi) * weight
     return float(0.5 * np.abs(whole / whole.sum() - mix / mix.sum()).sum())
 
 
 def setup_values(setup: Setup, wi: Floats) -> Floats:
-    """Return the whole lobe, the weighted one and the mix, (3, n), times the cosine, for reflected `wi`, (n, 3)."""
-    d = Directions.of(setup.wo, wi)
+    """Return the whole lobe, the weighted lobe and the mix, times the cosine, (3, n), for reflected `wi`, (n, 3)."""
+    directions = Directions.of(setup.wo, wi)
     light = np.asarray(mirrored(wi)) if setup.whole.transmits else wi
-    mix = sum(closure_cosine(each, setup.wo, light)[:, 0] for each in setup.mix)
-    lobes = (np.asarray(lobe.evaluate(d))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
+    mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix)
+    lobes = (np.asarray(lobe.evaluate(directions))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
     return np.stack([*lobes, np.asarray(mix)])
 
 
 def view_at(angle: float, azimuth: float = 0.0) -> Floats:
-    """Return a unit direction, (3,), from degrees off the normal and around it."""
+    """Return the unit direction, (3,), at an angle from the normal and an azimuth around it, in degrees."""
     theta, phi = np.radians(angle), np.radians(azimuth)
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
 
 
-def disney_lobe(name: str, wo: Floats, **given: object) -> Lobe:
-    lobes = MODELS["disney"].bsdf(complete_parameters("disney", given)).lobes(wo)
+def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
+    """Return a lobe of Disney's BRDF with these parameters, at the view `wo`, (3,)."""
+    lobes = MODELS["disney"].bsdf(complete_parameters("disney", parameters)).lobes(wo)
     return next(lobe for lobe in lobes if lobe.name == name)
 
 

@@ -82,8 +82,8 @@ def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
 
 def deviation(bsdf: Bsdf, wo: Floats) -> float:
     """Return the largest error of the closures' albedo on either side of the surface, relative to at least 0.1."""
-    wanted = integrate_albedo(bsdf, wo, CELLS).value
-    return float((np.abs(closures_albedo(bsdf, wo) - wanted) / np.maximum(wanted, 0.1)).max())
+    expected = integrate_albedo(bsdf, wo, CELLS).value
+    return float((np.abs(closures_albedo(bsdf, wo) - expected) / np.maximum(expected, 0.1)).max())
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -134,7 +134,7 @@ def test_the_shape_of_the_subsurface_term(roughness: float, angle: float, most: 
     lobe = disney_lobe("diffuse", wo, baseColor=ONE, roughness=roughness, subsurface=1.0)
     wi, weight = hemisphere_grid(64)
     model = lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2] * weight
-    closures = sum(closure_cosine(each, wo, wi)[:, 0] for each in lobe_closures(lobe, wo)) * weight
+    closures = sum(closure_cosine(closure, wo, wi)[:, 0] for closure in lobe_closures(lobe, wo)) * weight
     assert 0.5 * np.abs(model / model.sum() - closures / closures.sum()).sum() < most
 
 
@@ -147,9 +147,9 @@ def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: Kind, al
     d = np.exp(-t2 / alpha**2) / (np.pi * alpha**2 * cos4)
     if kind == "ggx":
         d = 1.0 / (np.pi * alpha**2 * cos4 * (1.0 + t2 / alpha**2) ** 2)
-    got = closure_cosine(Closure(kind, ONE, alpha, alpha), ZENITH, wi)
+    value = closure_cosine(Closure(kind, ONE, alpha, alpha), ZENITH, wi)
     # Smith's term: alpha^2 tan^2 / 4 at most.
-    np.testing.assert_allclose(got, d / 4.0, rtol=0.25 * alpha**2 * np.tan(2.0 * theta_h) ** 2 + 1e-12)
+    np.testing.assert_allclose(value, d / 4.0, rtol=0.25 * alpha**2 * np.tan(2.0 * theta_h) ** 2 + 1e-12)
 
 
 @pytest.mark.parametrize("kind", ["ggx_refraction", "beckmann_refraction"])
@@ -193,8 +193,8 @@ def test_metals_are_ggx_by_schlick() -> None:
     np.testing.assert_allclose(gold / ggx, 0.3 + 0.7 * (1.0 - cos_theta_d) ** 5, rtol=1e-12)
     # With an alpha of 1, D is 1 / pi, and G 2 cos_i cos_o / (cos_i + cos_o).
     sheen = closure_cosine(Closure("sheen", ONE), wo, wi)
-    wanted = (1.0 - cos_theta_d) ** 5 * wi[2] / (2.0 * np.pi * (wi[2] + wo[2]))
-    np.testing.assert_allclose(sheen, wanted, rtol=1e-12)
+    expected = (1.0 - cos_theta_d) ** 5 * wi[2] / (2.0 * np.pi * (wi[2] + wo[2]))
+    np.testing.assert_allclose(sheen, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
@@ -202,8 +202,8 @@ def test_metals_are_ggx_by_schlick() -> None:
 def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
     lobe = disney_lobe("diffuse", view(angle), roughness=roughness, baseColor=ONE)
     wi, weight = hemisphere_grid(32)
-    wanted = weight @ (lobe.evaluate(Directions.of(view(angle), wi))[:, 0] * wi[:, 2])
-    np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), wanted, rtol=1e-12)
+    expected = weight @ (lobe.evaluate(Directions.of(view(angle), wi))[:, 0] * wi[:, 2])
+    np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), expected, rtol=1e-12)
 
 
 def look_of(file: Path) -> Look:
@@ -228,11 +228,11 @@ def test_the_albedo_of_every_look(file: Path) -> None:
 @pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
 def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float) -> None:
     views = [view(angle, np.radians(azimuth)) for angle in (0.0, 20.0, 40.0, 60.0, 70.0, 75.0, 80.0, 83.0, 85.0)]
-    found = {
+    deviations = {
         file.stem: max(deviation(bsdf, wo) for bsdf in bsdfs_of(look_of(file), 3) for wo in views)
         for file in (*PRESETS, *LOOKS)
     }
-    assert {name: value for name, value in found.items() if value > TOLERANCE} == {}
+    assert {name: value for name, value in deviations.items() if value > TOLERANCE} == {}
 
 
 ISOTROPIC = [variant for variant in VARIANTS if variant[0] in STOOD_IN and "options" not in variant[1]]
@@ -247,26 +247,26 @@ def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, s
         parameters["ior"] = np.clip(parameters["ior"], 1.0, 2.5)
         # As of metals. Without absorption, total reflection begins at a single angle.
         parameters["k"] = np.maximum(parameters["k"], 2.0)
-    found = []
+    deviations = []
     for index in range(count):
-        at = {name: value if isinstance(value, str) else value[index] for name, value in parameters.items()}
-        found.append(max(deviation(MODELS[model].bsdf(at), view(angle)) for angle in (20.0, 70.0, 85.0)))
+        point = {name: value if isinstance(value, str) else value[index] for name, value in parameters.items()}
+        deviations.append(max(deviation(MODELS[model].bsdf(point), view(angle)) for angle in (20.0, 70.0, 85.0)))
     # Of Pixar's exact metals, the error is 1.6 % at 85 degrees.
     most = 0.016 if model == "pixar" and tokens["fresnel"] == CONDUCTOR else TOLERANCE
     # The error of wide cones of a bent view is 2 %.
-    assert np.sum(np.array(found) > most) <= 1
-    assert max(found) <= 0.03
+    assert np.sum(np.array(deviations) > most) <= 1
+    assert max(deviations) <= 0.03
 
 
 def test_weights_stay_bounded_however_a_view_grazes() -> None:
     rng = np.random.default_rng(5)
     for model in STOOD_IN:
-        given = random_parameters(rng, model, {}, 50)
+        parameters = random_parameters(rng, model, {}, 50)
         if model == "pixar":
-            given |= {name: np.ones(50) for name in given if name.endswith("Scale") and "Cone" not in name}
+            parameters |= {name: np.ones(50) for name in parameters if name.endswith("Scale") and "Cone" not in name}
         for angle in (85.0, 89.0, 89.9, 89.99, 89.9999):
             wo = np.broadcast_to(view(angle), (50, 3))
-            lobes = MODELS[model].bsdf(given).lobes(wo)
+            lobes = MODELS[model].bsdf(parameters).lobes(wo)
             for name, closure in ((lobe.name, closure) for lobe in lobes for closure in lobe_closures(lobe, wo)):
                 # The weight of sheen is up to its tint, the inverse of the luminance of a pure blue.
                 most = {"sheen": 80.0, "metal": 1.0}.get(closure.kind, 2.5)
@@ -281,5 +281,5 @@ def test_the_closures_of_a_blend_are_weighted_by_the_mask() -> None:
     alone = [stack_bsdf([layer]) for layer in layers]
     blend = stack_bsdf([layers[0], StackLayer("pixar", layers[1].parameters, mask=0.3)])
     wo = view(50.0)
-    wanted = 0.7 * closures_albedo(alone[0], wo) + 0.3 * closures_albedo(alone[1], wo)
-    np.testing.assert_allclose(closures_albedo(blend, wo), wanted, rtol=1e-12)
+    expected = 0.7 * closures_albedo(alone[0], wo) + 0.3 * closures_albedo(alone[1], wo)
+    np.testing.assert_allclose(closures_albedo(blend, wo), expected, rtol=1e-12)

@@ -25,30 +25,30 @@ DOMAINS = {"highlight": HIGHLIGHTS, "highlight_cosine": HIGHLIGHTS, "transmitted
 
 
 def test_a_rational_is_recovered() -> None:
-    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 9)))
-    wanted = Rational([[1.0, -0.5], [0.25]], [[1.0, 0.8], [0.6]])
-    problem = Problem(x, y, wanted(x, y), np.full(x.size, 0.01))
-    found = fit_rational(problem, Degree(1, 1, 1), Degree(1, 1, 1))
-    np.testing.assert_allclose(found(x, y), wanted(x, y), rtol=1e-6)
+    x, y = (values.ravel() for values in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 9)))
+    expected = Rational([[1.0, -0.5], [0.25]], [[1.0, 0.8], [0.6]])
+    problem = Problem(x, y, expected(x, y), np.full(x.size, 0.01))
+    fitted = fit_rational(problem, Degree(1, 1, 1), Degree(1, 1, 1))
+    np.testing.assert_allclose(fitted(x, y), expected(x, y), rtol=1e-6)
 
 
 def test_a_step_never_crosses_a_pole() -> None:
     # 1 / (x - 0.5) would fit the target; its pole is within.
     x = np.linspace(0.0, 1.0, 50)
     problem = Problem(x, np.zeros_like(x), 1.0 / (x - 0.5), np.ones_like(x))
-    found = fit_rational(problem, Degree(1, 0, 1), Degree(1, 0, 1))
-    bottom = polynomial(found.denominator, x, 0.0)
-    assert bottom.min() > 0.0 or bottom.max() < 0.0
+    fitted = fit_rational(problem, Degree(1, 0, 1), Degree(1, 0, 1))
+    denominator = polynomial(fitted.denominator, x, 0.0)
+    assert denominator.min() > 0.0 or denominator.max() < 0.0
 
 
 @pytest.mark.parametrize("name", FITS)
 def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
     x, y = np.meshgrid(ANY, DOMAINS.get(name, np.maximum(ANY, 0.001)))
-    seen = fit(name)
-    wide, narrow = seen(x, y), seen(x.astype(np.float32), y.astype(np.float32))
+    rational = fit(name)
+    wide, narrow = rational(x, y), rational(x.astype(np.float32), y.astype(np.float32))
     assert np.isfinite(wide).all()
-    bottom = polynomial(seen.denominator, x, y)
-    assert (bottom > 0.0).all()
+    denominator = polynomial(rational.denominator, x, y)
+    assert (denominator > 0.0).all()
     assert narrow.dtype == np.float32
     # A tenth of the error of the fits.
     inside = x >= np.cos(np.radians(85.0))
@@ -58,9 +58,9 @@ def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
 @pytest.fixture(scope="module")
 def goals() -> dict[str, Goal]:
     """Return the goals of the fits of the file, at a few points."""
-    few = Grid(FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]])
-    made = make_fits(table()["shapes"], few, known=fit)
-    return {name: goal for name, (_, goal) in made.items()}
+    grid = Grid(FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]])
+    fits = make_fits(table()["shapes"], grid, load_fit=fit)
+    return {name: goal for name, (_, goal) in fits.items()}
 
 
 @pytest.mark.parametrize("name", FITS)
@@ -86,26 +86,26 @@ def test_the_distances_of_the_table_are_those_of_its_shapes(
     name: str, setups: Callable[[Mapping[str, Any], Grid], list[Setup]]
 ) -> None:
     shape = table()["shapes"][name]
-    few = replace(FULL, angles=np.array([0.0, 50.0]), gloss=np.array([0.0, 1.0]), cones=np.array([1.0, 10.0, 35.0]))
-    distances = [distance(each) for each in setups(shape, grid=few)]
+    grid = replace(FULL, angles=np.array([0.0, 50.0]), gloss=np.array([0.0, 1.0]), cones=np.array([1.0, 10.0, 35.0]))
+    distances = [distance(setup) for setup in setups(shape, grid=grid)]
     assert max(distances) <= 1.001 * shape["distance"]["largest"]
     assert 0.3 * shape["distance"]["mean"] <= np.mean(distances) <= 3.0 * shape["distance"]["mean"]
 
 
 @pytest.mark.proof
 def test_the_script_makes_the_table_again() -> None:
-    made = make_table()
-    assert made["shapes"] == table()["shapes"]
-    for name, entry in made["fits"].items():
+    new = make_table()
+    assert new["shapes"] == table()["shapes"]
+    for name, entry in new["fits"].items():
         # Coefficients differ by the rounding of the linear algebra library.
         np.testing.assert_allclose(entry["residual"]["rms"], FITS[name]["residual"]["rms"], rtol=0.1)
 
 
 def test_the_reflectance_is_that_of_the_script() -> None:
-    for name, made in make_reflectance().items():
-        kept = REFLECTANCE[name]
-        assert made["residual"]["largest"] == pytest.approx(kept["residual"]["largest"], rel=0.02)
+    for name, new in make_reflectance().items():
+        stored_entry = REFLECTANCE[name]
+        assert new["residual"]["largest"] == pytest.approx(stored_entry["residual"]["largest"], rel=0.02)
         x, y = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.001, 1.0, 33))
-        stored, again = (Rational(entry["numerator"], entry["denominator"])(x, y) for entry in (kept, made))
+        stored, again = (Rational(entry["numerator"], entry["denominator"])(x, y) for entry in (stored_entry, new))
         assert np.isfinite(np.asarray(stored)).all()
         np.testing.assert_allclose(stored, again, atol=1e-4, err_msg=name)

@@ -15,7 +15,7 @@ from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.mixture import evaluate_cosine
 from lookdev.codegen import TANGENT, Source
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.trace.azimuth import reads_tangent
+from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import symbol, symbols
@@ -56,7 +56,7 @@ def test_a_traced_model_needs_a_tangent_where_turning_it_shows(model: str, token
     for number in range(draws):
         values = one_point(rng, model, tokens, 0.3 * (number % 2))
         graph, bsdf = Graph(), MODELS[model].bsdf(values)
-        found.append((reads_tangent(graph, present_lobes(graph, bsdf)), changes(bsdf, rng)))
+        found.append((depends_on_tangent(graph, present_lobes(graph, bsdf)), changes(bsdf, rng)))
     needed, seen = np.array(found).T
     # Lobes too faint or too narrow for the random directions keep their tangent; nothing that is seen loses it.
     assert not (seen & ~needed).any()
@@ -92,11 +92,11 @@ def test_a_parameter_that_varies_is_taken_for_any_value(model: str, tokens: dict
                 values[name] = symbol(graph, name)
             case _:
                 values[name] = symbols(graph, [f"{name}{i}" for i in range(3)])
-    directed = reads_tangent(graph, present_lobes(graph, MODELS[model].bsdf(values)))
+    directed = depends_on_tangent(graph, present_lobes(graph, MODELS[model].bsdf(values)))
     assert directed == (model in ISOTROPIC)
     if directed:
         values |= ISOTROPIC[model](values)
-        assert not reads_tangent(graph, present_lobes(graph, MODELS[model].bsdf(values)))
+        assert not depends_on_tangent(graph, present_lobes(graph, MODELS[model].bsdf(values)))
 
 
 def disney(mask: Any = 1.0, **inputs: Any) -> Layer:

@@ -12,7 +12,7 @@ from lookdev.brdf.lobes import Delta, Directions
 from lookdev.brdf.table import Table, look_up
 from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, depends_on, in_order, reachable
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, dependent_nodes, post_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, present_deltas, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
@@ -97,16 +97,16 @@ def test_a_node_depends_on_the_symbols_under_it_alone(graph: Graph) -> None:
     a, b = graph.symbol("a"), graph.symbol("b")
     first, second = graph.apply("sin", a), graph.apply("sin", b)
     both = graph.apply("add", first, second)
-    assert depends_on([both], frozenset({"a"})) == {a, first, both}
+    assert dependent_nodes([both], frozenset({"a"})) == {a, first, both}
 
 
 def test_nodes_come_once_and_after_their_operands(graph: Graph) -> None:
     a = graph.symbol("a")
     sine, cosine = graph.apply("sin", a), graph.apply("cos", a)
     both = graph.apply("add", sine, cosine)
-    assert list(in_order([sine, both, 1.0, a])) == [a, sine, cosine, both]
-    assert list(in_order([both], stop=lambda node: node is sine)) == [a, cosine, both]
-    assert list(in_order([both], stop=lambda node: node is both)) == []
+    assert list(post_order([sine, both, 1.0, a])) == [a, sine, cosine, both]
+    assert list(post_order([both], stop=lambda node: node is sine)) == [a, cosine, both]
+    assert list(post_order([both], stop=lambda node: node is both)) == []
     assert reachable([both, a, a]).keys() == {both, cosine, a, sine}
     assert reachable([both], stop=[sine, cosine]).keys() == {both, sine, cosine}
 

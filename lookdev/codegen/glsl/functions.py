@@ -16,7 +16,7 @@ import numpy as np
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table
 from lookdev.codegen.points import PointLayer, point_bsdf
-from lookdev.codegen.program.written import Written
+from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import Operation
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
@@ -127,7 +127,7 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
     graph = Graph()
     bsdf = point_bsdf(graph, layers)
     lobes = present_lobes(graph, bsdf)
-    mixture, written = Mixture(lobes, symbols(graph, WO)), Written()
+    mixture, written = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
     drawn = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))

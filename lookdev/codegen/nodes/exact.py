@@ -22,7 +22,7 @@ from lookdev.codegen.nodes.frame import add_frame, frame_tree
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import add_lift
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
-from lookdev.codegen.trace.azimuth import reads_tangent
+from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph, Node, reachable
 from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -73,7 +73,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder = TreeBuilder(look.name)
     roots = [elements_of(each) for each in (weight, world, lifted)]
     names = [str(node.args[0]) for node in reachable([each for root in roots for each in root]) if node.op == "symbol"]
-    directed = reads_tangent(graph, lobes)
+    directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
     frame = add_frame(builder)
     for name, link in (("t", frame.tangent), ("b", frame.bitangent), ("n", frame.normal)):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from typing import Any, TypeAlias
 
-from lookdev.codegen.trace.graph import Node, in_order
+from lookdev.codegen.trace.graph import Node, post_order
 from lookdev.codegen.trace.vectors import is_inverse_root
 from lookdev.errors import CodegenError
 
@@ -85,7 +85,7 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
 
 def depth_of(value: Any, depths: dict[Node, int]) -> None:
     """Add the depths, in operations, of a node and of all that it needs to `depths`."""
-    for node in in_order([value], stop=lambda each: each in depths):
+    for node in post_order([value], stop=lambda each: each in depths):
         depths[node] = 1 + max((depths[each] for each in node.operands()), default=0)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf.table import Table
-from lookdev.codegen.trace.graph import Node, Scalar, Uniform, in_order, reachable
+from lookdev.codegen.trace.graph import Node, Scalar, Uniform, post_order, reachable
 from lookdev.errors import CodegenError
 
 CODE: dict[str, str] = {
@@ -153,7 +153,7 @@ class Block:
                 return literal(part)
             return self.named.get(part) or inline[part]
 
-        for node in in_order([value], stop=lambda node: node in self.named):
+        for node in post_order([value], stop=lambda node: node in self.named):
             if node.op == "symbol":
                 inline[node] = self._spell(str(node.args[0]))
                 continue

@@ -25,7 +25,7 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import scale
 from lookdev.codegen.osl.block import Block, Spell, bare, by_name
 from lookdev.codegen.source import LOBE_GROUPS
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, dependent_nodes, post_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
@@ -182,7 +182,7 @@ def emit_brdf(
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.evaluated(), *lobe.wi, lobe.below)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
-    varying = depends_on(values, VARYING)
+    varying = dependent_nodes(values, VARYING)
     invariant = _frontier(values, varying)
 
     setup = Block("s", indent=1, spell=spell)
@@ -245,7 +245,7 @@ def _delta_group(delta: Delta) -> str:
 def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
     """Return the nodes to compute once a shading point: invariant operands of varying nodes, in a stable order."""
     roots = [value for value in values if isinstance(value, Node)]
-    operands = [operand for node in in_order(roots, lambda node: node not in varying) for operand in node.operands()]
+    operands = [operand for node in post_order(roots, lambda node: node not in varying) for operand in node.operands()]
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 

@@ -30,7 +30,7 @@ from lookdev.codegen.source import (
     TANGENT_BINDING,
     ShaderSource,
 )
-from lookdev.codegen.trace.azimuth import reads_tangent
+from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
@@ -118,7 +118,7 @@ def generate_surface(
     )
     passes = any(delta.transmits for delta in deltas)
     groups = tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))
-    directed = reads_tangent(graph, lobes)
+    directed = depends_on_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
     emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]

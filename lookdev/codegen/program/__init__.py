@@ -1,1 +1,1 @@
-"""Traced graphs as programs: lists of operations, plain data for targets that need no text of a look's own."""
+"""Traced graphs as programs: lists of operations, plain data for targets that compile no text for a look."""

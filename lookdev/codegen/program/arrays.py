@@ -1,7 +1,7 @@
-"""A traced BSDF run on NumPy's arrays: the folded graph in float64, faster than the model that it was traced from.
+"""A traced BSDF evaluated on NumPy's arrays: the folded graph in float64, faster than the model that was traced.
 
-Constants are folded, equal expressions computed once, and what does not depend on the directions once a call. For an
-editor, numbers stay symbols, and one trace serves all their values.
+Constants are folded. Equal expressions are computed once, and expressions that do not depend on directions once a call.
+For an editor, numbers stay symbols, and one trace serves all their values.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table, look_up
 from lookdev.brdf.vectors import TINY, scale
-from lookdev.codegen.program.written import Written
+from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
@@ -28,7 +28,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbols
 Floats = NDArray[np.float64]
 
 PART = 4096
-"""Pairs of directions at once: an array of so many numbers has 32 KiB, so that a program's arrays stay in a cache."""
+"""Pairs of directions at once: an array of 4096 numbers has 32 KiB, so that a program's arrays stay in a cache."""
 
 
 _ZENITH = np.array([[0.0], [0.0], [1.0]])
@@ -42,7 +42,7 @@ def threads() -> ThreadPoolExecutor:
 
 @dataclass(frozen=True)
 class _Step:
-    """An operation: the places of its operands and result, and the places that nothing after it reads."""
+    """An operation: the numbers of its operands and its result, and of the values that no later step reads."""
 
     run: Callable[..., Any]
     operands: tuple[int, ...]
@@ -52,7 +52,11 @@ class _Step:
 
 @dataclass(frozen=True)
 class Compiled:
-    """f of a stack of layers as a program over directions, by the numbers that are its symbols."""
+    """f of a stack of layers as a program: steps that run once, and steps that run for each pair of directions.
+
+    Values have numbers. `constants` are values by number; `symbols` are numbers of symbols by name; `result` are the
+    numbers of the three channels of f.
+    """
 
     once: tuple[_Step, ...]
     each: tuple[_Step, ...]
@@ -62,11 +66,14 @@ class Compiled:
     two_sided: bool
 
     def f(self, wo: Floats, wi: Floats, numbers: Mapping[str, float]) -> Floats:
-        """Return f (n, 3) as `lookdev.brdf.evaluate` of the layers with these numbers, for directions (n, 3)."""
-        held = {**self.constants, **{place: numbers[name] for name, place in self.symbols.items() if name in numbers}}
+        """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does for layers with these parameters."""
+        values_once = {
+            **self.constants,
+            **{place: numbers[name] for name, place in self.symbols.items() if name in numbers},
+        }
         for step in self.once:
-            held[step.place] = step.run(*(held[each] for each in step.operands))
-        # What is not read has a place of its own.
+            values_once[step.place] = step.run(*(values_once[place] for place in step.operands))
+        # Components that the program does not read get unused numbers.
         places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
 
@@ -76,17 +83,17 @@ class Compiled:
             if self.two_sided:
                 columns *= np.where(columns[2] < 0.0, -1.0, 1.0)
             above = columns[2] > 0.0
-            seen = bool(above.all())
-            if not seen:
+            all_above = bool(above.all())
+            if not all_above:
                 columns[:3, ~above] = _ZENITH
-            values = {**held, **dict(zip(places, columns, strict=True))}
+            values = {**values_once, **dict(zip(places, columns, strict=True))}
             for step in self.each:
-                values[step.place] = step.run(*(values[each] for each in step.operands))
-                for each in step.dead:
-                    del values[each]
+                values[step.place] = step.run(*(values[place] for place in step.operands))
+                for place in step.dead:
+                    del values[place]
             for channel, place in enumerate(self.result):
                 out[part, channel] = values[place]
-            if not seen:
+            if not all_above:
                 out[part][~above] = 0.0
 
         starts = range(0, len(wo), PART)
@@ -98,66 +105,72 @@ class Compiled:
         return out
 
 
-def compile_layers(make: Callable[[Graph], Sequence[StackLayer]]) -> Compiled:
-    """Trace layers of a graph, base first, whose numbers are constants or symbols; a CodegenError as of the trace."""
+def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Compiled:
+    """Trace and compile layers, base first, whose parameters are constants or symbols of the graph.
+
+    Raises
+    ------
+    CodegenError
+        The layers cannot be traced.
+    """
     graph = Graph()
-    bsdf = stack_bsdf(make(graph))
+    bsdf = stack_bsdf(make_layers(graph))
     mixture = Mixture(continuous_lobes(graph, bsdf), symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2])
     wi = symbols(graph, WI)
     cosine, total = np.abs(wi[..., 2]), np.zeros(3)
     for term in mixture.terms(wi):
-        # As in `lookdev.brdf.evaluate`: the quotient first.
+        # As in `lookdev.brdf.evaluate`, the quotient is computed first.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(term.valid, ratio, 0.0))
-    written = Written()
-    written.add("f", elements_of(total))
-    return _program(written, bsdf.two_sided)
+    writer = ProgramWriter()
+    writer.add("f", elements_of(total))
+    return _compile_program(writer, bsdf.two_sided)
 
 
-def _program(written: Written, two_sided: bool) -> Compiled:
-    directed: set[int] = set()
+def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
+    varying: set[int] = set()
     constants: dict[int, Any] = {}
     names: dict[str, int] = {}
     once: list[_Step] = []
-    each: list[_Step] = []
-    for number, operation in enumerate(written.operations):
+    per_pair: list[_Step] = []
+    for number, operation in enumerate(writer.operations):
         match operation.op:
             case "symbol":
                 names[operation.name] = number
-                directed |= {number} if operation.name in (*WO, *WI) else set()
+                varying |= {number} if operation.name in (*WO, *WI) else set()
             case "constant":
                 constants[number] = operation.value
             case "truth":
                 constants[number] = bool(operation.value)
             case "uniform":
-                constants[number] = written.constants[operation.place]
+                constants[number] = writer.constants[operation.place]
             case _:
-                if varies := bool(directed.intersection(operation.operands)):
-                    directed.add(number)
+                if is_varying := bool(varying.intersection(operation.operands)):
+                    varying.add(number)
                 run = (
-                    _looked_up(written.tables[operation.place], operation.name)
+                    _look_up_function(writer.tables[operation.place], operation.name)
                     if operation.op == "look_up"
                     else getattr(np, operation.op)
                 )
-                (each if varies else once).append(_Step(run, operation.operands, number))
-    result = written.outputs["f"]
+                (per_pair if is_varying else once).append(_Step(run, operation.operands, number))
+    result = writer.outputs["f"]
     return Compiled(
-        tuple(once), _freeing(each, {*result, *constants, *names.values()}), constants, names, result, two_sided
+        tuple(once), _mark_dead(per_pair, {*result, *constants, *names.values()}), constants, names, result, two_sided
     )
 
 
-def _freeing(steps: Sequence[_Step], kept: set[int]) -> tuple[_Step, ...]:
-    """Return the steps with the places of theirs that are dead after each."""
-    mine = {step.place for step in steps} - kept
-    found: list[_Step] = []
+def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
+    """Return the steps, each with the results that no later step reads; values in `live` are never dead."""
+    unread = {step.place for step in steps} - live
+    steps_from_last: list[_Step] = []
     for step in reversed(steps):
-        dead = mine.intersection((*step.operands, step.place))
-        mine -= dead
-        found.append(_Step(step.run, step.operands, step.place, tuple(dead)))
-    return tuple(reversed(found))
+        dead = unread.intersection((*step.operands, step.place))
+        unread -= dead
+        steps_from_last.append(_Step(step.run, step.operands, step.place, tuple(dead)))
+    return tuple(reversed(steps_from_last))
 
 
-def _looked_up(table: Table, channel: str) -> Callable[[Any, Any], Any]:
-    one = table if channel == "" else Table(table.values[..., int(channel)])
-    return lambda row, column: look_up(one, np.asarray(row), np.asarray(column))
+def _look_up_function(table: Table, channel: str) -> Callable[[Any, Any], Any]:
+    channel_table = table if channel == "" else Table(table.values[..., int(channel)])
+    return lambda row, column: look_up(channel_table, np.asarray(row), np.asarray(column))

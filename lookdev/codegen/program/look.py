@@ -1,4 +1,4 @@
-"""A look as a program: the traced graph, node by node, without a text between it and the renderer's own compiler.
+"""A look as a program: the traced graph, node by node; the renderer's compiler reads it without a text in between.
 
 - Jakob, W., Speierer, S., Roussel, N. and Vicini, D. 2022. Dr.Jit: A Just-In-Time Compiler for Differentiable
   Rendering. ACM Transactions on Graphics 41(4).
@@ -22,9 +22,9 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import scale
 from lookdev.cache import Content, derived
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.program.written import Written
+from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
-from lookdev.codegen.trace.azimuth import reads_tangent
+from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.slopes import slopes
@@ -51,36 +51,48 @@ def generate_program(
 ) -> ProgramSource:
     """Generate the program of a look.
 
-    Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
-    texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
-    directions; `features` adds what guides a denoiser. `space` is that of the light.
+    Constants are folded and named, so that looks that differ in numbers alone share one program. For inputs of
+    `lookdev.material.change.live_look`, the program has derivatives.
 
-    Constants that are `live`, by their layer's number from the base and their parameter (or ``"mask"``), do not fold:
-    they are symbols by their `live_name`, three with ``[0]`` to ``[2]`` behind it. An editor changes them while the
-    program stays. By inputs of `lookdev.material.change.live_look`, the program has derivatives.
+    Parameters
+    ----------
+    resolve
+        Returns the linear EXR file of a texture, or the file of the slopes of a height map.
+    shadows
+        Whether rays are traced along directions.
+    features
+        Whether the program has outputs that guide a denoiser.
+    space
+        The colour space of the light.
+    live
+        Which constants do not fold, from the number of their layer, counted from the base, and their parameter or
+        ``"mask"``. They are symbols named by `live_name`; a colour is three symbols, with ``[0]`` to ``[2]`` appended.
+        An editor changes their values while the program stays the same.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    bsdf = stack_bsdf([_of_look(graph, *each, live) for each in enumerate(look_layers(look, inputs))])
+    bsdf = stack_bsdf(
+        [_trace_constants(graph, number, layer, live) for number, layer in enumerate(look_layers(look, inputs))]
+    )
     if space != REC709:
         bsdf = bsdf.converted(from_rec709(space))
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, Node) or presence < 1.0
     mixture = Mixture(lobes, symbols(graph, WO))
-    # The shading frame is bent until the viewer is above its horizon. Lobes may be absent at some points: no branch
-    # leaves their code out.
+    # The shading frame is bent until the viewer is above its horizon. Shares are not assumed positive: lobes may be
+    # absent at some points, and no branch leaves out their code.
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Any] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
     parts = _parts(mixture, symbols(graph, WI))
     outputs["diffuse"] = sum((diffuse for _, diffuse in parts.values()), np.zeros(3))
-    for group, (of_group, diffuse) in parts.items():
-        outputs[f"of_{group}"] = [*elements_of(of_group), *elements_of(diffuse)]
+    for group, (group_value, diffuse) in parts.items():
+        outputs[f"of_{group}"] = [*elements_of(group_value), *elements_of(diffuse)]
     for number, delta in enumerate(deltas):
-        place = float(LOBE_GROUPS.index("transmission" if delta.transmits else "specular"))
-        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value), place]
+        group_number = float(LOBE_GROUPS.index("transmission" if delta.transmits else "specular"))
+        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value), group_number]
     present = {*parts, *("transmission" if delta.transmits else "specular" for delta in deltas)}
     if see_through:
         outputs["presence"] = bsdf.presence
@@ -90,22 +102,22 @@ def generate_program(
             albedo = albedo + delta.value
         outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
     outputs |= _slopes(graph, look.name, inputs, outputs)
-    directed = reads_tangent(graph, lobes)
-    written = Written()
+    directed = depends_on_tangent(graph, lobes)
+    writer = ProgramWriter()
     for name, result in outputs.items():
-        written.add(name, elements_of(result))
-    attributes = inputs.read_by(written.symbols)
-    leaning = any(each.attribute == HANDEDNESS for each in attributes)
-    for name, result in _frame(graph, directed, leaning).items():
-        written.add(name, elements_of(result))
+        writer.add(name, elements_of(result))
+    attributes = inputs.read_by(writer.symbols)
+    leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
+    for name, result in _frame_outputs(graph, directed, leaning).items():
+        writer.add(name, elements_of(result))
     attributes += [TANGENT_BINDING] * directed
-    look_ups = tuple(_image(inputs, name) for name in inputs.looked_up_by(written.symbols))
-    tables = tuple(_content(table) for table in written.tables)
-    made = ProgramSource(
+    look_ups = tuple(_image_binding(inputs, name) for name in inputs.looked_up_by(writer.symbols))
+    tables = tuple(_store_table(table) for table in writer.tables)
+    source = ProgramSource(
         look.name,
-        tuple(written.operations),
-        written.outputs,
-        tuple(written.constants),
+        tuple(writer.operations),
+        writer.outputs,
+        tuple(writer.constants),
         look_ups,
         tuple(attributes),
         tables,
@@ -117,66 +129,68 @@ def generate_program(
         shadows=shadows,
         recorded=tuple(group for group in LOBE_GROUPS if group in present),
     )
-    digest = hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest()
-    return replace(made, digest=digest, folded=folded_lobes(graph, bsdf))
+    digest = hashlib.sha256(repr(replace(source, name="")).encode()).hexdigest()
+    return replace(source, digest=digest, folded=folded_lobes(graph, bsdf))
 
 
 def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
-    """Return the value of the lobes of each group for light from `wi`, and the part of diffuse lobes."""
+    """Return, by group, the value of its lobes for light from `wi`, and the part of that from diffuse lobes."""
     parts: dict[str, tuple[Any, Any]] = {}
     for term in mixture.terms(wi):
         whole: Any = term.value
-        found: dict[str, Any] = {}
+        parts_of_lobe: dict[str, Any] = {}
         if not term.lobe.transmits:
             for name, evaluate in term.lobe.parts.items():
                 part = replace(term, f=scale(evaluate(term.directions), term.lobe.weight)).value
-                if any(isinstance(each, Node) or each > 0.0 for each in elements_of(part)):
-                    found[name] = part
-        rest = whole - sum(found.values()) if found else whole
-        for group, part in {**found, "transmission" if term.lobe.transmits else term.lobe.group: rest}.items():
+                if any(isinstance(element, Node) or element > 0.0 for element in elements_of(part)):
+                    parts_of_lobe[name] = part
+        rest = whole - sum(parts_of_lobe.values()) if parts_of_lobe else whole
+        for group, part in {**parts_of_lobe, "transmission" if term.lobe.transmits else term.lobe.group: rest}.items():
             value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
             parts[group] = value + part, diffuse + (part if term.lobe.group == "diffuse" else np.zeros(3))
     return parts
 
 
 def stated(look: Look) -> Live:
-    """Return which constants of a look may be live: those that its layers state, if all are of our own models."""
+    """Return which constants of a look can be live: those that its layers state, if all models are in `MODELS`."""
     given = [{name for name, each in layer.inputs.items() if isinstance(each, float | tuple)} for layer in look.layers]
     ours = all(layer.model in MODELS for layer in look.layers)
     return lambda number, name: ours and name in given[number]
 
 
 def live_name(layer: int, parameter: str) -> str:
-    """Return the symbol of a parameter of a layer."""
+    """Return the name of the symbol of a layer's parameter."""
     return f"layer{layer}_{parameter}"
 
 
 def live_numbers(look: Look, live: Live) -> Mapping[str, tuple[float, ...]]:
-    """Return the constants of a look that are live, by their names."""
-    layers = look_layers(look, Inputs(Graph(), _unopened))
-    given = {(k, name): each for k, layer in enumerate(layers) for name, each in _values(layer).items()}
-    constants = {key: np.asarray(each) for key, each in given.items() if isinstance(each, _CONSTANT) and live(*key)}
-    return {live_name(*key): tuple(map(float, each.ravel())) for key, each in constants.items()}
+    """Return the values of the live constants of a look, by `live_name`."""
+    layers = look_layers(look, Inputs(Graph(), _open_no_image))
+    values = {(k, name): value for k, layer in enumerate(layers) for name, value in _values(layer).items()}
+    constants = {key: np.asarray(value) for key, value in values.items() if isinstance(value, _CONSTANT) and live(*key)}
+    return {live_name(*key): tuple(map(float, value.ravel())) for key, value in constants.items()}
 
 
-def _of_look(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackLayer:
-    """Return a layer, its constants as uniforms or as symbols."""
+def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackLayer:
+    """Return a layer whose constants are uniforms, or symbols where they are live."""
 
-    def traced(name: str, value: Any) -> Any:
+    def trace(name: str, value: Any) -> Any:
         if not isinstance(value, _CONSTANT):
             return value
         if not live(number, name):
             return uniforms(graph, value)
-        place = live_name(number, name)
-        return symbols(graph, [f"{place}[{i}]" for i in range(3)]) if np.ndim(value) else symbol(graph, place)
+        symbol_name = live_name(number, name)
+        return (
+            symbols(graph, [f"{symbol_name}[{i}]" for i in range(3)]) if np.ndim(value) else symbol(graph, symbol_name)
+        )
 
-    found: dict[int, Any] = {}
-    for name, value in (given := _values(layer)).items():
-        # By identity: a parameter that follows another has the same object.
-        if id(value) not in found:
-            found[id(value)] = traced(name, value)
-    parameters = {name: found[id(given[name])] for name in layer.parameters}
-    return replace(layer, parameters=parameters, mask=found[id(layer.mask)])
+    traced: dict[int, Any] = {}
+    for name, value in (values := _values(layer)).items():
+        # Values are told apart by identity: a parameter that follows another has the same object.
+        if id(value) not in traced:
+            traced[id(value)] = trace(name, value)
+    parameters = {name: traced[id(values[name])] for name in layer.parameters}
+    return replace(layer, parameters=parameters, mask=traced[id(layer.mask)])
 
 
 def _values(layer: StackLayer) -> Mapping[str, Any]:
@@ -184,23 +198,26 @@ def _values(layer: StackLayer) -> Mapping[str, Any]:
 
 
 def _slopes(graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the derivatives of value, its diffuse part, presence and single directions by each symbol of live inputs.
+    """Return the derivatives of value, diffuse part, presence and single directions by each symbol of live inputs.
 
-    Raises CodegenError where a single direction turns with one: the picture changes by more than values then.
+    Raises
+    ------
+    CodegenError
+        A single direction changes with a live input: then not only values in the picture change.
     """
-    live = [each for each in inputs.attributes.values() if is_live(each.attribute)]
-    names = [name for each in live for name in each.symbols]
-    found = {}
+    live = [binding for binding in inputs.attributes.values() if is_live(binding.attribute)]
+    names = [name for binding in live for name in binding.symbols]
+    derivatives = {}
     for name, (output, result) in product(names, outputs.items()):
         if output not in ("value", "diffuse", "presence") and not output.startswith("delta"):
             continue
-        found[slope_name(output, name)] = derived = slopes(graph, elements_of(result), name)
-        if output.startswith("delta") and any(isinstance(each, Node) or each != 0.0 for each in derived[:3]):
+        derivatives[slope_name(output, name)] = tangents = slopes(graph, elements_of(result), name)
+        if output.startswith("delta") and any(isinstance(tangent, Node) or tangent != 0.0 for tangent in tangents[:3]):
             raise CodegenError(
                 f"{look}: a single direction turns with a parameter that is to be found, whose effect on pictures has "
                 "no derivative that is an integral over directions"
             )
-    return found
+    return derivatives
 
 
 def slope_name(output: str, symbol: str) -> str:
@@ -208,31 +225,31 @@ def slope_name(output: str, symbol: str) -> str:
     return f"{output}/{symbol}"
 
 
-def _unopened(texture: Texture | Bump) -> Path:
+def _open_no_image(texture: Texture | Bump) -> Path:
     raise AssertionError("no image is opened")
 
 
-def _frame(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Any]:
-    """Return the axes of the shading frame and the facet's normal, by the symbols of the mesh."""
+def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Any]:
+    """Return the axes of the shading frame and the facet's normal, as functions of the mesh's symbols."""
 
-    def given(name: str) -> Any:
+    def vector(name: str) -> Any:
         return symbols(graph, [f"{name}[{i}]" for i in range(3)])
 
     hand: Any = symbol(graph, "hand") if leaning else 1.0
-    tangent = given("mesh_tangent") if directed else None
-    frame = shading_frame(given("mesh_normal"), tangent, given("mesh_facet"), given("viewer"), hand)
+    tangent = vector("mesh_tangent") if directed else None
+    frame = shading_frame(vector("mesh_normal"), tangent, vector("mesh_facet"), vector("viewer"), hand)
     axes = {"tangent": frame.tangent, "bitangent": frame.bitangent, "normal": frame.normal}
     return axes | {"facet": frame.facet}
 
 
-def _image(inputs: Inputs, name: str) -> ImageBinding:
-    found = inputs.look_up(name)
-    texture = found.texture
+def _image_binding(inputs: Inputs, name: str) -> ImageBinding:
+    look_up = inputs.look_up(name)
+    texture = look_up.texture
     transform = tuple(float(x) for x in texture.transform)
-    return ImageBinding(name, found.uv, found.slopes, texture.wrap_s, texture.wrap_t, transform, found.files)
+    return ImageBinding(name, look_up.uv, look_up.slopes, texture.wrap_s, texture.wrap_t, transform, look_up.files)
 
 
-def _content(table: Table) -> Content:
+def _store_table(table: Table) -> Content:
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 

@@ -1,4 +1,4 @@
-"""Nodes of a graph as operations."""
+"""Nodes of a graph, written as operations of a program."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from lookdev.brdf.table import Table
 from lookdev.codegen.source import Operation
-from lookdev.codegen.trace.graph import Node, Uniform, in_order
+from lookdev.codegen.trace.graph import Node, Uniform, post_order
 from lookdev.errors import CodegenError
 
 
 @dataclass
-class Written:
-    """Operations written so far, each node once; the symbols, constants and tables that they read."""
+class ProgramWriter:
+    """Writes nodes as operations, each node once, and collects the symbols, constants and tables that they read."""
 
     operations: list[Operation] = field(default_factory=list)
     outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
@@ -26,8 +26,8 @@ class Written:
     _numbers: dict[Any, int] = field(default_factory=dict)
 
     def add(self, name: str, roots: Sequence[Any]) -> None:
-        """Write nodes and constants as the results of a name."""
-        for node in in_order(roots):
+        """Write nodes and constants, and record them as the output `name`."""
+        for node in post_order(roots):
             self._numbers[node] = self._append(self._operation(node))
         self.outputs[name] = tuple(map(self._number, roots))
 
@@ -45,10 +45,10 @@ class Written:
             case "look_up", (table, channel, row, column):
                 if table not in self.tables:
                     self.tables.append(table)
-                place, columns = self.tables.index(table), table.values.shape[1]
+                table_number, columns = self.tables.index(table), table.values.shape[1]
                 cell = (self._number(row), self._number(column))
                 name = "" if channel is None else str(channel)
-                return Operation("look_up", cell, value=float(columns), place=place, name=name)
+                return Operation("look_up", cell, value=float(columns), place=table_number, name=name)
             case op, operands:
                 return Operation(op, tuple(map(self._number, operands)))
 

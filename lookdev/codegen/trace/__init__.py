@@ -1,1 +1,1 @@
-"""Symbolic arrays and the expression graph that a model leaves behind."""
+"""Symbolic arrays, and the expression graph that a model builds when it is called with them."""

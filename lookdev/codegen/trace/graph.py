@@ -1,7 +1,7 @@
 """Scalar expression graphs: hash-consed nodes, folded as they are built.
 
-Vectors are traced component by component (`symbolic.py`), so that equal components share one computation and a
-constant component folds. Equal expressions are the same object; a trivial operation is never a node.
+Vectors are traced component by component (`symbolic.py`): equal components share one computation, and a constant
+component folds. Equal expressions are the same object. A trivial operation, such as ``x + 0``, is never a node.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Scalar: TypeAlias = "Node | float | bool"
 class Uniform(float):
     """A number that depends on constants of a look alone.
 
-    It folds as every constant does, but is written by a name: looks whose code differs in such numbers alone share it.
+    It folds as every constant does, but code refers to it by a name: looks that differ only in such numbers share code.
     """
 
 
@@ -29,7 +29,7 @@ class Uniform(float):
 class Node:
     """One operation on earlier nodes and constants, or a named symbol (``op == "symbol"``).
 
-    The arguments of ``"look_up"`` are a table, the channel of its colours or None, row and column.
+    The arguments of ``"look_up"`` are a table, a channel of its colours (None if cells are numbers), row and column.
     """
 
     op: str
@@ -47,7 +47,7 @@ OPERATIONS = frozenset({
     "less_equal", "equal", "logical_and", "logical_or", "logical_not", "where",
 })  # fmt: skip
 
-# No uniform has one of these values: they simplify code.
+# These values simplify code, so they never become uniforms.
 _SIMPLE = frozenset({0.0, 1.0, -1.0, 2.0})
 
 # `&`, `|` and `~` on boolean arrays are NumPy's bitwise ufuncs.
@@ -55,24 +55,24 @@ _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": 
 
 
 class Graph:
-    """Builds nodes; one graph per generated shader."""
+    """Builds the nodes of one generated shader."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Node] = {}
         self._facts: dict[Node, bool] = {}
 
     def assume(self, condition: Node, value: bool = True) -> None:
-        """Fold a condition to a constant from now on: it has that value wherever the traced code runs."""
+        """Fold a condition to a constant from now on, as it has this value wherever the traced code runs."""
         self._facts[condition] = value
 
     def symbol(self, name: str) -> Node:
-        """Return the node of a named value that is known only at run time."""
+        """Return the node of a named value that only run time determines."""
         node = self._intern("symbol", (name,))
         assert isinstance(node, Node), "only conditions are assumed"
         return node
 
     def apply(self, op: str, *args: Any) -> Any:
-        """Return the node, or the constant, that is `op` of `args`.
+        """Return `op` of `args`: a node, or a constant where the operation folds.
 
         Raises
         ------
@@ -81,27 +81,27 @@ class Graph:
         """
         op = _ALIASES.get(op, op)
         if op not in OPERATIONS:
-            known = ", ".join(sorted(OPERATIONS))
-            raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {known}")
+            supported = ", ".join(sorted(OPERATIONS))
+            raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {supported}")
         if op == "where" and not isinstance(args[0], Node):
             return args[1] if args[0] else args[2]
         if not any(isinstance(arg, Node) for arg in args):
             function: Any = getattr(np, op)
             value = function(*args).item()
-            of_look = isinstance(value, float) and any(isinstance(arg, Uniform) for arg in args)
-            return uniform(value) if of_look else value
-        simple = _simplify(op, args)
-        return self._intern(op, args) if simple is None else simple
+            has_uniform = isinstance(value, float) and any(isinstance(arg, Uniform) for arg in args)
+            return uniform(value) if has_uniform else value
+        simplified = _simplify(op, args)
+        return self._intern(op, args) if simplified is None else simplified
 
     def look_up(self, table: Table, channel: int | None, row: Scalar, column: Scalar) -> Scalar:
-        """Return the number, or the channel of the colour, in a cell of a table."""
+        """Return the number in a cell of a table, or one channel of the colour there."""
         if isinstance(row, Node) or isinstance(column, Node):
             return self._intern("look_up", (table, channel, row, column))
-        found = table.values[int(row), int(column)]
-        return float(found if channel is None else found[channel])
+        cell = table.values[int(row), int(column)]
+        return float(cell if channel is None else cell[channel])
 
     def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
-        key = (op, *map(_known, args))
+        key = (op, *map(_argument_key, args))
         node = self._nodes.get(key)
         if node is None:
             node = self._nodes[key] = Node(op, args, self)
@@ -109,41 +109,41 @@ class Graph:
 
 
 def uniform(value: float) -> float:
-    """Return a number as a uniform, unless it is one that simplifies code."""
+    """Return a number as a uniform, unless its value simplifies code."""
     return value if value in _SIMPLE else Uniform(value)
 
 
-def _known(value: Any) -> Any:
-    """Return a key of an argument."""
-    # The type is part of it because True == 1.0 in Python; the sign because 0.0 == -0.0.
+def _argument_key(value: Any) -> Any:
+    """Return a key that is equal for equal arguments alone."""
+    # It contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
     return value if isinstance(value, Node) else (type(value), str(value))
 
 
-def _is(value: Any, constant: float) -> bool:
+def _equals(value: Any, constant: float) -> bool:
     return not isinstance(value, Node) and bool(value == constant)
 
 
 def _simplify(op: str, args: tuple[Any, ...]) -> Any:
-    """Return what `op` of `args` reduces to, or None. ``x * 0`` is 0, as x is finite in every model."""
+    """Return a simpler equal of `op` of `args`, or None. ``x * 0`` is 0, as x is finite in every model."""
     graph: Graph = next(arg.graph for arg in args if isinstance(arg, Node))
     match op, args:
         case "add", (a, b):
-            return b if _is(a, 0.0) else a if _is(b, 0.0) else None
+            return b if _equals(a, 0.0) else a if _equals(b, 0.0) else None
         case "subtract", (a, b):
             if a is b:
                 return 0.0
-            return a if _is(b, 0.0) else graph.apply("negative", b) if _is(a, 0.0) else None
+            return a if _equals(b, 0.0) else graph.apply("negative", b) if _equals(a, 0.0) else None
         case "multiply", (a, b):
-            if _is(a, 0.0) or _is(b, 0.0):
+            if _equals(a, 0.0) or _equals(b, 0.0):
                 return 0.0
-            if _is(a, 1.0) or _is(b, 1.0):
-                return b if _is(a, 1.0) else a
+            if _equals(a, 1.0) or _equals(b, 1.0):
+                return b if _equals(a, 1.0) else a
         case "divide", (a, b):
-            if _is(b, 1.0):
+            if _equals(b, 1.0):
                 return a
             if a is b:
                 return 1.0
-            if _is(a, 0.0):
+            if _equals(a, 0.0):
                 return 0.0
             if not isinstance(b, Node):
                 return graph.apply("multiply", a, graph.apply("divide", 1.0, b))
@@ -153,14 +153,14 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
             return a.args[0]
         case "square", (a,):
             return graph.apply("multiply", a, a)
-        case "power", (a, b) if _is(b, 1.0):
+        case "power", (a, b) if _equals(b, 1.0):
             return a
-        case "power", (a, b) if _is(b, 2.0):
+        case "power", (a, b) if _equals(b, 2.0):
             return graph.apply("multiply", a, a)
         case (("maximum" | "minimum"), (a, b)) if a is b:
             return a
         case "where", (_, a, b):
-            if _known(a) == _known(b):
+            if _argument_key(a) == _argument_key(b):
                 return a
         case "logical_and", (a, b):
             if not isinstance(a, Node):
@@ -175,42 +175,43 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
     return None
 
 
-def in_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
-    """Yield each node under `roots` once, after its operands; where `stop` holds, neither the node nor its operands.
+def post_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
+    """Yield each node under `roots` once, after its operands.
 
-    Without recursion: nested expressions make graphs thousands of operations deep.
+    Nodes for which `stop` holds, and nodes that only they need, are left out. There is no recursion, as nested
+    expressions make graphs thousands of operations deep.
     """
-    seen: set[Node] = set()
+    visited: set[Node] = set()
     stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, Node)]
     while stack:
-        node, operands_done = stack.pop()
-        if operands_done:
+        node, has_yielded_operands = stack.pop()
+        if has_yielded_operands:
             yield node
-        elif node not in seen and not stop(node):
-            seen.add(node)
+        elif node not in visited and not stop(node):
+            visited.add(node)
             stack.append((node, True))
             stack += [(operand, False) for operand in reversed(node.operands())]
 
 
-def depends_on(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
+def dependent_nodes(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
     """Return all nodes under `roots` that depend on one of the named symbols."""
-    found: set[Node] = set()
-    for node in in_order(roots):
-        if (node.op == "symbol" and node.args[0] in names) or any(operand in found for operand in node.operands()):
-            found.add(node)
-    return found
+    dependent: set[Node] = set()
+    for node in post_order(roots):
+        if (node.op == "symbol" and node.args[0] in names) or any(operand in dependent for operand in node.operands()):
+            dependent.add(node)
+    return dependent
 
 
 def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
-    """Return all nodes under `roots`, but none that only nodes in `stop` need, in a reproducible order."""
+    """Return all nodes under `roots` in a reproducible order, without those that only nodes in `stop` need."""
     stops = set(stop)
-    seen: dict[Node, None] = {}
+    visited: dict[Node, None] = {}
     stack = [root for root in roots if isinstance(root, Node)]
     while stack:
         node = stack.pop()
-        if node in seen:
+        if node in visited:
             continue
-        seen[node] = None
+        visited[node] = None
         if node not in stops:
             stack.extend(node.operands())
-    return seen
+    return visited

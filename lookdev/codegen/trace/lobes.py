@@ -1,4 +1,4 @@
-"""A traced BSDF: its lobes, and the conditions that hold wherever their code runs."""
+"""A traced BSDF: its lobes, and the conditions that are true wherever their code runs."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ INSIDE = "inside"
 
 
 def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes whose share does not fold to zero, seen along the symbols `WO`.
+    """Return the lobes whose share does not fold to zero, for a view along the symbols `WO`.
 
-    A BSDF that scatters along single directions, too, raises CodegenError.
+    Raises
+    ------
+    CodegenError
+        The BSDF also scatters along single directions.
     """
     for delta in present_deltas(graph, bsdf):
         raise CodegenError(
@@ -30,13 +33,15 @@ def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
 
 
 def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
-    """Return the terms that scatter along single directions and do not fold to zero, by the symbols `WO`, `INSIDE`."""
+    """Return the terms along single directions that do not fold to zero, as functions of the symbols `WO`, `INSIDE`."""
     deltas = bsdf.deltas(symbols(graph, WO), symbol(graph, INSIDE) > 0.0)
-    return [each for each in deltas if any(isinstance(value, Node) or value > 0.0 for value in elements_of(each.value))]
+    return [
+        delta for delta in deltas if any(isinstance(value, Node) or value > 0.0 for value in elements_of(delta.value))
+    ]
 
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes as `present_lobes`, of any BSDF."""
+    """Return the lobes as `present_lobes` does, also of a BSDF that scatters along single directions."""
     shares = [(lobe, *elements_of(lobe.share)) for lobe in bsdf.lobes(symbols(graph, WO))]
     return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
 
@@ -47,14 +52,17 @@ def folded_lobes(graph: Graph, bsdf: Bsdf) -> int:
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
-    """Return the mixture of lobes seen along the symbols `WO`, above the horizon, where each lobe has a share."""
+    """Return the mixture of lobes for a view along the symbols `WO`.
+
+    Its code runs only above the horizon, where each lobe has a share above 0.
+    """
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total, *(lobe.share for lobe in lobes))
     return mixture
 
 
 def assume_positive(graph: Graph, *values: Array | float) -> None:
-    """Fold the comparison with zero of values () that are positive wherever the traced code runs."""
+    """Fold the comparisons with zero of scalar values that are positive wherever the traced code runs."""
     for value in values:
         (condition,) = elements_of(value > 0.0)
         if isinstance(condition, Node):

@@ -1,9 +1,9 @@
-"""Derivatives of traced graphs: forward mode, written as nodes of the same graph, folded and shared as all of them.
+"""Derivatives of traced graphs, in forward mode: nodes of the same graph, which fold and are shared as all nodes.
 
 - Griewank, A. and Walther, A. 2008. Evaluating Derivatives, second edition, chapter 3: the tangents of operations.
 
-Conditions, whole numbers and cells of tables have derivative 0: so it is that of the branch that is taken. Where a root
-or a power has an infinite derivative, at 0, it is 0.
+Conditions, whole numbers and cells of tables have derivative 0: the derivative of a choice is that of the branch taken.
+Where the derivative of a root or a power is infinite, at 0, the result is 0.
 """
 
 from __future__ import annotations
@@ -11,34 +11,34 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, in_order
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, post_order
 
 
 def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
-    """Return the derivatives of nodes and constants by a named symbol."""
-    found: dict[Node, Scalar] = {}
+    """Return the derivatives of nodes and constants with respect to a named symbol."""
+    tangents: dict[Node, Scalar] = {}
 
-    def of(value: Scalar) -> Scalar:
-        return found[value] if isinstance(value, Node) else 0.0
+    def tangent_of(value: Scalar) -> Scalar:
+        return tangents[value] if isinstance(value, Node) else 0.0
 
-    for node in in_order(roots):
+    for node in post_order(roots):
         if node.op == "symbol":
-            found[node] = 1.0 if node.args[0] == name else 0.0
+            tangents[node] = 1.0 if node.args[0] == name else 0.0
         else:
-            given = [of(each) if node.op != "look_up" else 0.0 for each in node.args]
-            moves = any(isinstance(each, Node) or each != 0.0 for each in given)
-            found[node] = _tangent(graph, node, given) if moves else 0.0
-    return [of(each) for each in roots]
+            operand_tangents = [tangent_of(value) if node.op != "look_up" else 0.0 for value in node.args]
+            is_varying = any(isinstance(value, Node) or value != 0.0 for value in operand_tangents)
+            tangents[node] = _tangent(graph, node, operand_tangents) if is_varying else 0.0
+    return [tangent_of(value) for value in roots]
 
 
-def _tangent(graph: Graph, node: Node, given: Sequence[Scalar]) -> Scalar:
-    """Return the derivative of an operation by those of its operands."""
+def _tangent(graph: Graph, node: Node, operand_tangents: Sequence[Scalar]) -> Scalar:
+    """Return the derivative of an operation, from those of its operands."""
     rule = _RULES.get(node.op)
-    return 0.0 if rule is None else rule(_Calculus(graph), node, *node.args, *given)
+    return 0.0 if rule is None else rule(_Calculus(graph), node, *node.args, *operand_tangents)
 
 
 class _Calculus:
-    """Operations of a graph by short names."""
+    """Operations of a graph as methods by their names."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
@@ -46,43 +46,43 @@ class _Calculus:
     def __getattr__(self, op: str) -> Callable[..., Any]:
         return lambda *args: self._graph.apply(op, *args)
 
-    def scaled(self, tangent: Scalar, by: Callable[[], Scalar], allowed: Scalar) -> Scalar:
-        """Return a tangent times a factor, 0 where the factor is not allowed, of which nothing is written for 0."""
+    def scale(self, tangent: Scalar, factor: Callable[[], Scalar], valid: Scalar) -> Scalar:
+        """Return a tangent times a factor, 0 where the factor is not valid; a tangent of 0 needs no factor."""
         if not isinstance(tangent, Node) and tangent == 0.0:
             return 0.0
-        return self.where(allowed, self.multiply(tangent, by()), 0.0)  # type: ignore[no-any-return]
+        return self.where(valid, self.multiply(tangent, factor()), 0.0)  # type: ignore[no-any-return]
 
 
-def _power(of: _Calculus, node: Node, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
-    positive = of.greater(a, 0.0)
-    base = of.scaled(da, lambda: of.multiply(b, of.power(a, of.subtract(b, 1.0))), positive)
-    return of.add(base, of.scaled(db, lambda: of.multiply(node, of.log(a)), positive))  # type: ignore[no-any-return]
+def _power(g: _Calculus, node: Node, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
+    positive = g.greater(a, 0.0)
+    base = g.scale(da, lambda: g.multiply(b, g.power(a, g.subtract(b, 1.0))), positive)
+    return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))  # type: ignore[no-any-return]
 
 
-def _arctan2(of: _Calculus, node: Node, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
-    length = of.add(of.multiply(x, x), of.multiply(y, y))
-    turned = of.subtract(of.multiply(x, dy), of.multiply(y, dx))
-    return of.where(of.greater(length, 0.0), of.divide(turned, length), 0.0)  # type: ignore[no-any-return]
+def _arctan2(g: _Calculus, node: Node, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
+    length = g.add(g.multiply(x, x), g.multiply(y, y))
+    cross = g.subtract(g.multiply(x, dy), g.multiply(y, dx))
+    return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)  # type: ignore[no-any-return]
 
 
 _RULES: Mapping[str, Callable[..., Scalar]] = {
-    "add": lambda of, node, a, b, da, db: of.add(da, db),
-    "subtract": lambda of, node, a, b, da, db: of.subtract(da, db),
-    "multiply": lambda of, node, a, b, da, db: of.add(of.multiply(da, b), of.multiply(a, db)),
-    "divide": lambda of, node, a, b, da, db: of.divide(of.subtract(da, of.multiply(node, db)), b),
-    "negative": lambda of, node, a, da: of.negative(da),
-    "absolute": lambda of, node, a, da: of.where(of.less(a, 0.0), of.negative(da), da),
-    "sqrt": lambda of, node, a, da: of.scaled(da, lambda: of.divide(0.5, node), of.greater(a, 0.0)),
-    "exp": lambda of, node, a, da: of.multiply(da, node),
-    "expm1": lambda of, node, a, da: of.multiply(da, of.add(node, 1.0)),
-    "log": lambda of, node, a, da: of.divide(da, a),
-    "sin": lambda of, node, a, da: of.multiply(da, of.cos(a)),
-    "cos": lambda of, node, a, da: of.negative(of.multiply(da, of.sin(a))),
-    "tan": lambda of, node, a, da: of.multiply(da, of.add(1.0, of.multiply(node, node))),
+    "add": lambda g, node, a, b, da, db: g.add(da, db),
+    "subtract": lambda g, node, a, b, da, db: g.subtract(da, db),
+    "multiply": lambda g, node, a, b, da, db: g.add(g.multiply(da, b), g.multiply(a, db)),
+    "divide": lambda g, node, a, b, da, db: g.divide(g.subtract(da, g.multiply(node, db)), b),
+    "negative": lambda g, node, a, da: g.negative(da),
+    "absolute": lambda g, node, a, da: g.where(g.less(a, 0.0), g.negative(da), da),
+    "sqrt": lambda g, node, a, da: g.scale(da, lambda: g.divide(0.5, node), g.greater(a, 0.0)),
+    "exp": lambda g, node, a, da: g.multiply(da, node),
+    "expm1": lambda g, node, a, da: g.multiply(da, g.add(node, 1.0)),
+    "log": lambda g, node, a, da: g.divide(da, a),
+    "sin": lambda g, node, a, da: g.multiply(da, g.cos(a)),
+    "cos": lambda g, node, a, da: g.negative(g.multiply(da, g.sin(a))),
+    "tan": lambda g, node, a, da: g.multiply(da, g.add(1.0, g.multiply(node, node))),
     "arctan2": _arctan2,
     "power": _power,
-    "maximum": lambda of, node, a, b, da, db: of.where(of.greater_equal(a, b), da, db),
-    "minimum": lambda of, node, a, b, da, db: of.where(of.less_equal(a, b), da, db),
-    "where": lambda of, node, c, a, b, dc, da, db: of.where(c, da, db),
+    "maximum": lambda g, node, a, b, da, db: g.where(g.greater_equal(a, b), da, db),
+    "minimum": lambda g, node, a, b, da, db: g.where(g.less_equal(a, b), da, db),
+    "where": lambda g, node, c, a, b, dc, da, db: g.where(c, da, db),
 }
-"""From an operation's node, operands and their tangents to its own; without a rule it is 0."""
+"""Maps an operation's node, operands and their tangents to its own tangent, which is 0 without a rule."""

@@ -1,8 +1,8 @@
 """Symbolic arrays: the values of textured parameters and of directions while a model is traced.
 
 A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
-model runs on it unchanged. An operation whose every element folds to a constant returns an ordinary array, or, where
-some are uniforms, an ordinary one that knows them.
+model runs on it unchanged. If all elements of a result fold to constants, the result is an ordinary array, or a
+`UniformArray` where some constants are uniforms.
 """
 
 from __future__ import annotations
@@ -53,13 +53,15 @@ class SymbolicArray(NDArrayOperatorsMixin):
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         if func not in _FUNCTIONS:
-            known = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
-            raise CodegenError(f"a model uses numpy.{func.__name__}, which symbolic arrays lack; they have: {known}")
+            supported = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
+            raise CodegenError(
+                f"a model uses numpy.{func.__name__}, which symbolic arrays lack; they have: {supported}"
+            )
         return _FUNCTIONS[func](self.graph, *args, **kwargs)
 
 
 class UniformArray(np.ndarray[Any, Any]):
-    """An ordinary array of constants, some of which are uniforms; what NumPy does to it otherwise loses them."""
+    """An ordinary array of constants, some of which are uniforms; operations that are not traced lose these."""
 
     graph: Graph
     elements: NDArray[np.object_] | None = None
@@ -83,7 +85,7 @@ class UniformArray(np.ndarray[Any, Any]):
 
 
 def uniforms(graph: Graph, value: Any) -> Any:
-    """Return an array of floats as `uniform` numbers."""
+    """Return an array of floats whose elements are `uniform` numbers."""
     elements: Callable[..., Any] = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 
@@ -121,9 +123,9 @@ def _wrap(graph: Graph, elements: Any) -> Any:
         return SymbolicArray(graph, array)
     constants = np.array(array.tolist())
     if any(isinstance(element, Uniform) for element in array.ravel()):
-        found = constants.view(UniformArray)
-        found.graph, found.elements = graph, array
-        return found
+        uniform_array = constants.view(UniformArray)
+        uniform_array.graph, uniform_array.elements = graph, array
+        return uniform_array
     return constants
 
 
@@ -159,12 +161,12 @@ def _moveaxis(graph: Graph, a: Any, source: int, destination: int) -> Any:
 
 
 def _broadcast_arrays(graph: Graph, *arrays: Any) -> list[Any]:
-    return [_wrap(graph, each) for each in np.broadcast_arrays(*map(_elements, arrays))]
+    return [_wrap(graph, array) for array in np.broadcast_arrays(*map(_elements, arrays))]
 
 
 def _look_up(graph: Graph, table: Table, row: Any, column: Any) -> Any:
     def channel(number: int | None) -> Any:
-        function = np.frompyfunc(lambda *place: graph.look_up(table, number, *place), 2, 1)
+        function = np.frompyfunc(lambda *cell: graph.look_up(table, number, *cell), 2, 1)
         return _wrap(graph, function(_elements(row), _elements(column)))
 
     return channel(None) if table.values.ndim == 2 else _stack(graph, [channel(i) for i in range(3)], axis=-1)

@@ -1,4 +1,4 @@
-"""Vectors in expression graphs, which trace components one by one: products and lengths of three of them."""
+"""Vector operations in expression graphs, which have components only: dot, cross product and normalization."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ Triple: TypeAlias = tuple[Any, Any, Any]
 
 
 def match_dot(node: Node) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose dot product a node is, if it is one."""
+    """Return the two vectors whose dot product a node is; None if it is not a dot product."""
     factor: Any = None
     if node.op == "multiply" and not isinstance(node.args[1], Node):
-        # A mean of three.
+        # The mean of three numbers is their dot product with a constant vector.
         node, factor = node.args
     summands = _summands(node)
     if summands is None:
         return None
     if factor is not None:
         return summands, (factor, factor, factor)
-    pairs = [each.args for each in summands if isinstance(each, Node) and each.op == "multiply"]
+    pairs = [product.args for product in summands if isinstance(product, Node) and product.op == "multiply"]
     if len(pairs) < 3:
         return None
     (a0, b0), (a1, b1), (a2, b2) = pairs
@@ -29,12 +29,12 @@ def match_dot(node: Node) -> tuple[Triple, Triple] | None:
 
 
 def match_normalize(triple: Triple) -> Triple | None:
-    """Return the vector that a triple is, divided by its length; None if it is none."""
-    if not all(isinstance(each, Node) for each in triple) or len({each.op for each in triple}) > 1:
+    """Return the vector that a triple normalizes; None if it does not normalize any."""
+    if not all(isinstance(component, Node) for component in triple) or len({component.op for component in triple}) > 1:
         return None
     if triple[0].op not in ("multiply", "divide"):
         return None
-    (x, length), (y, second), (z, third) = (each.args for each in triple)
+    (x, length), (y, second), (z, third) = (component.args for component in triple)
     if triple[0].op == "multiply":
         if not is_inverse_root(length):
             return None
@@ -45,25 +45,27 @@ def match_normalize(triple: Triple) -> Triple | None:
         return None
     vector, (square,) = (x, y, z), root.args
     dot = match_dot(square)
-    return vector if dot is not None and all(_alike(vector, each) for each in dot) else None
+    return vector if dot is not None and all(_is_same(vector, factor) for factor in dot) else None
 
 
 def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose cross product a triple is, if it is one."""
+    """Return the two vectors whose cross product a triple is; None if it is not a cross product."""
     products: list[Any] = []
-    for each in triple:
-        if not isinstance(each, Node) or each.op != "subtract":
+    for component in triple:
+        if not isinstance(component, Node) or component.op != "subtract":
             return None
-        products += each.args
-    if not all(isinstance(each, Node) and each.op == "multiply" for each in products):
+        products += component.args
+    if not all(isinstance(product, Node) and product.op == "multiply" for product in products):
         return None
-    (ay, bz), (az, by), (az_, bx), (ax, bz_), (ax_, by_), (ay_, bx_) = (each.args for each in products)
-    if not _alike((ax, ay, az), (ax_, ay_, az_)) or not _alike((bx, by, bz), (bx_, by_, bz_)):
+    (a_y, b_z), (a_z, b_y), (a_z2, b_x), (a_x, b_z2), (a_x2, b_y2), (a_y2, b_x2) = (
+        product.args for product in products
+    )
+    if not _is_same((a_x, a_y, a_z), (a_x2, a_y2, a_z2)) or not _is_same((b_x, b_y, b_z), (b_x2, b_y2, b_z2)):
         return None
-    return (ax, ay, az), (bx, by, bz)
+    return (a_x, a_y, a_z), (b_x, b_y, b_z)
 
 
-def _alike(a: Triple, b: Triple) -> bool:
+def _is_same(a: Triple, b: Triple) -> bool:
     return all(x is y if isinstance(x, Node) else x == y for x, y in zip(a, b, strict=True))
 
 
@@ -74,7 +76,8 @@ def _summands(node: Node) -> Triple | None:
 
 
 def is_inverse_root(value: Any) -> bool:
+    """Return whether a value is ``1 / sqrt(x)``."""
     if not isinstance(value, Node) or value.op != "divide":
         return False
-    one, root = value.args
-    return not isinstance(one, Node) and one == 1.0 and root.op == "sqrt"
+    numerator, root = value.args
+    return not isinstance(numerator, Node) and numerator == 1.0 and root.op == "sqrt"
