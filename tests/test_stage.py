@@ -304,7 +304,7 @@ def _cut_crate(data):
         ("a.usdc", _cut_crate, "is damaged: a section of it is cut off"),
         ("a.usdc", lambda data: data[:40], "is damaged: a section of it is cut off"),
         ("a.usdz", lambda data: data[:64] + _cut_crate(data[64:]), "member a.usdc, which is damaged: a section"),
-        ("a.usdz", lambda data: data[:-22], "is no package that can be read: File is not a zip file"),
+        ("a.usdz", lambda data: data[:-22], "is not a package that can be read: File is not a zip file"),
         ("a.usda", lambda data: data.replace(b"Ball", b"Ba\0l"), "holds a character 0, which no text has"),
         ("a.usda", lambda data: data.replace(b"Ball", b"B\xe4ll"), "holds text that is not UTF-8"),
     ],

@@ -1,8 +1,8 @@
-"""What is turned: geometry as arrays, from USD or built in.
+"""Assets: the geometry that is rendered, as arrays, from USD or built in.
 
 `mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (`revolve`, `shaderball`). A `shape` is a
-surface as a file has it; `finish` makes meshes of shapes with `faces` and `normals`. `bounds` has the
-sphere around an asset, `store` its digest and its file in the cache.
+surface as a file has it; `finish` makes meshes of shapes with `faces` and `normals`. `bounds` computes the bounding
+sphere of an asset, `store` its digest and its file in the cache.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "make_
 
 
 def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | None = None) -> Asset:
-    """Return an asset from a USD file (all of it, or the prim `prim`) or by the name of a built-in.
+    """Return an asset from a USD file (the whole stage, or the prim at path `prim`) or a built-in by its name.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
         from lookdev.asset.usd import read_usd
         from lookdev.stage import Composition, compose
 
-        return _polygons(read_usd(compose(Composition(usd, prim=prim))))
+        return _without_subdivision(read_usd(compose(Composition(usd, prim=prim))))
     if prim is not None:
         raise AssetError(f"prim {prim}: a built-in asset has no prims to choose from; leave prim out")
     if builtin not in BUILTINS:
@@ -45,12 +45,12 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
     return BUILTINS[builtin]()
 
 
-def _polygons(asset: Asset) -> Asset:
-    """Return an asset with the polygons of its control cages, without their holes, as meshes."""
+def _without_subdivision(asset: Asset) -> Asset:
+    """Return an asset whose control cages become plain meshes of their polygons, without holes."""
     if all(mesh.subdivision is None for mesh in asset.meshes):
         return asset
-    made = make_asset(asset.name, [_polygon_mesh(mesh) for mesh in asset.meshes], asset.instances, asset.slots)
-    return replace(made, unit=asset.unit, notes=asset.notes)
+    polygonal = make_asset(asset.name, [_polygon_mesh(mesh) for mesh in asset.meshes], asset.instances, asset.slots)
+    return replace(polygonal, unit=asset.unit, notes=asset.notes)
 
 
 def _polygon_mesh(mesh: Mesh) -> Mesh:

@@ -16,7 +16,7 @@ from lookdev.asset.store import make_asset
 
 
 def make_plane() -> Asset:
-    """Return an upright card, 2 m by 2 m about the origin, whose front looks along -y; u grows along +x, v along +z."""
+    """Return an upright card, 2 m by 2 m, centred at the origin, that faces -y; u grows along +x, v along +z."""
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
     mesh = Mesh(
         name="/plane",
@@ -33,7 +33,7 @@ def make_plane() -> Asset:
 
 
 def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
-    """Return the unit sphere about the origin, with exact normals and tangents; u grows around z, v from -z to +z."""
+    """Return the unit sphere at the origin, with exact normals and tangents; u grows around z, v from -z to +z."""
     theta = np.pi * np.arange(rings + 1) / rings
     points = np.stack([np.sin(theta), -np.cos(theta)], axis=-1)
     mesh = revolve("/sphere", Profile(points, points, theta / np.pi), segments)
@@ -41,9 +41,9 @@ def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
 
 
 def make_suzanne() -> Asset:
-    """Return Blender's monkey after two levels of Catmull-Clark, z up, looking along -y.
+    """Return Blender's monkey after two levels of Catmull-Clark subdivision; z is up, and it faces -y.
 
-    The file is written by `lookdev.cycles.export_suzanne`: points (n, 3), faces (f, 4), uvs (f, 4, 2).
+    `lookdev.cycles.export_suzanne` writes the file: points (n, 3), faces (f, 4), uvs (f, 4, 2).
     """
     data = resources.files("lookdev.asset").joinpath("data", "suzanne.npz").read_bytes()
     with np.load(io.BytesIO(data)) as arrays:

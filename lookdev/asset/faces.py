@@ -1,8 +1,8 @@
-"""The faces of shapes that are kept, and what varies over a shape at the corners of those faces.
+"""The valid faces of shapes, and the attributes of a shape at the corners of those faces.
 
-Faces are left out that have fewer than three corners, one point twice, or the corners of an earlier face in the same
-order; holes too, except those of control cages. The arrays of many shapes are handled as one: the time that a shape
-takes is that of its numbers.
+A face is dropped if it has fewer than three corners, one point twice, or the corners of an earlier face in the same
+order. Holes are dropped too, except those of control cages. The arrays of many shapes are concatenated and handled
+together, so that a small shape costs no calls of its own.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Floats
-from lookdev.asset.normals import blocks, face_starts, together
+from lookdev.asset.normals import blocks, concatenate, face_starts
 from lookdev.asset.shape import Attribute, Index, Shape
-from lookdev.asset.tangents import mixed
+from lookdev.asset.tangents import mix_bits
 from lookdev.errors import AssetError
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The kept faces of shapes, one shape after the other.
+    """The valid faces of shapes, concatenated in the order of the shapes.
 
-    `all_points`, `all_faces`, `all_corners` (s + 1,) are where each shape's arrays begin among those of all; `faces`
-    and `corners` (s + 1,) where its kept ones begin. sizes (f,); face_source (f,) and corner_source (m,) number kept
-    faces and corners among all, None where they are all corners in their order; corner_points (m,) number the points of
-    all. `holes` (f,) are kept faces that are not shown.
+    `all_points`, `all_faces` and `all_corners` (s + 1,) are the starts of each shape in the concatenated arrays of the
+    shapes; `faces` and `corners` (s + 1,) are its starts among the valid faces and their corners. sizes (f,) are the
+    numbers of corners. face_source (f,) and corner_source (m,) are the indices of the valid faces and of their corners
+    in the concatenated arrays; corner_source is None if it is the identity. corner_points (m,) index into the
+    concatenated points. `holes` (f,) marks valid faces that are holes of a control cage.
     """
 
     shapes: Sequence[Shape]
@@ -44,31 +45,35 @@ class Faces:
 
     @classmethod
     def of(cls, shapes: Sequence[Shape]) -> Faces:
-        """Return the faces that are kept; raises AssetError with a line for each shape that contradicts itself."""
-        counts = np.array([(len(each.points), len(each.face_sizes), len(each.face_points)) for each in shapes], np.intp)
+        """Return the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself."""
+        counts = np.array(
+            [(len(shape.points), len(shape.face_sizes), len(shape.face_points)) for shape in shapes], np.intp
+        )
         point_starts, all_faces, all_corners = np.vstack([np.zeros(3, np.intp), counts.cumsum(axis=0)]).T
-        sizes = together([each.face_sizes for each in shapes]).astype(np.intp, copy=False)
-        points = together([each.face_points for each in shapes]).astype(np.intp, copy=False)
+        sizes = concatenate([shape.face_sizes for shape in shapes]).astype(np.intp, copy=False)
+        points = concatenate([shape.face_points for shape in shapes]).astype(np.intp, copy=False)
         _check_sizes(shapes, sizes, all_faces)
         _check_range(shapes, points, np.diff(all_corners), counts[:, 0], "faceVertexIndices", "points")
         if len(shapes) > 1:
             points += np.repeat(point_starts[:-1], counts[:, 2])
         holes = _holes(shapes, all_faces)
 
-        caged = np.array([each.subdivision is not None for each in shapes])
-        keep = (sizes >= 3) & ~(holes & ~np.repeat(caged, counts[:, 1]))
-        keep[keep] = _distinct(points if keep.all() else points[np.repeat(keep, sizes)], sizes[keep])
-        source = None
-        mirrored = np.array([each.left_handed for each in shapes])
-        if mirrored.any() or not keep.all():
-            source = np.arange(len(points))
+        is_cage = np.array([shape.subdivision is not None for shape in shapes])
+        is_valid = (sizes >= 3) & ~(holes & ~np.repeat(is_cage, counts[:, 1]))
+        valid_points = points if is_valid.all() else points[np.repeat(is_valid, sizes)]
+        is_valid[is_valid] = _distinct_faces(valid_points, sizes[is_valid])
+        corner_source = None
+        is_left_handed = np.array([shape.left_handed for shape in shapes])
+        if is_left_handed.any() or not is_valid.all():
+            corner_source = np.arange(len(points))
             last = np.repeat(2 * face_starts(sizes) + sizes - 1, sizes)
-            # Each face's corners backwards.
-            source = np.where(np.repeat(mirrored, counts[:, 2]), last - source, source)[np.repeat(keep, sizes)]
-            points = points[source]
-        face_source = np.flatnonzero(keep)
+            # The corners of a left-handed face in reverse order.
+            is_reversed = np.repeat(is_left_handed, counts[:, 2])
+            corner_source = np.where(is_reversed, last - corner_source, corner_source)[np.repeat(is_valid, sizes)]
+            points = points[corner_source]
+        face_source = np.flatnonzero(is_valid)
         faces = np.searchsorted(face_source, all_faces)
-        sizes = sizes[keep]
+        sizes = sizes[is_valid]
         corners = np.concatenate([[0], np.cumsum(sizes)])[faces]
         return cls(
             shapes,
@@ -79,69 +84,73 @@ class Faces:
             corners,
             sizes,
             face_source,
-            source,
+            corner_source,
             points,
-            holes[keep],
+            holes[is_valid],
         )
 
-    def at_corners(self, given: Sequence[tuple[int, Attribute]]) -> list[Floats]:
-        """Return attributes of one width, given with the number of their shape, at the kept corners of that shape.
+    def at_corners(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats]:
+        """Return the values of attributes of equal width at the valid corners of their shapes.
+
+        `attributes` are pairs of the number of a shape and an attribute of it.
 
         Raises
         ------
         AssetError
             An attribute has the wrong number of values, or one that is not finite; a line for each.
         """
-        numbers = np.array([number for number, _ in given], np.intp)
-        raise_all(fault for number, each in given if (fault := self._wrong_count(number, each)))
+        shape_numbers = np.array([shape_number for shape_number, _ in attributes], np.intp)
+        raise_all(
+            fault for shape_number, attribute in attributes if (fault := self._wrong_count(shape_number, attribute))
+        )
         with np.errstate(over="ignore"):
-            values = together([each.values for _, each in given]).astype(np.float32, copy=False)
-        lengths = np.array([len(each.values) for _, each in given], np.intp)
+            values = concatenate([attribute.values for _, attribute in attributes]).astype(np.float32, copy=False)
+        lengths = np.array([len(attribute.values) for _, attribute in attributes], np.intp)
         starts = np.cumsum(lengths) - lengths
         if not (finite := np.isfinite(values)).all():
             wrong = np.flatnonzero(~finite.reshape(len(values), -1).all(axis=1))
             raise_all(
-                f"{self._name(*given[i])}: value {j} is not finite; every value must be a number"
+                f"{self._name(*attributes[i])}: value {j} is not finite; every value must be a number"
                 for i, j in first_in_each(wrong, starts)
             )
-        kinds = np.array([_CORNER_INDEX[each.interpolation] for _, each in given], np.intp)
-        counts = np.diff(self.corners)[numbers]
+        kinds = np.array([_CORNER_INDEX[attribute.interpolation] for _, attribute in attributes], np.intp)
+        counts = np.diff(self.corners)[shape_numbers]
         if (kinds == kinds[0]).all():
-            index = self._sources(kinds[0], numbers, starts)
+            index = self._sources(kinds[0], shape_numbers, starts)
         else:
             index = np.empty(counts.sum(), np.intp)
             for kind in np.unique(kinds):
-                chosen = kinds == kind
-                index[np.repeat(chosen, counts)] = self._sources(kind, numbers[chosen], starts[chosen])
+                has_kind = kinds == kind
+                index[np.repeat(has_kind, counts)] = self._sources(kind, shape_numbers[has_kind], starts[has_kind])
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
-    def _sources(self, kind: int, chosen: Index, value_starts: Index) -> Index:
-        """Return the index of each kept corner of the chosen shapes among the values of an interpolation."""
-        counts = np.diff(self.corners)[chosen]
+    def _sources(self, kind: int, shape_numbers: Index, value_starts: Index) -> Index:
+        """Return the index of the value of each valid corner of some shapes, by the number of their interpolation."""
+        counts = np.diff(self.corners)[shape_numbers]
         if kind == 0:
             return np.repeat(value_starts, counts)
         if kind == 1:
-            every, begins = np.repeat(self.face_source, self.sizes), self.all_faces
+            indices, begins = np.repeat(self.face_source, self.sizes), self.all_faces
         elif kind == 2:
-            every, begins = self.corner_points, self.all_points
+            indices, begins = self.corner_points, self.all_points
         else:
             source = self.corner_source
-            every = np.arange(len(self.corner_points)) if source is None else source
+            indices = np.arange(len(self.corner_points)) if source is None else source
             begins = self.all_corners
-        shift = value_starts - begins[chosen]
-        if len(chosen) < len(self.shapes):
-            wanted = np.zeros(len(self.shapes), bool)
-            wanted[chosen] = True
-            every = every[np.repeat(wanted, np.diff(self.corners))]
-        return every + np.repeat(shift, counts) if shift.any() else every
+        shift = value_starts - begins[shape_numbers]
+        if len(shape_numbers) < len(self.shapes):
+            is_selected = np.zeros(len(self.shapes), bool)
+            is_selected[shape_numbers] = True
+            indices = indices[np.repeat(is_selected, np.diff(self.corners))]
+        return indices + np.repeat(shift, counts) if shift.any() else indices
 
     def _wrong_count(self, number: int, attribute: Attribute) -> str:
         shape, name = self.shapes[number], self._name(number, attribute)
         if attribute.interpolation not in _CORNER_INDEX:
-            known = ", ".join(_CORNER_INDEX)
-            return f"{name} has interpolation {attribute.interpolation!r:.60}; known: {known}"
-        needed = (1, len(shape.face_sizes), len(shape.points), len(shape.face_points))
-        count = needed[_CORNER_INDEX[attribute.interpolation]]
+            names = ", ".join(_CORNER_INDEX)
+            return f"{name} has interpolation {attribute.interpolation!r:.60}; known: {names}"
+        counts = (1, len(shape.face_sizes), len(shape.points), len(shape.face_points))
+        count = counts[_CORNER_INDEX[attribute.interpolation]]
         if len(attribute.values) == count:
             return ""
         return f"{name} has {len(attribute.values)} values; interpolation '{attribute.interpolation}' needs {count}"
@@ -151,44 +160,44 @@ class Faces:
         return f"{self.shapes[number].name}: {prefix}{attribute.name}"
 
 
-# What the values of an interpolation are numbered by: 0 nothing, 1 faces, 2 points, 3 corners.
+# The element that an interpolation has a value for: 0 the shape, 1 a face, 2 a point, 3 a corner.
 _CORNER_INDEX = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "faceVarying": 3}
 
 
-def first_in_each(places: Index, begins: Index) -> list[tuple[int, int]]:
-    """Return, for each shape that has some of these sorted places, its number and the first, from where it begins."""
-    owners, first = np.unique(np.searchsorted(begins, places, side="right") - 1, return_index=True)
-    return list(zip(owners.tolist(), (places[first] - begins[owners]).tolist(), strict=True))
+def first_in_each(positions: Index, begins: Index) -> list[tuple[int, int]]:
+    """Return the first of the sorted positions in each run that has any: the run's number and the offset in the run."""
+    owners, first = np.unique(np.searchsorted(begins, positions, side="right") - 1, return_index=True)
+    return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
 
 
 def _check_sizes(shapes: Sequence[Shape], sizes: Index, face_begins: Index) -> None:
-    total, filled = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
-    total[filled] = np.add.reduceat(sizes, face_begins[:-1][filled])
-    given = np.array([len(each.face_points) for each in shapes])
-    wrong = total != given
+    total, has_faces = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
+    total[has_faces] = np.add.reduceat(sizes, face_begins[:-1][has_faces])
+    corner_counts = np.array([len(shape.face_points) for shape in shapes])
+    wrong = total != corner_counts
     wrong[np.searchsorted(face_begins, np.flatnonzero(sizes < 0), side="right") - 1] = True
     raise_all(
-        f"{shapes[i].name}: faceVertexCounts add up to {total[i]} corners, faceVertexIndices has {given[i]}; they must "
-        "agree, and none may be negative"
+        f"{shapes[i].name}: faceVertexCounts add up to {total[i]} corners, faceVertexIndices has {corner_counts[i]}; "
+        "they must agree, and none may be negative"
         for i in np.flatnonzero(wrong)
     )
 
 
-def _check_range(shapes: Sequence[Shape], indices: Index, lengths: Index, limits: Index, name: str, of: str) -> None:
-    least = limits.min()
-    if len(indices) == 0 or (indices.min() >= 0 and indices.max() < least):
+def _check_range(shapes: Sequence[Shape], indices: Index, lengths: Index, limits: Index, name: str, noun: str) -> None:
+    smallest = limits.min()
+    if len(indices) == 0 or (indices.min() >= 0 and indices.max() < smallest):
         return
-    bad = np.flatnonzero((indices < 0) | (indices >= np.repeat(limits, lengths)))
+    wrong = np.flatnonzero((indices < 0) | (indices >= np.repeat(limits, lengths)))
     begins = np.cumsum(lengths) - lengths
     raise_all(
-        f"{shapes[i].name}: {name}[{j}] is {indices[begins[i] + j]}, but {index_rule(limits[i], of)}"
-        for i, j in first_in_each(bad, begins)
+        f"{shapes[i].name}: {name}[{j}] is {indices[begins[i] + j]}, but {index_rule(limits[i], noun)}"
+        for i, j in first_in_each(wrong, begins)
     )
 
 
-def index_rule(count: int, of: str) -> str:
-    """Return what is right for an index among `count` things."""
-    return f"there are {count} {of}; it must lie in 0..{count - 1}" if count else f"there are no {of}"
+def index_rule(count: int, noun: str) -> str:
+    """Return the rule for an index of `count` elements, for a message; `noun` names them."""
+    return f"there are {count} {noun}; it must lie in 0..{count - 1}" if count else f"there are no {noun}"
 
 
 def raise_all(faults: Iterable[str]) -> None:
@@ -198,37 +207,37 @@ def raise_all(faults: Iterable[str]) -> None:
 
 
 def _holes(shapes: Sequence[Shape], face_begins: Index) -> NDArray[np.bool_]:
-    """Return whether each face of all shapes is a hole."""
-    given = [np.zeros(0, np.intp) if each.holes is None else each.holes for each in shapes]
-    lengths, limits = np.array([len(each) for each in given]), np.diff(face_begins)
-    indices = np.concatenate(given).astype(np.intp)
+    """Return whether each face of all shapes (f,) is a hole."""
+    holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
+    lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)
+    indices = np.concatenate(holes_by_shape).astype(np.intp)
     _check_range(shapes, indices, lengths, limits, "holeIndices", "faces")
     holes = np.zeros(face_begins[-1], bool)
     holes[indices + np.repeat(face_begins[:-1], lengths)] = True
     return holes
 
 
-def _distinct(points: Index, sizes: Index) -> NDArray[np.bool_]:
-    """Return whether a face (f,) has no point twice and is not an earlier face with the same corners in the same order.
+def _distinct_faces(points: Index, sizes: Index) -> NDArray[np.bool_]:
+    """Return which faces (f,) have distinct points and differ in their ordered corners from all earlier faces.
 
-    Faces are compared by a 64-bit hash, the sum over their directed edges.
+    A 64-bit hash, the sum over the directed edges of a face, compares faces.
     """
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
     for faces, corners in blocks(sizes):
-        own, mine = sizes[faces], points[corners].astype(np.uint64)
-        starts = face_starts(own)
-        for size in own[:1] if (own == own[0]).all() else np.unique(own):
-            these = np.flatnonzero(own == size)
-            corner = mine[starts[these] + np.arange(size)[:, None]]
-            ordered = np.sort(corner, axis=0)
-            distinct[faces][these] = (ordered[1:] != ordered[:-1]).all(axis=0)
-            edges = corner << np.uint64(32) | np.roll(corner, -1, axis=0)
+        block_sizes, block_points = sizes[faces], points[corners].astype(np.uint64)
+        starts = face_starts(block_sizes)
+        for size in block_sizes[:1] if (block_sizes == block_sizes[0]).all() else np.unique(block_sizes):
+            faces_of_size = np.flatnonzero(block_sizes == size)
+            points_of_faces = block_points[starts[faces_of_size] + np.arange(size)[:, None]]
+            sorted_points = np.sort(points_of_faces, axis=0)
+            distinct[faces][faces_of_size] = (sorted_points[1:] != sorted_points[:-1]).all(axis=0)
+            edges = points_of_faces << np.uint64(32) | np.roll(points_of_faces, -1, axis=0)
             # The hash of 0 is 0: an edge from point 0 to itself would not count.
-            key[faces][these] = mixed(edges + np.uint64(1)).sum(axis=0)
-    ordered = np.sort(key)
-    if (ordered[1:] == ordered[:-1]).any():
+            key[faces][faces_of_size] = mix_bits(edges + np.uint64(1)).sum(axis=0)
+    sorted_keys = np.sort(key)
+    if (sorted_keys[1:] == sorted_keys[:-1]).any():
         first = np.unique(key, return_index=True)[1]
-        again = np.ones(len(sizes), bool)
-        again[first] = False
-        distinct &= ~again
+        is_repeated = np.ones(len(sizes), bool)
+        is_repeated[first] = False
+        distinct &= ~is_repeated
     return distinct

@@ -1,7 +1,7 @@
 """Geometry as plain arrays.
 
 World space is right-handed, z up, in metres. Everything that varies over the surface is stored per face corner (the
-loops of a polygon mesh), so that a renderer needs no interpolation rule.
+loops of a polygon mesh), so that a renderer needs no interpolation rules.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Interpolation = Literal["constant", "uniform", "varying", "vertex", "faceVarying
 
 @dataclass(frozen=True, eq=False)
 class Subdivision:
-    """The rules by which a mesh, then a control cage, is refined: those of UsdGeom.Mesh, by its names.
+    """The subdivision rules of a mesh, which is then a control cage. The names are those of UsdGeom.Mesh.
 
     crease_edges (e, 2) and corner_points (c,) index into the points of the mesh; a sharpness (e,) or (c,) of 10 is
-    infinite. holes (h,) are faces that are refined with the others and not shown. `interpolation` is that of each UV
-    set and primvar; of equal values at the corners of a point, those of `faceVarying` ones are one value.
+    infinite. holes (h,) are faces that are refined with the others but are not part of the surface. `interpolation` is
+    that of each UV set and primvar, by name; with `faceVarying`, equal values at the corners of a point are one value.
     """
 
     scheme: Scheme
@@ -47,16 +47,16 @@ class Subdivision:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """One polygon mesh in its own object space.
+    """A polygon mesh in object space.
 
     points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
     face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
     is counter-clockwise; tangents (m, 3) unit, orthogonal to the normal, along increasing u of the first UV set or,
-    without one, along the longitude about the z axis: None where they are not known exactly, and `tangents_of` computes
-    them, which few looks need; uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to (m,) or (m, 3). With
-    `subdivision` the mesh is a control cage, which is refined before it is rendered.
+    without one, along the longitude about the z axis. They are None if they are not known exactly; `tangents_of` then
+    computes them for the few looks that need them. uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to
+    (m,) or (m, 3). With `subdivision` the mesh is a control cage, which is refined before it is rendered.
 
-    A look that reads a UV set which the mesh lacks gets `default_uv`, "" where there is none or no telling which.
+    `default_uv` replaces a UV set that a look reads and the mesh lacks; "" if no UV set is an unambiguous default.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Mesh:
 class Instance:
     """A mesh placed in the world: `matrix` (4, 4) maps column vectors of object space to world space.
 
-    `path` is the prim that it shows, which may be inside a scene-graph instance.
+    `path` is the path of its prim, which may be inside a scene-graph instance.
     """
 
     mesh: int
@@ -86,7 +86,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class Slot:
-    """A part of an asset that takes one material: the path of a mesh or GeomSubset, of the first instance.
+    """A part of an asset to which one material is assigned: the path of a mesh or GeomSubset, in the first instance.
 
     `material` is the prim path of the bound material in the asset's composed stage, or None where nothing is bound.
     """
@@ -97,11 +97,11 @@ class Slot:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """What is turned. `center` and `radius` are the bounding sphere in world space, in metres.
+    """The geometry of a render. `center` and `radius` are its bounding sphere in world space, in metres.
 
-    `convex` is True only where reflected light never meets the surface again, `sheet` only where transmitted light does
-    not either, as with a flat card; such an asset has no indirect light. `revolved` is True only where turning about
-    the vertical through `center` moves it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
+    `convex` is True only if reflected light never meets the surface again, `sheet` only if transmitted light does not
+    either, as with a flat card; such an asset has no indirect light. `revolved` is True only if every rotation about
+    the vertical through `center` maps it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
     placements. `unit` is the length in metres of a unit of its file.
     """
 

@@ -1,4 +1,4 @@
-"""Normals of polygons and of their corners, from points alone."""
+"""Normals of polygons and of their corners, computed from the points."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 Numbers = NDArray[np.signedinteger[Any]]
 
-_BLOCK = 1 << 13  # corners
-_BATCH = 1 << 18
-_FEW_CORNERS = 7  # of a face: NumPy sums so few numbers one after the other, whatever their layout
+_BLOCK_CORNERS = 1 << 13  # corners
+_BATCH_CORNERS = 1 << 18
+_FEW_CORNERS = 7  # of a face; NumPy adds that few numbers one after the other, whatever their layout
 
 
-def together(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return arrays as one, without a copy of a single one."""
+def concatenate(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Concatenate arrays; a single array is returned without a copy."""
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
@@ -27,7 +27,7 @@ def face_starts(face_sizes: Numbers) -> NDArray[np.intp]:
 
 
 def next_corners(face_sizes: Numbers) -> NDArray[np.intp]:
-    """Return the index (m,) of the corner that follows each one around its face."""
+    """Return the index (m,) of the next corner around the face, for each corner."""
     ends = np.cumsum(face_sizes, dtype=np.intp)
     following = np.arange(1, (int(ends[-1]) if len(ends) else 0) + 1)
     following[ends - 1] = ends - face_sizes
@@ -35,21 +35,21 @@ def next_corners(face_sizes: Numbers) -> NDArray[np.intp]:
 
 
 def blocks(face_sizes: Numbers) -> Iterator[tuple[slice, slice]]:
-    """Yield faces and their corners, so many at a time that arrays over them stay in a processor's cache."""
+    """Yield slices of faces and of their corners; arrays over one slice fit into the processor's cache."""
     ends = np.cumsum(face_sizes, dtype=np.intp)
     face = corner = 0
     while face < len(ends):
-        stop = max(int(np.searchsorted(ends, corner + _BLOCK, side="right")), face + 1)
+        stop = max(int(np.searchsorted(ends, corner + _BLOCK_CORNERS, side="right")), face + 1)
         yield slice(face, stop), slice(corner, int(ends[stop - 1]))
         face, corner = stop, int(ends[stop - 1])
 
 
 def batches(corners: Sequence[int]) -> Iterator[slice]:
-    """Yield runs of meshes of so many corners each: a run takes longer than NumPy's calls, and its arrays are small."""
+    """Yield slices of meshes by their numbers of corners: large enough to outweigh NumPy's calls, small in memory."""
     start = total = 0
     for number, count in enumerate(corners):
         total += count
-        if total >= _BATCH or number == len(corners) - 1:
+        if total >= _BATCH_CORNERS or number == len(corners) - 1:
             yield slice(start, number + 1)
             start, total = number + 1, 0
 
@@ -57,10 +57,10 @@ def batches(corners: Sequence[int]) -> Iterator[slice]:
 def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
-    `corner_positions` is (m, 3), counter-clockwise seen from outside.
+    `corner_positions` is (m, 3), counter-clockwise when seen from outside.
     """
     if len(face_sizes) and (size := face_sizes[0]) <= _FEW_CORNERS and (face_sizes == size).all():
-        return _alike_area_vectors(corner_positions.reshape(-1, size, 3))
+        return _same_size_area_vectors(corner_positions.reshape(-1, size, 3))
     starts = face_starts(face_sizes)
     # Relative to a corner of the face: far from the origin the cross products cancel.
     local = corner_positions - np.repeat(corner_positions[starts], face_sizes, axis=0)
@@ -70,14 +70,14 @@ def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0) + 0.0)
 
 
-def _alike_area_vectors(corner_positions: Doubles) -> Doubles:
-    """Return `area_vectors` of faces of as many corners (f, n, 3): the same bits in a third of the time."""
+def _same_size_area_vectors(corner_positions: Doubles) -> Doubles:
+    """Return `area_vectors` of faces with equal numbers of corners (f, n, 3): the same bits in a third of the time."""
     by_corner = np.ascontiguousarray(corner_positions.transpose(2, 1, 0))
     x, y, z = local = by_corner - by_corner[:, :1]
     u, v, w = np.roll(local, -1, axis=1)
     crosses = y * w - z * v, z * u - x * w, x * v - y * u
-    # The sign of a zero depends on the layout, but for the last sum.
-    return np.asarray(0.5 * np.stack([each.sum(axis=0) for each in crosses], axis=-1) + 0.0)
+    # Adding 0 makes every zero positive: its sign depends on the layout.
+    return np.asarray(0.5 * np.stack([component.sum(axis=0) for component in crosses], axis=-1) + 0.0)
 
 
 def unit_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
@@ -92,7 +92,7 @@ def unit_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
 
 
 def dot(a: Doubles, b: Doubles) -> Doubles:
-    """Return the dot product over the last axis, kept as an axis of length 1."""
+    """Return the dot product over the last axis, which becomes an axis of length 1."""
     return np.asarray(np.einsum("...i,...i", a, b)[..., None])
 
 
@@ -103,11 +103,11 @@ def sum_by(group: Numbers, vectors: Doubles, count: int) -> Doubles:
 
 
 def flat_normals(areas: Doubles, face_sizes: Numbers) -> Doubles:
-    """Return unit normals (m, 3) that are constant over each face, from `area_vectors`; +z without area."""
+    """Return unit normals (m, 3), constant over each face, from `area_vectors`; +z for a face without area."""
     return np.repeat(unit_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
 
 
 def smooth_normals(areas: Doubles, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Doubles:
-    """Return unit normals (m, 3): at each point the area-weighted mean of its faces' normals; where 0, the face's."""
+    """Return unit normals (m, 3): the area-weighted mean over the faces of a point; if that is 0, the face's own."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
     return unit_or(sums[corner_points], flat_normals(areas, face_sizes))

@@ -12,7 +12,7 @@ from lookdev.asset.normals import Doubles
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A curve from the axis below to the axis above, the outside on its right.
+    """A curve from the lower to the upper pole on the axis, with the outside on its right.
 
     points (k, 2): radius and height in metres, only the first and the last on the axis; normals (k, 2): unit, outward;
     v (k,): texture coordinate, from 0 to 1.
@@ -26,8 +26,8 @@ class Profile:
 def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
     """Revolve a profile about the z axis to a closed mesh with one UV set, ``st``.
 
-    u grows around the axis, counter-clockwise seen from above, from +x; the tangent is the exact direction around the
-    axis. Faces are quads, and triangles at the two poles, whose corners have the u of their triangle's middle.
+    u grows around the axis from +x, counter-clockwise seen from above; the tangent is the exact direction around the
+    axis. Faces are quads, and triangles at the two poles; a corner at a pole has the u of its triangle's middle.
     """
     rings = len(profile.points) - 2
     angles = 2.0 * np.pi * np.arange(segments) / segments

@@ -1,7 +1,8 @@
-"""The built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a turned base.
+"""The built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a base.
 
-Two surfaces of revolution, the ball's axis tilted towards the viewer of pose 0. Profiles are arcs and lines in metres;
-every corner has a fillet, so that it catches a highlight as a real edge does, and normals are smooth everywhere.
+It consists of two surfaces of revolution; the ball's axis is tilted towards the camera of pose 0. Profiles are arcs and
+lines in metres. Every corner has a fillet that shows a highlight as a real edge does, and normals are smooth
+everywhere.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ def make_shaderball(segments: int = 256) -> Asset:
     ball = revolve("/shaderball/body", _ball_profile(), segments, slot=0)
     base = revolve("/shaderball/base", _base_profile(), segments, slot=1)
     azimuth, tilt = np.radians(_OPENING_AZIMUTH), np.radians(90.0 - _OPENING_ELEVATION)
-    placed = _rotation(2, azimuth) @ _rotation(1, tilt)
-    placed[2, 3] = _BALL_HEIGHT
-    instances = [Instance(0, placed), Instance(1, np.eye(4))]
+    placement = _rotation(2, azimuth) @ _rotation(1, tilt)
+    placement[2, 3] = _BALL_HEIGHT
+    instances = [Instance(0, placement), Instance(1, np.eye(4))]
     return make_asset("shaderball", [ball, base], instances, [Slot("/shaderball/body"), Slot("/shaderball/base")])
 
 
 def _ball_profile() -> Profile:
-    """Return the ball: unit sphere, groove, rim, recess and core, from the back to the middle of the core."""
+    """Return the ball's profile: unit sphere, groove, rim, recess and core, from the back to the core's centre."""
 
     def at(latitude: float, radius: float = 1.0) -> Point:
         return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
@@ -62,7 +63,7 @@ def _ball_profile() -> Profile:
 
 
 def _base_profile() -> Profile:
-    """Return the base: a foot with a step, a hollow neck and a collar, closed inside the ball."""
+    """Return the base's profile: a foot with a step, a concave neck and a collar, closed inside the ball."""
     cove = _arc((0.63, 0.235), 0.12, -100.0, -255.0)
     foot, neck = cove[0].tolist(), cove[-1].tolist()
     return _profile(
@@ -86,55 +87,55 @@ def _arc(center: Point, radius: float, start: float, stop: float) -> Doubles:
 
 
 def _profile(pieces: Sequence[tuple[Doubles, float]]) -> Profile:
-    """Join pieces end to end, each with the radius of the fillet at its end, and sample them."""
-    rounded: list[Doubles] = []
-    trimmed = 0.0
+    """Return the profile of pieces joined end to end; a piece comes with the radius of the fillet at its end."""
+    curves: list[Doubles] = []
+    head = 0.0
     for (piece, radius), (following, _) in itertools.pairwise(pieces):
         fillet, cut = _fillet(piece, following, radius)
-        rounded += [_between(piece, trimmed, cut), fillet]
-        trimmed = cut
-    rounded.append(_between(pieces[-1][0], trimmed, 0.0))
-    points = np.vstack([piece[:-1] for piece in rounded] + [rounded[-1][-1:]])
+        curves += [_resample(piece, head, cut), fillet]
+        head = cut
+    curves.append(_resample(pieces[-1][0], head, 0.0))
+    points = np.vstack([piece[:-1] for piece in curves] + [curves[-1][-1:]])
     points[[0, -1], 0] = 0.0
-    return Profile(points, _curve_normals(points), _lengths(points) / _lengths(points)[-1])
+    return Profile(points, _curve_normals(points), _arc_lengths(points) / _arc_lengths(points)[-1])
 
 
-def _lengths(points: Doubles) -> Doubles:
+def _arc_lengths(points: Doubles) -> Doubles:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _walk(piece: Doubles, distances: Doubles) -> Doubles:
-    lengths = _lengths(piece)
+def _points_at(piece: Doubles, distances: Doubles) -> Doubles:
+    lengths = _arc_lengths(piece)
     return np.stack([np.interp(distances, lengths, piece[:, i]) for i in range(2)], axis=-1)
 
 
-def _between(piece: Doubles, head: float, tail: float) -> Doubles:
-    """Return a piece without its first `head` and last `tail` metres, in even steps."""
-    length = _lengths(piece)[-1] - head - tail
+def _resample(piece: Doubles, head: float, tail: float) -> Doubles:
+    """Resample a piece in even steps, without its first `head` and last `tail` metres."""
+    length = _arc_lengths(piece)[-1] - head - tail
     assert length > 0.0, "fillets must fit on their piece"
     steps = max(2, int(np.ceil(length / _STEP)))
-    return _walk(piece, head + length * np.arange(steps + 1) / steps)
+    return _points_at(piece, head + length * np.arange(steps + 1) / steps)
 
 
 def _fillet(before: Doubles, after: Doubles, radius: float) -> tuple[Doubles, float]:
-    """Return a fillet between two pieces, and the length of each that it replaces.
+    """Return a fillet between two pieces, and the length that it replaces of each piece.
 
-    A rational quadratic Bézier curve with its control point in the corner: a circular arc between lines; between arcs
-    of much larger radius the tangents agree to a fraction of a degree.
+    It is a rational quadratic Bézier curve with its control point in the corner: a circular arc between lines. Between
+    arcs of much larger radius the tangents agree to a fraction of a degree.
     """
     corner = after[0]
     incoming, outgoing = before[-1] - before[-2], after[1] - after[0]
     turn = np.arccos(np.clip(incoming @ outgoing / np.linalg.norm(incoming) / np.linalg.norm(outgoing), -1.0, 1.0))
     cut = float(radius * np.tan(turn / 2.0))
-    first = _walk(before, _lengths(before)[-1:] - cut)
-    last = _walk(after, np.array([cut]))
+    first = _points_at(before, _arc_lengths(before)[-1:] - cut)
+    last = _points_at(after, np.array([cut]))
     t = np.linspace(0.0, 1.0, _FILLET_STEPS + 1)[:, None]
     weights = np.hstack([(1.0 - t) ** 2, 2.0 * np.cos(turn / 2.0) * t * (1.0 - t), t**2])
     return weights @ np.vstack([first, corner, last]) / weights.sum(axis=1, keepdims=True), cut
 
 
 def _curve_normals(points: Doubles) -> Doubles:
-    """Return unit normals (k, 2) on the right of a smooth curve, of second order on uneven steps."""
+    """Return unit normals (k, 2) on the right of a smooth curve, second-order accurate on uneven steps."""
     legs = np.diff(points, axis=0)
     steps = np.linalg.norm(legs, axis=1, keepdims=True)
     slopes = legs / steps
@@ -145,7 +146,7 @@ def _curve_normals(points: Doubles) -> Doubles:
 
 
 def _rotation(axis: int, angle: float) -> Doubles:
-    """Return the matrix (4, 4) of a rotation about a coordinate axis, in radians."""
+    """Return the matrix (4, 4) of a rotation about a coordinate axis by an angle in radians."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(4)
     matrix[[i, j], [i, j]] = np.cos(angle)

@@ -1,4 +1,4 @@
-"""A surface as a file or a primitive has it, before normals, tangents and slots are computed."""
+"""A surface as a file or a primitive defines it, before normals, tangents and slots are computed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Attribute:
     """A UV set, a primvar or the normals of a shape: values (k,), (k, 2) or (k, 3), with any indices applied.
 
     There is one value (constant), or one for each face (uniform), point (varying, vertex) or corner (faceVarying) of
-    the shape as it is in the file.
+    the shape in the file.
     """
 
     name: str
@@ -33,13 +33,13 @@ class Attribute:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A polygon mesh or control cage in its own object space.
+    """A polygon mesh or control cage in object space.
 
     points (n, 3) metres; face_sizes (f,); face_points (m,) index into points, counter-clockwise seen from outside, or
-    clockwise where `left_handed`. Without `normals`, those of a shape that is `flat` are its facets', any other's are
-    smooth. Faces in `holes` are not shown. `subdivision` has crease edges and corners by the numbers of these points,
-    and neither holes nor interpolation. `parts` (f,) numbers the parts of the surface that take a material each, by
-    default one. `default_uv` is that of `Mesh`, where there is such a UV set.
+    clockwise if `left_handed`. Without `normals`, a shape has those of its facets if it is `flat`, else smooth ones.
+    `holes` are the indices of faces that are not part of the surface. `subdivision` indexes these points by its crease
+    edges and corners; it has neither holes nor interpolation. `parts` (f,) is the number of the part of each face; each
+    part has a material of its own; None means one part. `default_uv` is that of `Mesh`, if such a UV set exists.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Curves in the bases of UsdGeom.BasisCurves, and NURBS, as weights of their vertices."""
+"""Curves in the bases of UsdGeom.BasisCurves, and NURBS curves, as weights of their vertices."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ WRAPS = ("nonperiodic", "periodic", "pinned")
 class Splines:
     """Curves (c,) of smooth segments between vertices.
 
-    `at(segments, t)` returns for samples (r,) at t in 0..1 of a segment, sorted by segment, index, weights and rates
-    (r, k): a value is the sum of weights times those of the vertices at index, its derivative by t the sum with rates.
-    Where the ends are `pinned`, phantom vertices follow the others: all those before, then all those after a curve.
-    `varying` is False where it is not defined how values vary over segments.
+    `at(segments, t)` takes samples (r,), sorted by segment, at t in 0..1 of their segments, and returns vertex indices,
+    weights and rates (r, k). A sample's value is the sum of the vertices' values times the weights; its derivative by t
+    is the sum with the rates. With `pinned` ends, phantom vertices follow the others: first those before each curve,
+    then those after each. `varying` is False if interpolation `varying` is not defined for the curves.
     """
 
     vertex_counts: Index
@@ -40,7 +40,7 @@ class Splines:
     varying: bool = True
 
     def with_phantoms(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (n, ...) of the vertices with those of the phantoms, as UsdGeom extrapolates them."""
+        """Return the values (n, ...) of the vertices and of the phantom vertices, which UsdGeom extrapolates."""
         if not self.pinned:
             return values
         first = starts_of(self.vertex_counts)
@@ -49,30 +49,30 @@ class Splines:
 
 
 def starts_of(counts: Index) -> Index:
-    """Return where each of consecutive groups starts, by their sizes."""
+    """Return the start index (c,) of each of consecutive groups of the given sizes."""
     return np.cumsum(counts) - counts
 
 
 def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
-    """Return curves of a basis in `BASES` and a wrap in `WRAPS` by their numbers of vertices (c,).
+    """Return curves of a basis in `BASES` and a wrap in `WRAPS`, with the given numbers of vertices (c,).
 
     Raises
     ------
     AssetError
         The vertices of a curve do not make whole segments.
     """
-    straight, periodic = basis == "linear", wrap == "periodic"
+    is_linear, periodic = basis == "linear", wrap == "periodic"
     step = 3 if basis == "bezier" else 1
     pinned = wrap == "pinned" and basis in ("bspline", "catmullRom")
-    least = 3 if periodic else 2 if straight or pinned else 4
-    wrong = (counts < least) | ((counts - least) % step != 0)
+    fewest = 3 if periodic else 2 if is_linear or pinned else 4
+    wrong = (counts < fewest) | ((counts - fewest) % step != 0)
     if wrong.any():
         curve = int(wrong.argmax())
-        rule = f"at least {least}" + (f", or {least} and a multiple of {step} more" if step > 1 else "")
+        rule = f"at least {fewest}" + (f", or {fewest} and a multiple of {step} more" if step > 1 else "")
         raise AssetError(
             f"{where}: curveVertexCounts[{curve}] is {counts[curve]}; a {wrap} {basis} curve has {rule} vertices"
         )
-    segment_counts = counts // step if periodic else (counts - least) // step + 1
+    segment_counts = counts // step if periodic else (counts - fewest) // step + 1
     curves = np.repeat(np.arange(len(counts)), segment_counts)
     numbers = np.arange(len(curves)) - starts_of(segment_counts)[curves]
     first, total = starts_of(counts), int(counts.sum())
@@ -86,9 +86,9 @@ def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
         index = first[curve] + local
         index = np.where(local < 0, total + curve, index)
         index = np.where(local >= counts[curve], total + len(counts) + curve, index)
-        one = np.ones_like(t)
-        powers = np.stack([t**3, t**2, t, one], axis=-1)
-        slopes = np.stack([3.0 * t**2, 2.0 * t, one, 0.0 * t], axis=-1)
+        ones = np.ones_like(t)
+        powers = np.stack([t**3, t**2, t, ones], axis=-1)
+        slopes = np.stack([3.0 * t**2, 2.0 * t, ones, 0.0 * t], axis=-1)
         return index, powers @ matrix, slopes @ matrix
 
     return Splines(counts, segment_counts, at, periodic, pinned)
@@ -97,17 +97,17 @@ def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
 def nurbs_splines(
     counts: Index, orders: Index, knots: Doubles, ranges: Doubles, weights: Doubles, where: str
 ) -> Splines:
-    """Return NURBS curves by their numbers of vertices and orders (c,), and the knots of one after another.
+    """Return NURBS curves with the given numbers of vertices (c,), orders (c,) and concatenated knots.
 
-    `ranges` (c, 2) cut the curves in their parameter, `weights` (n,) are those of the vertices; both may be empty. A
-    segment is what lies between two different knots.
+    `ranges` (c, 2) restrict the curves' parameters, `weights` (n,) are those of the vertices; both may be empty. A
+    segment lies between two consecutive different knots.
 
     Raises
     ------
     AssetError
         Counts do not agree, an order or a weight is out of its range, knots decrease or a range is empty.
     """
-    from scipy.interpolate import BSpline  # takes a third of a second, which few files need
+    from scipy.interpolate import BSpline  # the import takes a third of a second, and few files need it
 
     if len(orders) != len(counts) or (orders < 2).any() or (orders > counts).any():
         raise AssetError(f"{where}: order must be 2 or more and at most the curve's vertices, once for each curve")
@@ -119,14 +119,14 @@ def nurbs_splines(
         raise AssetError(f"{where}: pointWeights must be positive numbers, one for each of {counts.sum()} points")
     first = starts_of(counts)
     spans: list[Doubles] = []
-    owns = np.split(knots, np.cumsum(counts + orders)[:-1])
-    for curve, own in enumerate(owns):
-        low, high = own[orders[curve] - 1], own[counts[curve]]
+    curve_knots = np.split(knots, np.cumsum(counts + orders)[:-1])
+    for curve, own_knots in enumerate(curve_knots):
+        low, high = own_knots[orders[curve] - 1], own_knots[counts[curve]]
         if len(ranges):
             low, high = max(low, ranges[curve, 0]), min(high, ranges[curve, 1])
-        if (np.diff(own) < 0.0).any() or low >= high:
+        if (np.diff(own_knots) < 0.0).any() or low >= high:
             raise AssetError(f"{where}: knots of curve {curve} must grow and leave a range between them")
-        spans.append(np.unique(np.concatenate([[low], own[(own > low) & (own < high)], [high]])))
+        spans.append(np.unique(np.concatenate([[low], own_knots[(own_knots > low) & (own_knots < high)], [high]])))
     segment_counts = np.array([len(span) - 1 for span in spans], np.intp)
     curves = np.repeat(np.arange(len(counts)), segment_counts)
     lows = np.concatenate([span[:-1] for span in spans])
@@ -135,27 +135,27 @@ def nurbs_splines(
 
     def at(segments: Index, t: Doubles) -> tuple[Index, Doubles, Doubles]:
         low, high = lows[segments], highs[segments]
-        # Of a segment's end its own side: a knot can be a corner.
+        # A segment's end is evaluated from its own side: a knot can be a corner.
         parameters = np.minimum(low + t * (high - low), np.nextafter(high, low))
         index = np.zeros((len(t), width), np.intp)
         values, rates = np.zeros((2, len(t), width))
         present, starts = np.unique(curves[segments], return_index=True)
         for curve, start, stop in zip(present, starts, np.append(starts[1:], len(t)), strict=True):
             rows, order = slice(start, stop), int(orders[curve])
-            own, u = owns[curve], parameters[rows]
-            basis = BSpline.design_matrix(u, own, order - 1)
-            there = basis.indices.reshape(-1, order)
+            own_knots, u = curve_knots[curve], parameters[rows]
+            basis = BSpline.design_matrix(u, own_knots, order - 1)
+            vertices = basis.indices.reshape(-1, order)
             value = basis.data.reshape(-1, order)
-            lower = BSpline.design_matrix(u, own, order - 2).data.reshape(-1, order - 1)
-            # de Boor: B'_j = p (B_j / (u_j+p - u_j) - B_j+1 / (u_j+p+1 - u_j+1)), with those of degree p - 1.
-            part = (order - 1) * lower / (own[there[:, 1:] + order - 1] - own[there[:, 1:]])
+            lower = BSpline.design_matrix(u, own_knots, order - 2).data.reshape(-1, order - 1)
+            # de Boor: B'_j = p (B_j / (u_j+p - u_j) - B_j+1 / (u_j+p+1 - u_j+1)), with the B of degree p - 1.
+            part = (order - 1) * lower / (own_knots[vertices[:, 1:] + order - 1] - own_knots[vertices[:, 1:]])
             rate = np.pad(part, ((0, 0), (1, 0))) - np.pad(part, ((0, 0), (0, 1)))
             if len(weights):
-                weight = weights[first[curve] + there]
+                weight = weights[first[curve] + vertices]
                 value, rate = value * weight, rate * weight
                 total, change = value.sum(axis=1, keepdims=True), rate.sum(axis=1, keepdims=True)
                 value, rate = value / total, (rate - value * change / total) / total
-            index[rows, :order], values[rows, :order], rates[rows, :order] = first[curve] + there, value, rate
+            index[rows, :order], values[rows, :order], rates[rows, :order] = first[curve] + vertices, value, rate
         return index, values, rates * (high - low)[:, None]
 
     return Splines(counts, segment_counts, at, varying=False)

@@ -1,9 +1,9 @@
 """Tangents of a mesh: the direction in which u grows at constant v, one for each face corner, and their handedness.
 
-As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), corners are averaged that share
-position, normal, UV and the orientation of their UVs, so that a mirrored or rotated UV island keeps its own direction
-along its seam. Two simplifications: a face has one tangent, exact for a triangle and the mean over a larger polygon,
-and the faces around a corner have equal weights.
+As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), a tangent is the average over the
+corners that share position, normal, UV and the orientation of their UVs, so that a mirrored or rotated UV island keeps
+its own direction along its seam. There are two simplifications: a face has one tangent, exact for a triangle and the
+mean over a larger polygon, and the faces around a corner have equal weights.
 
 Without UVs, tangents follow the longitude about the z axis through the middle of the mesh's bounds.
 """
@@ -29,16 +29,16 @@ def perpendicular(normals: Doubles) -> Doubles:
 
 
 def tangents_of(meshes: Sequence[Mesh]) -> list[Floats]:
-    """Return the tangents (m, 3) of each mesh: its own, or else those that `corner_tangents` finds."""
-    found = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
-    for textured in (True, False):
-        unknown = [i for i, mesh in enumerate(meshes) if i not in found and bool(mesh.uvs) == textured]
-        for batch in batches([len(meshes[i].corner_points) for i in unknown]):
-            found |= zip(unknown[batch], _tangents_together([meshes[i] for i in unknown[batch]]), strict=True)
-    return [found[i] for i in range(len(meshes))]
+    """Return the tangents (m, 3) of each mesh: its own, or those of `corner_tangents` if it has none."""
+    tangents = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
+    for has_uvs in (True, False):
+        missing = [i for i, mesh in enumerate(meshes) if i not in tangents and bool(mesh.uvs) == has_uvs]
+        for batch in batches([len(meshes[i].corner_points) for i in missing]):
+            tangents |= zip(missing[batch], _batch_tangents([meshes[i] for i in missing[batch]]), strict=True)
+    return [tangents[i] for i in range(len(meshes))]
 
 
-def _tangents_together(meshes: Sequence[Mesh]) -> list[Floats]:
+def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats]:
     """Return the tangents of meshes that all have UVs, or all have none."""
     points, corners = np.array([(len(mesh.points), len(mesh.corner_points)) for mesh in meshes]).T
     first_points = (np.cumsum(points) - points).astype(np.int32)
@@ -62,13 +62,13 @@ def corner_tangents(
     uvs: Floats | None,
     meshes: Numbers | None = None,
 ) -> Floats:
-    """Return unit tangents (m, 3), orthogonal to the corner normals, of arrays as in `Mesh`, `uvs` (m, 2).
+    """Return unit tangents (m, 3), orthogonal to the corner normals, from arrays as in `Mesh` and `uvs` (m, 2).
 
-    Where the UVs cover no area or the faces around a corner cancel, it is `perpendicular` of the normal. The arrays may
-    be those of several meshes, one after the other: `meshes` (n,) is then the mesh of each point, from 0.
+    Where the UVs cover no area or the faces around a corner cancel, the tangent is `perpendicular` of the normal. The
+    arrays may be concatenated from several meshes; `meshes` (n,) is then the number of the mesh of each point, from 0.
     """
     if uvs is None:
-        return _longitude(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
+        return _longitude_tangents(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
     orientation, tangents = np.empty(len(face_sizes)), np.empty((len(corner_points), 3))
     for faces, corners in blocks(face_sizes):
         sizes, uv = face_sizes[faces], uvs[corners].astype(np.float64)
@@ -76,22 +76,22 @@ def corner_tangents(
         orientation[faces] = _orientation(sizes, following, uv)
         positions = points[corner_points[corners]].astype(np.float64)
         along = _face_tangents(positions, sizes, following, uv, orientation[faces])
-        tangents[corners] = _orthogonal(np.repeat(along, sizes, axis=0), normals[corners].astype(np.float64))
-    places = _places(points, meshes)[corner_points]
-    group, example = _groups(places, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
+        tangents[corners] = _orthogonalize(np.repeat(along, sizes, axis=0), normals[corners].astype(np.float64))
+    positions = _number_positions(points, meshes)[corner_points]
+    group, example = _group_corners(positions, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
     sums = sum_by(group, tangents, len(example))
     means = np.empty((len(example), 3), np.float32)
-    for _, some in blocks(np.ones(len(example), np.intp)):
-        # A sum of unit vectors shorter than this is rounding.
-        whole = sums[some] * (dot(sums[some], sums[some]) > 1e-12)
-        # Orthogonal to each normal of the group, which are equal, thus also their mean but for rounding.
-        n = normals[example[some]].astype(np.float64)
-        means[some] = unit_or(_orthogonal(whole, n), perpendicular(n))
+    for _, block in blocks(np.ones(len(example), np.intp)):
+        # A shorter sum of unit vectors is rounding error.
+        reliable_sums = sums[block] * (dot(sums[block], sums[block]) > 1e-12)
+        # The normals of a group are equal, and so the mean is orthogonal to them but for rounding.
+        n = normals[example[block]].astype(np.float64)
+        means[block] = unit_or(_orthogonalize(reliable_sums, n), perpendicular(n))
     return means[group]
 
 
-def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return a hash of each key: the finaliser of SplitMix64 (Steele et al. 2014)."""
+def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Hash each key by the finaliser of SplitMix64 (Steele et al. 2014)."""
     key = key * np.uint64(0x9E3779B97F4A7C15)
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -101,8 +101,8 @@ def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
 def handedness(mesh: Mesh) -> Floats:
     """Return 1 for each corner (m,) where v grows along cross(normal, tangent), -1 where the UVs are mirrored.
 
-    Of the mesh's first UV set, constant over a face, 1 where its UVs cover no area and where there are none. The green
-    channel of a normal map leans along increasing v.
+    The UVs are those of the mesh's first UV set. The sign is constant over a face; it is 1 for a face whose UVs cover
+    no area and for a mesh without UVs. The green channel of a normal map leans along increasing v.
     """
     uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
     sign = np.where(_orientation(mesh.face_sizes, next_corners(mesh.face_sizes), uvs) < 0.0, -1.0, 1.0)
@@ -110,7 +110,7 @@ def handedness(mesh: Mesh) -> Floats:
 
 
 def _orientation(face_sizes: Numbers, following: Numbers, uvs: Doubles) -> Doubles:
-    """Return each face's sign (f,): 1 where its UVs wind like it, -1 where they are mirrored, 0 without area."""
+    """Return each face's sign (f,): 1 if its UVs have the face's winding, -1 if they are mirrored, 0 without area."""
     starts = face_starts(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
     u, v = (uvs - first).T
@@ -124,10 +124,10 @@ def _orientation(face_sizes: Numbers, following: Numbers, uvs: Doubles) -> Doubl
 def _face_tangents(
     positions: Doubles, face_sizes: Numbers, following: Numbers, uvs: Doubles, orientation: Doubles
 ) -> Doubles:
-    """Return each face's tangent (f, 3), zero where there is none.
+    """Return each face's tangent (f, 3), not unit; zero if it has none.
 
     By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
-    points along (grad v x N) where the UVs wind like the face, against it where they are mirrored.
+    points along (grad v x N) if the UVs have the face's winding, against it if they are mirrored.
     """
     starts = face_starts(face_sizes)
     v = uvs[:, 1] - np.repeat(uvs[starts, 1], face_sizes)
@@ -135,15 +135,15 @@ def _face_tangents(
     return np.asarray(-orientation[:, None] * np.add.reduceat(circulation, starts, axis=0))
 
 
-def _orthogonal(vectors: Doubles, normals: Doubles) -> Doubles:
-    """Return each vector made orthogonal to its unit normal (Gram-Schmidt), unit or zero."""
+def _orthogonalize(vectors: Doubles, normals: Doubles) -> Doubles:
+    """Return the vectors orthogonalised against their unit normals (Gram-Schmidt), unit or zero."""
     unit = unit_or(vectors, np.zeros(3))
-    rest = unit - dot(unit, normals) * normals
-    rest *= dot(rest, rest) > 1e-12
-    return unit_or(rest, np.zeros(3))
+    remainder = unit - dot(unit, normals) * normals
+    remainder *= dot(remainder, remainder) > 1e-12
+    return unit_or(remainder, np.zeros(3))
 
 
-def _longitude(
+def _longitude_tangents(
     points: Doubles, corner_points: Numbers, face_sizes: Numbers, normals: Floats, meshes: Numbers | None
 ) -> Floats:
     """Return unit tangents (m, 3) around the z axis, counter-clockwise seen from above."""
@@ -154,58 +154,60 @@ def _longitude(
     tangents = np.empty((len(corner_points), 3), np.float32)
     for _, corners in blocks(face_sizes):
         n = normals[corners].astype(np.float64)
-        # Twice, as the normals are unit only to float32.
-        along = _orthogonal(_orthogonal(around[corner_points[corners]], n), n)
+        # Twice, since the normals are unit only to float32.
+        along = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
         tangents[corners] = unit_or(along, perpendicular(n))
     return tangents
 
 
-def _places(points: NDArray[np.floating[Any]], meshes: Numbers | None) -> NDArray[np.intp]:
-    """Number the points (n,) so that those of one mesh in one place have the same number."""
-    key = _hash(points) if meshes is None else mixed(_hash(points) ^ meshes.astype(np.uint64))
-    ordered = np.sort(key)
-    if (ordered[1:] != ordered[:-1]).all():
+def _number_positions(points: NDArray[np.floating[Any]], meshes: Numbers | None) -> NDArray[np.intp]:
+    """Number the points (n,): points of one mesh at the same position have the same number."""
+    key = _hash_rows(points) if meshes is None else mix_bits(_hash_rows(points) ^ meshes.astype(np.uint64))
+    sorted_keys = np.sort(key)
+    if (sorted_keys[1:] != sorted_keys[:-1]).all():
         return np.arange(len(key))
     return np.asarray(np.unique(key, return_inverse=True)[1])
 
 
-def _groups(
-    places: NDArray[np.intp], normals: Floats, uvs: Floats, orientation: NDArray[np.int8]
+def _group_corners(
+    positions: NDArray[np.intp], normals: Floats, uvs: Floats, orientation: NDArray[np.int8]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number the corners (m,) so that those equal in place, normal, UV and orientation have the same number.
+    """Number the corners (m,): corners equal in position, normal, UV and orientation have the same number.
 
-    Also return a corner of each number. In each round the corners that are equal to one of their place are numbered;
-    those that a few rounds leave, around a point with many normals, are compared by a 64-bit hash.
+    Also return one corner of each number. Each round takes one corner of each position and numbers the corners that
+    equal it. A 64-bit hash compares those that remain after a few rounds, around a point with many normals.
     """
     columns = (*normals.T, *uvs.T, orientation)
-    group = np.empty(len(places), np.intp)
-    left = np.arange(len(places))
+    group = np.empty(len(positions), np.intp)
+    remaining = np.arange(len(positions))
     examples: list[NDArray[np.intp]] = []
     count = 0
     for _ in range(_ROUNDS):
-        example = np.full(int(places.max()) + 1, -1)
-        example[places[left]] = left
+        example = np.full(int(positions.max()) + 1, -1)
+        example[positions[remaining]] = remaining
         number = np.cumsum(example >= 0) + (count - 1)
-        equal = np.empty(len(left), bool)
-        for _, some in blocks(np.ones(len(left), np.intp)):
-            mine, other = left[some], example[places[left[some]]]
-            equal[some] = np.logical_and.reduce([column[mine] == column[other] for column in columns])
-        group[left[equal]] = number[places[left[equal]]]
+        equal = np.empty(len(remaining), bool)
+        for _, block in blocks(np.ones(len(remaining), np.intp)):
+            corner, other = remaining[block], example[positions[remaining[block]]]
+            equal[block] = np.logical_and.reduce([column[corner] == column[other] for column in columns])
+        group[remaining[equal]] = number[positions[remaining[equal]]]
         examples.append(example[example >= 0])
         count += len(examples[-1])
-        left = left[~equal]
-        if len(left) == 0:
+        remaining = remaining[~equal]
+        if len(remaining) == 0:
             return group, np.concatenate(examples)
-    key = mixed(_hash(np.column_stack([column[left] for column in columns])) ^ places[left].astype(np.uint64))
+    key = mix_bits(
+        _hash_rows(np.column_stack([column[remaining] for column in columns])) ^ positions[remaining].astype(np.uint64)
+    )
     _, first, numbers = np.unique(key, return_index=True, return_inverse=True)
-    group[left] = numbers + count
-    return group, np.concatenate([*examples, left[first]])
+    group[remaining] = numbers + count
+    return group, np.concatenate([*examples, remaining[first]])
 
 
-def _hash(rows: NDArray[np.floating[Any]]) -> NDArray[np.uint64]:
-    """Return a hash of each row (k, w), by its values in 32 bits."""
+def _hash_rows(rows: NDArray[np.floating[Any]]) -> NDArray[np.uint64]:
+    """Hash each row (k, w), by its values in float32."""
     single = rows.astype(np.float32) + np.float32(0.0)  # -0 becomes 0
     key = np.zeros(len(single), np.uint64)
     for column in single.view(np.uint32).T:
-        key = mixed(key ^ column)
+        key = mix_bits(key ^ column)
     return key

@@ -1,4 +1,4 @@
-"""What an asset, or a rig, is made of, as it would be rendered: `lookdev inspect`."""
+"""`lookdev inspect`: the parts, materials and lights of an asset or a rig, as they would be rendered."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ MOST_LINES = 200
 
 @dataclass(frozen=True)
 class InspectedPart:
-    """A mesh, or a GeomSubset of one: `path` is that of its first instance, `paths` are those of all, each once.
+    """A mesh, or a GeomSubset of one.
 
-    `faces` are those in the file, of one instance; `subdivision` is a scheme and its tags, "" for polygons; `material`
-    is the path of the bound material, "" where nothing is bound.
+    `path` is the path of its first instance, `paths` are the distinct paths of all instances. `faces` counts the faces
+    of one instance, as in the file. `subdivision` is the scheme with its tags, "" for polygons. `material` is the path
+    of the bound material, "" where nothing is bound.
     """
 
     path: str
@@ -44,7 +45,7 @@ class InspectedPart:
 
 @dataclass(frozen=True)
 class InspectedMaterial:
-    """A bound material: the models of its layers, base first, and what is not carried over."""
+    """A bound material: the models of its layers, base first; `lost` are the messages on what is not carried over."""
 
     path: str
     layers: tuple[str, ...]
@@ -55,7 +56,7 @@ class InspectedMaterial:
 
 @dataclass(frozen=True)
 class Inspection:
-    """An asset, its parts and materials; lengths in metres, z up. `notes` are what is not supported, and repairs."""
+    """An asset, its parts and materials; lengths in metres, z up. `notes` list unsupported content and repairs."""
 
     file: str
     minimum: tuple[float, ...]
@@ -71,7 +72,7 @@ class Inspection:
     notes: tuple[str, ...]
 
     def data(self) -> dict[str, Any]:
-        """Return all of it for JSON."""
+        """Return all fields for JSON."""
         return asdict(self)
 
     def text(self) -> str:
@@ -80,7 +81,7 @@ class Inspection:
         more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
         counts = [_count(self.meshes, "mesh", "es"), *map(_count, (self.instances, self.points), ("instance", "point"))]
         lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count(self.faces, 'face')}{more}", ""]
-        lines += _table(list(_tree(self.parts[:MOST_LINES])))
+        lines += _align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
         if (left := len(self.parts) - MOST_LINES) > 0:
             lines.append(f"... and {left:,} more parts; --json lists all")
         if self.materials:
@@ -99,10 +100,10 @@ def inspect_file(
     *,
     rig: bool = False,
 ) -> tuple[Inspection, Asset] | tuple[InspectedRig, None]:
-    """Read an asset and all materials that it binds; return the list, and the asset itself.
+    """Read an asset and the materials bound to it; return the inspection and the asset itself.
 
-    With `rig`, or where there are lights and no geometry, the list is that of the lights. Raises AssetError or
-    FaultsError where it cannot be rendered.
+    With `rig`, or if the stage has lights and no geometry, return the inspection of the lights and None. Raises
+    AssetError or FaultsError if it cannot be rendered.
     """
     composed = compose(composition)
     if rig or holds_only_lights(composed):
@@ -114,7 +115,7 @@ def inspect_file(
 
 
 def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> Inspection:
-    """List what an asset consists of; `bound` are the looks of its materials by path."""
+    """Return the inspection of an asset; `bound` has the looks of its materials by path."""
     uses = Counter(instance.mesh for instance in asset.instances)
     paths: dict[int, dict[str, None]] = {}
     for instance in asset.instances:
@@ -134,14 +135,14 @@ def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> I
         parts=tuple(
             part
             for number, mesh in enumerate(asset.meshes)
-            for part in _parts(asset, mesh, paths.get(number, ()), uses[number])
+            for part in _inspect_parts(asset, mesh, paths.get(number, ()), uses[number])
         ),
-        materials=tuple(_material(path, each) for path, each in bound.items()),
+        materials=tuple(_inspect_material(path, bound_look) for path, bound_look in bound.items()),
         notes=asset.notes,
     )
 
 
-def _parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> Iterator[InspectedPart]:
+def _inspect_parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> Iterator[InspectedPart]:
     numbers, counts = np.unique(mesh.face_slots, return_counts=True)
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         slot = asset.slots[number]
@@ -150,36 +151,36 @@ def _parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> It
             tuple(path + slot.path.removeprefix(mesh.name) for path in paths),
             instances,
             count,
-            _subdivision(mesh),
+            _subdivision_text(mesh),
             tuple(mesh.uvs),
             tuple(mesh.primvars),
             slot.material or "",
         )
 
 
-def _subdivision(mesh: Mesh) -> str:
+def _subdivision_text(mesh: Mesh) -> str:
     rules = mesh.subdivision
     if rules is None:
         return ""
     tags = {"crease": rules.crease_sharpness, "corner": rules.corner_sharpness, "hole": rules.holes}
-    shown = [_count(len(values), name) for name, values in tags.items() if len(values)]
-    return f"{rules.scheme} ({', '.join(shown)})" if shown else rules.scheme
+    counts = [_count(len(values), name) for name, values in tags.items() if len(values)]
+    return f"{rules.scheme} ({', '.join(counts)})" if counts else rules.scheme
 
 
-def _material(path: str, bound: BoundLook) -> InspectedMaterial:
+def _inspect_material(path: str, bound: BoundLook) -> InspectedMaterial:
     look = bound.look
     lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.lost)
-    return InspectedMaterial(path, bound.titles, _textures(look), look.displacement is not None, lost)
+    return InspectedMaterial(path, bound.titles, _image_count(look), look.displacement is not None, lost)
 
 
-def _textures(look: Look) -> int:
-    """Count the images that a look reads, whatever folding removes."""
+def _image_count(look: Look) -> int:
+    """Return the number of images that a look reads, before folding."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
-    displaced = [look.displacement.height] if look.displacement else []
-    return len({file for source in leaves([*sources, *displaced]) for file in _files(source)})
+    heights = [look.displacement.height] if look.displacement else []
+    return len({file for source in leaves([*sources, *heights]) for file in _image_files(source)})
 
 
-def _files(source: object) -> Iterator[Path]:
+def _image_files(source: object) -> Iterator[Path]:
     match source:
         case Texture():
             yield source.file
@@ -187,8 +188,8 @@ def _files(source: object) -> Iterator[Path]:
             yield source.height.file
 
 
-def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
-    """Yield a row of cells for each part, and for each prim above them where it first appears."""
+def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
+    """Yield a row of cells for each part, and before it a row for each of its ancestors that has none yet."""
     above: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
@@ -196,7 +197,7 @@ def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
         shared = min(len(above), len(groups)) if shared is None else shared
         for depth in range(shared, len(groups)):
             yield ("  " * depth + groups[depth],)
-        above = [*groups, name]  # its GeomSubsets come next
+        above = [*groups, name]  # the rows of its GeomSubsets follow
         yield (
             "  " * len(groups) + name,
             _count(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),
@@ -207,11 +208,11 @@ def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _count(number: int, what: str, plural: str = "s") -> str:
-    return f"{number:,} {what}{plural if number != 1 else ''}"
+def _count(number: int, noun: str, plural: str = "s") -> str:
+    return f"{number:,} {noun}{plural if number != 1 else ''}"
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+def _align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
     columns = max((len(row) for row in rows), default=0)
     widths = [max((len(row[i]) for row in rows if i < len(row)), default=0) for i in range(columns)]
     return [
@@ -224,4 +225,4 @@ def _material_lines(material: InspectedMaterial) -> Iterator[str]:
     images = f", {_count(material.textures, 'image')}" if material.textures else ""
     displaced = ", displaced" * material.displaced
     yield f"  {material.path}: {' under '.join(material.layers)}{images}{displaced}"
-    yield from (f"    not carried over: {each}" for each in material.lost)
+    yield from (f"    not carried over: {lost}" for lost in material.lost)

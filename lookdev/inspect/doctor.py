@@ -1,4 +1,4 @@
-"""Checks that this machine can render: what is missing, and how to get it."""
+"""`lookdev doctor`: whether this machine can render, what it lacks and how to get it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lookdev.errors import OutputError, RenderError
 from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, lacking_gpu
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
-"""A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
+"""The Blender of each Python: a bpy wheel fits exactly one (VFX Reference Platform CY2025 and CY2026)."""
 
 MODULES = {
     **{name: name for name in ("numpy", "OpenEXR", "OpenImageIO", "pydantic", "rich", "scipy", "typer")},
@@ -51,7 +51,7 @@ IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one test: its subject, what was found, whether that suffices, and otherwise the remedy."""
+    """The result of one check: the subject, its state (`found`), whether that suffices, and otherwise a remedy."""
 
     subject: str
     found: str
@@ -60,19 +60,19 @@ class Finding:
 
 
 def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[Finding]:
-    """Test everything that a render needs, cheapest first; the commands that load Blender can be replaced."""
-    yield _python()
+    """Check everything that a render needs, cheapest first. Tests replace the two commands, which load Blender."""
+    yield _check_python()
     for distribution, module in MODULES.items():
-        yield _module(distribution, module)
+        yield _check_module(distribution, module)
     if sys.platform == "linux":
-        yield _system_libraries(SYSTEM_LIBRARIES)
-    cache = _cache()
+        yield _check_system_libraries(SYSTEM_LIBRARIES)
+    cache = _check_cache()
     yield cache
-    blender = _blender(import_bpy)
+    blender = _check_blender(import_bpy)
     yield blender
     if blender.good and cache.good:  # the self-test compiles a shader into the cache
-        yield _osl(self_test)
-    yield _mitsuba()
+        yield _check_osl(self_test)
+    yield _check_mitsuba()
     yield Finding("processor cores", str(os.cpu_count()), good=True)
 
 
@@ -88,14 +88,14 @@ def describe(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def _python() -> Finding:
+def _check_python() -> Finding:
     version, good = sys.version_info[:2], sys.version_info[:2] in BLENDER_PYTHONS
-    known = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
-    remedy = "" if good else f"Blender's wheels exist for Python {known}: make a venv with one"
+    versions = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
+    remedy = "" if good else f"Blender's wheels exist for Python {versions}: make a venv with one"
     return Finding("Python", f"{version[0]}.{version[1]}", good, remedy)
 
 
-def _module(distribution: str, module: str) -> Finding:
+def _check_module(distribution: str, module: str) -> Finding:
     try:
         import_module(module)
         return Finding(distribution, metadata.version(distribution), good=True)
@@ -103,7 +103,7 @@ def _module(distribution: str, module: str) -> Finding:
         return Finding(distribution, str(error), good=False, remedy=f"python -m pip install {distribution}")
 
 
-def _system_libraries(libraries: Mapping[str, str]) -> Finding:
+def _check_system_libraries(libraries: Mapping[str, str]) -> Finding:
     missing = [name for name in libraries if not _loads(name)]
     if not missing:
         return Finding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
@@ -119,7 +119,7 @@ def _loads(library: str) -> bool:
     return True
 
 
-def _blender(command: Sequence[str]) -> Finding:
+def _check_blender(command: Sequence[str]) -> Finding:
     """Import bpy in a separate process, because it may crash."""
     blender = BLENDER_PYTHONS.get(sys.version_info[:2])
     install = f"python -m pip install 'bpy=={blender}.*'" if blender else "another Python, see above"
@@ -133,31 +133,31 @@ def _blender(command: Sequence[str]) -> Finding:
     return Finding("bpy (Blender)", _last_line(errors) or f"exit code {code}", good=False, remedy=remedy)
 
 
-def _osl(command: Sequence[str]) -> Finding:
+def _check_osl(command: Sequence[str]) -> Finding:
     code, output, errors = _run(command)
     line = _last_line(output)
     if code == 0:
         with suppress(json.JSONDecodeError):
             json.loads(line)
             return Finding("OSL in Cycles", "renders", good=True)
-    found = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
+    answer = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
     remedy = "reinstall bpy, or see: python -m lookdev.cycles --self-test"
-    return Finding("OSL in Cycles", found, good=False, remedy=remedy)
+    return Finding("OSL in Cycles", answer, good=False, remedy=remedy)
 
 
-def _mitsuba() -> Finding:
-    """Look for what the backend of the same name needs: an extra, which all others do without."""
+def _check_mitsuba() -> Finding:
+    """Check the requirements of the optional backend `mitsuba`."""
     if importlib.util.find_spec("mitsuba") is None:
         return Finding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
     gpu = lacking_gpu() or "an NVIDIA GPU is there"
     try:
-        found = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
-        return Finding("Mitsuba", found, good=True)
+        version = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
+        return Finding("Mitsuba", version, good=True)
     except RenderError as error:
         return Finding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
 
 
-def _cache() -> Finding:
+def _check_cache() -> Finding:
     try:
         folder = cache_dir()
         with atomic_path(folder / "doctor.txt") as path:
@@ -173,10 +173,10 @@ def _cache() -> Finding:
 
 def _run(command: Sequence[str]) -> tuple[int, str, str]:
     try:
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        process = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     except subprocess.TimeoutExpired:
         return 1, "", "no answer in 120 s"
-    return ended.returncode, ended.stdout, ended.stderr
+    return process.returncode, process.stdout, process.stderr
 
 
 def _last_line(text: str) -> str:

@@ -1,4 +1,4 @@
-"""A picture of an asset with a colour for each part, or for each group of parts where there are many, and a legend."""
+"""A picture of an asset with a colour for each part, or each group where there are many parts, and a legend."""
 
 from __future__ import annotations
 
@@ -27,58 +27,60 @@ from lookdev.run.render import render_setups
 from lookdev.scene import Film, Sampling, Scene, frame_fill
 
 _SIZE = (768, 576)
-_BEHIND = 0.02  # linear
+_BACKGROUND = 0.02  # linear
 _SAMPLING = Sampling(samples=64, bounces=1)
-_TURN = -30.0  # degrees: two sides are seen
+_AZIMUTH = -30.0  # degrees: two sides are visible
 _FILL = 0.85
-_TURNTABLES = (JobTurntable(kind="element", frames=1, start=_TURN),)
+_TURNTABLES = (JobTurntable(kind="element", frames=1, start=_AZIMUTH),)
 _OUTPUTS = JobOutputs.model_validate({"ocio": SHIPPED, **dict.fromkeys(OUTPUTS, False)})
 _VIEW = _OUTPUTS.shown()
-_MOST = 24  # colours that can be told apart
+_MOST_COLORS = 24  # distinguishable colours
 _GOLDEN_RATIO = 0.6180339887498949
 
 Color = tuple[float, float, float]
 
 
 def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: None) -> RunResult:
-    """Render an asset, from its cages on, in uniform light, and write it as PNG with a legend of its parts.
+    """Refine and render an asset in uniform light, and write it as PNG with a legend of its parts.
 
-    The frame is kept in the cache. Raises LookdevError where the picture cannot be written, or as `render_setups`.
+    The frame is stored in the cache. Raises LookdevError if the picture cannot be written, and as `render_setups` does.
     """
     groups = group_names([slot.path for slot in asset.slots])
     names = list(dict.fromkeys(groups))
-    looks = {name: _look(number, color) for number, (name, color) in enumerate(zip(names, _colors(), strict=False))}
-    wears = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
+    looks = {
+        name: _part_look(number, color) for number, (name, color) in enumerate(zip(names, _colors(), strict=False))
+    }
+    looks_by_part = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
     light = prepare_light(load_environment(builtin="white"))
-    camera = frame_fill(outline(asset), _SIZE, fill=_FILL, arcs=[(_TURN, 0.0)])
+    camera = frame_fill(outline(asset), _SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
     refined, _ = Refiner("auto", _SIZE[0]).refine(asset, camera)
-    setup = make_setup("parts", "white", Scene(refined, wears, (light,), camera, Film(_SIZE)), _SAMPLING)
+    setup = make_setup("parts", "white", Scene(refined, looks_by_part, (light,), camera, Film(_SIZE)), _SAMPLING)
     output = cache_dir("portraits", refined.digest[:16])
     plan, result = render_setups([setup], Turns(_TURNTABLES, output), _OUTPUTS, report=report)
     if result.exit_code == 0:
-        shown = to_display(composite(*read_frame(plan.reels[0].files[0]), np.full(3, _BEHIND)), _VIEW)
-        write_legend(picture, shown, asset.name, list(zip(names, _colors(), strict=False)), _VIEW)
+        pixels = to_display(composite(*read_frame(plan.reels[0].files[0]), np.full(3, _BACKGROUND)), _VIEW)
+        write_legend(picture, pixels, asset.name, list(zip(names, _colors(), strict=False)), _VIEW)
     return result
 
 
 def group_names(paths: Sequence[str]) -> list[str]:
-    """Return the name of each part: its path below what all share, shortened until there are at most `_MOST`."""
-    split = [path.strip("/").split("/") for path in paths]
-    shared = 0
-    while all(len(each) > shared + 1 and each[shared] == split[0][shared] for each in split):
-        shared += 1
-    for depth in range(max(map(len, split)), shared, -1):
-        names = ["/".join(each[shared:depth]) for each in split]
-        if len(set(names)) <= _MOST:
+    """Return a group name for each path: the path below the common ancestor, cut to at most `_MOST_COLORS` names."""
+    split_paths = [path.strip("/").split("/") for path in paths]
+    common = 0
+    while all(len(path) > common + 1 and path[common] == split_paths[0][common] for path in split_paths):
+        common += 1
+    for depth in range(max(map(len, split_paths)), common, -1):
+        names = ["/".join(path[common:depth]) for path in split_paths]
+        if len(set(names)) <= _MOST_COLORS:
             return names
-    return [split[0][shared - 1] if shared else "all"] * len(paths)
+    return [split_paths[0][common - 1] if common else "all"] * len(paths)
 
 
 def _colors() -> Iterator[Color]:
-    """Yield `_MOST` linear colours, hues by the golden ratio, that differ from their neighbours."""
-    for i in range(_MOST):
+    """Yield `_MOST_COLORS` linear colours, each unlike the next: hues step by the golden ratio."""
+    for i in range(_MOST_COLORS):
         yield colorsys.hsv_to_rgb(i * _GOLDEN_RATIO % 1.0, (0.85, 0.55, 0.35)[i % 3], 0.75)
 
 
-def _look(number: int, color: Color) -> Look:
+def _part_look(number: int, color: Color) -> Look:
     return Look(f"part{number}", (Layer("Base", "disney", {"baseColor": color, "roughness": 1.0, "specular": 0.0}),))

@@ -1,4 +1,4 @@
-"""What a rig is made of: the part of `lookdev inspect` that lists lights."""
+"""The lights of a rig, as `lookdev inspect` lists them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from lookdev.light.rig import Rig, RigLight
 
 @dataclass(frozen=True)
 class InspectedLight:
-    """A light: what it is, where, and what it sends.
+    """A light: its kind, position, size and emission.
 
-    `position` is None where it is infinitely far; `shines` is along its axis, None where it sends to all sides.
-    `sizes` are by the names of the lights' fields. `value` is its radiance in nits, or, if `unit` is ``"lux"``, its
-    irradiance at right angles; linear Rec.709, with the mean of its image, without its shaping. Links are the rules of
-    `lookdev.light.link.Link`.
+    `position` is None for an infinitely distant light. `shines` is the direction of its axis, None for a light that
+    emits to all sides. `sizes` has the names of the lights' fields. `value` is the radiance in nits, or, if `unit` is
+    ``"lux"``, the irradiance at right angles: linear Rec.709, times the mean of its image, without its shaping. Links
+    are the rules of `lookdev.light.link.Link`.
     """
 
     path: str
@@ -46,7 +46,7 @@ class InspectedLight:
 
 @dataclass(frozen=True)
 class InspectedRig:
-    """A rig and its lights; lengths in metres, or of a rig that fits its asset in radii of its bounding sphere."""
+    """A rig and its lights. Lengths are in metres, or with `fit` in radii of the asset's bounding sphere."""
 
     file: str
     fit: bool
@@ -54,121 +54,121 @@ class InspectedRig:
     notes: tuple[str, ...]
 
     def data(self) -> dict[str, Any]:
-        """Return all of it for JSON."""
+        """Return all fields for JSON."""
         return asdict(self)
 
     def text(self) -> str:
-        """Return a line a light, with what is not the default below it, then the notes."""
+        """Return a line for each light, below it the settings that differ from the defaults, then the notes."""
         unit = "in radii of the asset's bounding sphere, about its centre" if self.fit else "in metres, z up"
         count = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
         lines = [f"{self.file}: a rig of {count}, {unit}", ""]
-        rows = [_row(light) for light in self.lights]
+        rows = [_light_row(light) for light in self.lights]
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         for light, row in zip(self.lights, rows, strict=True):
             cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True) if width)
             lines.append("  ".join(cells).rstrip())
-            lines += (f"    {line}" for line in _more(light))
+            lines += (f"    {line}" for line in _light_details(light))
         if self.notes:
             lines += ["", "notes", *(f"  {note}" for note in self.notes)]
         return "\n".join(lines)
 
 
 def inspect_rig(rig: Rig) -> InspectedRig:
-    """List the lights of a rig."""
-    return InspectedRig(rig.file, rig.fit, tuple(map(_light, rig.given)), rig.notes)
+    """Return the inspection of a rig."""
+    return InspectedRig(rig.file, rig.fit, tuple(map(_inspect_light, rig.given)), rig.notes)
 
 
-def _light(given: RigLight) -> InspectedLight:
-    light, emission = given.light, given.light.emission
-    value = np.array(emission.color) * np.array(given.mean)
+def _inspect_light(rig_light: RigLight) -> InspectedLight:
+    light, emission = rig_light.light, rig_light.light.emission
+    value = np.array(emission.color) * np.array(rig_light.mean)
     irradiance = light.irradiance_per_nit
     r, g, b = (value if irradiance is None else value * irradiance).tolist()
-    # What sends to all sides has an axis only by its shaping.
+    # A light that emits to all sides has an axis only if it has shaping.
     one_sided = light.one_sided or emission.shaping is not None
     return InspectedLight(
-        path=given.path,
+        path=rig_light.path,
         kind=light.kind,
         position=light.position,
         shines=vector(0.0 - np.array(light.axes[2])) if one_sided else None,
         sizes=dict(light.sizes),
         value=(r, g, b),
         unit="nits" if irradiance is None else "lux",
-        image=given.image,
+        image=rig_light.image,
         group=emission.group,
         turns=emission.turns,
         camera=emission.camera,
         diffuse=emission.diffuse,
         specular=emission.specular,
-        shaping=_shaping(emission),
-        shadow=_shadow(emission),
-        falloff=_falloff(emission),
-        light_link=_rules(emission.light_link),
-        shadow_link=_rules(emission.shadow_link),
+        shaping=_describe_shaping(emission),
+        shadow=_describe_shadow(emission),
+        falloff=_describe_falloff(emission),
+        light_link=_link_rules(emission.light_link),
+        shadow_link=_link_rules(emission.shadow_link),
     )
 
 
-def _shaping(emission: Emission) -> tuple[str, ...]:
+def _describe_shaping(emission: Emission) -> tuple[str, ...]:
     shaping = emission.shaping
     if shaping is None:
         return ()
-    said = [f"cone {shaping.cone_angle:g} degrees, softness {shaping.cone_softness:g}"]
+    phrases = [f"cone {shaping.cone_angle:g} degrees, softness {shaping.cone_softness:g}"]
     if shaping.focus > 0.0:
-        said.append(f"focus {shaping.focus:g}, tint {_triple(shaping.focus_tint)}")
+        phrases.append(f"focus {shaping.focus:g}, tint {_format_vector(shaping.focus_tint)}")
     if shaping.profile:
-        said.append(f"IES profile, angle scale {shaping.profile.angle_scale:g}")
-    return tuple(said)
+        phrases.append(f"IES profile, angle scale {shaping.profile.angle_scale:g}")
+    return tuple(phrases)
 
 
-def _shadow(emission: Emission) -> tuple[str, ...]:
+def _describe_shadow(emission: Emission) -> tuple[str, ...]:
     shadow = emission.shadow
-    said = [] if shadow.enable else ["none"]
+    phrases = [] if shadow.enable else ["none"]
     if any(shadow.color):
-        said.append(f"colour {_triple(shadow.color)}")
+        phrases.append(f"colour {_format_vector(shadow.color)}")
     if shadow.distance >= 0.0:
         falloff = f", falloff {shadow.falloff:.4g}, gamma {shadow.falloff_gamma:g}" if shadow.falloff > 0.0 else ""
-        said.append(f"up to {shadow.distance:.4g}{falloff}")
-    return tuple(said)
+        phrases.append(f"up to {shadow.distance:.4g}{falloff}")
+    return tuple(phrases)
 
 
-def _falloff(emission: Emission) -> tuple[str, ...]:
+def _describe_falloff(emission: Emission) -> tuple[str, ...]:
     falloff = emission.falloff
     if falloff is None:
         return ()
-    said = [f"exponent {falloff.exponent:g}"]
+    phrases = [f"exponent {falloff.exponent:g}"]
     if falloff.virtual_distance:
-        said.append(f"virtual distance {falloff.virtual_distance:.4g}")
+        phrases.append(f"virtual distance {falloff.virtual_distance:.4g}")
     if falloff.end is not None:
-        said.append(f"fades from {falloff.start:.4g} to {falloff.end:.4g}")
-    return tuple(said)
+        phrases.append(f"fades from {falloff.start:.4g} to {falloff.end:.4g}")
+    return tuple(phrases)
 
 
-def _rules(link: Link | None) -> tuple[tuple[str, str], ...]:
+def _link_rules(link: Link | None) -> tuple[tuple[str, str], ...]:
     return link.rules if link else ()
 
 
-def _row(light: InspectedLight) -> tuple[str, ...]:
+def _light_row(light: InspectedLight) -> tuple[str, ...]:
     sizes = " x ".join(f"{light.sizes[name]:.4g}" for name in ("width", "height") if name in light.sizes)
     sizes = sizes or ", ".join(f"{name} {size:.4g}" for name, size in light.sizes.items())
-    place = "" if light.position is None else f"at {_triple(light.position)}"
-    shines = "" if light.shines is None else f"towards {_triple(light.shines)}"
+    position = "" if light.position is None else f"at {_format_vector(light.position)}"
+    direction = "" if light.shines is None else f"towards {_format_vector(light.shines)}"
     return (
         light.path,
         light.kind.replace("_", " "),
         sizes,
-        place,
-        shines,
-        f"{_triple(light.value)} {light.unit}",
+        position,
+        direction,
+        f"{_format_vector(light.value)} {light.unit}",
         f"group {light.group}" if light.group != light.path.rpartition("/")[2] else "",
         "" if light.turns else "does not turn",
     )
 
 
-def _more(light: InspectedLight) -> Iterator[str]:
+def _light_details(light: InspectedLight) -> Iterator[str]:
     if light.image:
         yield f"image {light.image}; its mean is in the radiance above"
     for name in ("shaping", "shadow", "falloff"):
-        if said := getattr(light, name):
-            yield f"{name}: {'; '.join(said)}"
+        if phrases := getattr(light, name):
+            yield f"{name}: {'; '.join(phrases)}"
     for name in ("diffuse", "specular"):
         if (factor := getattr(light, name)) != 1.0:
             yield f"{name} times {factor:g}"
@@ -179,7 +179,7 @@ def _more(light: InspectedLight) -> Iterator[str]:
         yield "seen by the camera"
 
 
-def _triple(values: Vector) -> str:
-    # What is left of a sum that is 0 is shown as 0.
-    least = 1e-9 * max(map(abs, values))
-    return f"({', '.join(f'{value if abs(value) > least else 0.0:.4g}' for value in values)})"
+def _format_vector(values: Vector) -> str:
+    # The rounding error of a sum that is exactly 0 prints as 0.
+    threshold = 1e-9 * max(map(abs, values))
+    return f"({', '.join(f'{value if abs(value) > threshold else 0.0:.4g}' for value in values)})"

@@ -1,4 +1,4 @@
-"""A contact sheet of a library: each preset on a sphere in a studio."""
+"""A contact sheet of a preset library: each preset on a sphere in studio light."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from lookdev.scene import Sampling, Scene
 SIZE = 128
 """Pixels of a thumbnail's side."""
 
-_BEHIND = 0.05  # linear: metals are brighter, black looks darker
+_BACKGROUND = 0.05  # linear: metals are brighter, black looks darker
 _LIGHT = "studio"
 _SAMPLING = Sampling(samples=128, error=0.01)
 _TURNTABLES = (JobTurntable(kind="element", frames=1),)
@@ -38,25 +38,26 @@ _VIEW = _OUTPUTS.shown()
 
 
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
-    """Write a contact sheet of presets, at least one, as PNG, unless a frame fails; frames are kept in the cache.
+    """Render presets, at least one, and write a contact sheet as PNG unless a frame fails.
 
-    Raises LookdevError where a preset is wrong, the sheet cannot be written, or as `render_setups`.
+    The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and as
+    `render_setups` does.
     """
     folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
     output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
     asset, light = load_asset(builtin="sphere"), prepare_light(load_environment(builtin=_LIGHT))
     setups = []
     for preset in presets:
-        # Looks are names of folders, presets may have any name.
+        # A look's name is the name of a folder; a preset may have any name.
         look = preset_look(preset, re.sub(r"[^A-Za-z0-9._-]", "_", preset.name))
         scene = Scene.of_look(asset, look, light, (SIZE, SIZE))
         setups.append(make_setup(look.name, _LIGHT, scene, _SAMPLING))
     plan, result = render_setups(setups, Turns(_TURNTABLES, output), _OUTPUTS, report=report)
     if result.exit_code == 0:
-        background = np.full(3, _BEHIND)
+        background = np.full(3, _BACKGROUND)
         files = [reel.files[0] for reel in plan.reels]
-        shown = [to_display(composite(*read_frame(file), background), _VIEW) for file in files]
+        images = [to_display(composite(*read_frame(file), background), _VIEW) for file in files]
         labels = [f"{preset.name} ({preset.category})" for preset in presets]
-        write_sheet(sheet, shown, labels, "materials", cell=SIZE)
+        write_sheet(sheet, images, labels, "materials", cell=SIZE)
         report(SheetWritten(sheet))
     return result

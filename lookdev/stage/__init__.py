@@ -1,8 +1,8 @@
-"""Opening and composing USD files of any content: USD's messages become a `StageError`, nothing goes to stderr.
+"""Opening and composing of USD files: a message of USD becomes a `StageError`, nothing goes to stderr.
 
 `open_stage` and `compose` check every layer before USD reads it (`files`). A damaged binary layer can nevertheless
-crash the process, and what a layer refers to can be endless: `lookdev.guard` is told which file is read. `clips` checks
-value clips, as USD does not.
+crash the process, and the references of a layer can be endless, so every read is announced to `lookdev.guard`. `clips`
+checks value clips, which USD does not check.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 from lookdev.text import has_text_path
 
-_MOST_NAMES = 16  # in a hint
-_LONGEST_VALUE = 60  # characters of a value of a file in a message
-_MAPPED: ContextVar[Callable[[str], str] | None] = ContextVar("_MAPPED", default=None)
-_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+_MOST_NAMES = 16  # that a hint lists
+_LONGEST_VALUE = 60  # characters that a message quotes of a value
+_MAP_PATH: ContextVar[Callable[[str], str] | None] = ContextVar("_MAP_PATH", default=None)
+_ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 @contextmanager
 def reading(file: Path) -> Iterator[list[str]]:
-    """Turn exceptions of USD while `file` is read into a `StageError`, and keep its warnings off stderr.
+    """Turn USD's exceptions while `file` is read into a `StageError`, and collect USD's warnings.
 
-    The list that it yields has the warnings afterwards, the first of each kind.
+    It yields a list, which holds the warnings after the block, the first of each kind. None goes to stderr.
     """
-    held = UsdUtils.CoalescingDiagnosticDelegate()
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
     try:
         with guard.reading(file):
@@ -46,21 +46,21 @@ def reading(file: Path) -> Iterator[list[str]]:
     except UnicodeDecodeError as error:
         raise StageError([Fault(str(file), "", NOT_UTF8)]) from error
     finally:
-        warnings += [_warning(each) for each in held.TakeCoalescedDiagnostics()]
+        warnings += [_warning_text(messages) for messages in diagnostics.TakeCoalescedDiagnostics()]
 
 
 @contextmanager
-def mapped_assets(mapped: Callable[[str], str]) -> Iterator[None]:
-    """Let absolute paths that layers name lead to other places, while a block opens them.
+def mapped_assets(map_path: Callable[[str], str]) -> Iterator[None]:
+    """Replace absolute asset paths in the layers that the block opens.
 
-    `mapped` returns where a path is. Layers are changed in memory: references, payloads, sublayers, clips and values
-    of attributes, but not in packages, which name members only.
+    `map_path` returns the new path of an absolute path. The paths of references, payloads, sublayers, clips and
+    attribute values are replaced, in memory only. Paths in packages stay, since they name members of the package.
     """
-    token = _MAPPED.set(mapped)
+    token = _MAP_PATH.set(map_path)
     try:
         yield
     finally:
-        _MAPPED.reset(token)
+        _MAP_PATH.reset(token)
 
 
 def open_stage(file: Path) -> Usd.Stage:
@@ -69,23 +69,24 @@ def open_stage(file: Path) -> Usd.Stage:
     Raises
     ------
     StageError
-        The file is missing or is not USD; or a layer of it is not a regular file or nested too deep, or a malformed
-        MaterialX document.
+        The file is missing or is not USD, or one of its layers is not a regular file, is nested too deep or is a
+        malformed MaterialX document.
     """
     with reading(file):
-        layers = _open_layers(file)  # held, so that the stage finds them open
-        stage = Usd.Stage.Open(layers[0])
-        del layers
+        open_layers = _open_layers(file)  # referenced here, so that they stay open until the stage opens them
+        stage = Usd.Stage.Open(open_layers[0])
+        del open_layers
         return stage
 
 
 @dataclass(frozen=True)
 class Composition:
-    """What a stage is composed of.
+    """A USD file, a layer over it, and the variants and the prim that are selected.
 
-    `layer` is composed over `file`, stronger than it; its relative paths are those of its own folder. `prim` is the
-    part that is meant, the whole stage by default. `variants` are (set, variant), selected on every prim at, above and
-    below `prim` that has the set. What is missing or broken in the composition is an error, or a note.
+    `layer` is stronger than `file`; its relative paths are relative to its own folder. `prim` is the path of the
+    selected subtree; None selects the whole stage. `variants` are pairs (set, variant), selected on every prim at,
+    above and below `prim` that has the set. `missing` decides whether a missing or broken reference, payload or
+    sublayer is an error or a note.
     """
 
     file: Path
@@ -97,7 +98,7 @@ class Composition:
 
 @dataclass(frozen=True, eq=False)
 class Composed:
-    """A composed stage; `notes` are for the user."""
+    """A composed stage. `notes` are messages for the user."""
 
     stage: Usd.Stage
     composition: Composition
@@ -105,48 +106,48 @@ class Composed:
 
 
 def compose(composition: Composition) -> Composed:
-    """Open a USD file, with a layer over it and variants selected; payloads are loaded.
+    """Compose a stage: open the file with its payloads, put the layer over it, select the variants.
 
     Raises
     ------
     StageError
-        Every fault: a file cannot be opened, a variant or the prim is not there; with `missing` "error" also a
-        reference, payload or sublayer that is missing, broken or cyclic, at the prim that names it.
+        A file cannot be opened, or a variant or the prim does not exist. With `missing` "error" also: a reference,
+        payload or sublayer is missing, broken or cyclic; its location is the prim that names it. All faults are listed.
     """
     file, session = composition.file, Sdf.Layer.CreateAnonymous("session.usda")
     _check_path(composition)
     with reading(file):
-        held = _open_layers(file)
+        open_layers = _open_layers(file)
         if composition.layer is not None:
             with reading(composition.layer):
-                held += (over := _open_layers(composition.layer))
+                open_layers += (over := _open_layers(composition.layer))
             session.subLayerPaths.append(over[0].identifier)
-        stage = Usd.Stage.Open(held[0], session)
+        stage = Usd.Stage.Open(open_layers[0], session)
         faults, notes = _select_variants(stage, composition)
         faults += _prim_faults(stage, composition)
-        broken = _composition_faults(stage, file)
-        broken += clip_faults(stage, file, _open_clip)
+        arc_faults = _composition_faults(stage, file)
+        arc_faults += clip_faults(stage, file, _open_layer)
         if composition.layer is not None:
-            notes += _astray(stage, composition.layer, over[0])
+            notes += _ineffective_overrides(stage, composition.layer, over[0])
     if composition.missing == "error":
-        faults += broken
+        faults += arc_faults
     if faults:
         raise StageError(faults)
-    return Composed(stage, composition, (*map(str, broken), *notes))
+    return Composed(stage, composition, (*map(str, arc_faults), *notes))
 
 
 def lights_hint(stage: Usd.Stage) -> str:
-    """Return what to do with a stage that has lights, where something else was expected; "" where it has none."""
-    lit = any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
-    return "it has lights: 'lookdev inspect' lists them, and [[rig]] of a job names it" if lit else ""
+    """Return the hint for a stage of lights where something else is expected; "" for a stage without lights."""
+    has_lights = any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
+    return "it has lights: 'lookdev inspect' lists them, and [[rig]] of a job names it" if has_lights else ""
 
 
 def dependencies(file: Path) -> set[Path]:
-    """Return a USD file, its layers and its images, absolute; those of unselected variants too."""
+    """Return the absolute paths of a USD file, its layers and its images, those of unselected variants too."""
     with reading(file):
-        held = [] if _MAPPED.get() is None else _open_layers(file)
+        open_layers = [] if _MAP_PATH.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
-        del held
+        del open_layers
     return {Path(layer.realPath) for layer in layers} | {Path(image) for image in images}
 
 
@@ -154,8 +155,8 @@ def _check_path(composition: Composition) -> None:
     prim = "/" if composition.prim is None else composition.prim
     path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
     if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
-        what, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
-        raise StageError([Fault(str(composition.file), "", what, hint)])
+        problem, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
+        raise StageError([Fault(str(composition.file), "", problem, hint)])
 
 
 def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
@@ -173,43 +174,45 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
 
 
 def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[Fault], list[str]]:
-    """Select the variants on the session layer, those inside other variants after them; return faults and notes."""
-    wanted, file = dict(composition.variants), str(composition.file)
-    chosen: set[tuple[Sdf.Path, str]] = set()
+    """Select variants on the session layer, outer ones before those inside them; return faults and notes."""
+    selections, file = dict(composition.variants), str(composition.file)
+    edited: set[tuple[Sdf.Path, str]] = set()
     while True:
         sets = {
-            (prim.GetPath(), name): (each.GetVariantNames(), each.GetVariantSelection())
-            for prim in (_meant(stage, composition.prim) if wanted else ())
-            for name in (prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ())
-            for each in [prim.GetVariantSet(name)]
+            (prim.GetPath(), set_name): (variant_set.GetVariantNames(), variant_set.GetVariantSelection())
+            for prim in (_prims_around(stage, composition.prim) if selections else ())
+            for set_name in (prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ())
+            for variant_set in [prim.GetVariantSet(set_name)]
         }
-        able = {key: current for key, (names, current) in sets.items() if wanted.get(key[1]) in names}
-        edits = {key for key, current in able.items() if current != wanted[key[1]]} - chosen
+        selectable = {key: selected for key, (names, selected) in sets.items() if selections.get(key[1]) in names}
+        edits = {key for key, selected in selectable.items() if selected != selections[key[1]]} - edited
         if not edits:
             break
-        chosen |= edits
+        edited |= edits
         with Sdf.ChangeBlock():
-            for path, name in edits:
-                _writable(stage, path).variantSelections[name] = wanted[name]
+            for path, set_name in edits:
+                _session_prim(stage, path).variantSelections[set_name] = selections[set_name]
     faults = []
-    for name, choice in wanted.items():
-        choices = sorted({each for key, (names, _) in sets.items() if key[1] == name for each in names})
-        known = sorted({key[1] for key in sets})
-        if name not in known:
-            hint = nearest_hint(name, known) if known else "it has none"
-            faults.append(Fault(file, composition.prim or "", f"has no variant set '{name}'", hint))
-        elif choice not in choices:
-            what = f"variant set '{name}' has no variant '{choice}'"
-            faults.append(Fault(file, composition.prim or "", what, nearest_hint(choice, choices)))
-    unable = {key: current for key, (_, current) in sets.items() if key[1] in wanted and key not in able}
+    for set_name, variant in selections.items():
+        variants = sorted({variant for key, (names, _) in sets.items() if key[1] == set_name for variant in names})
+        set_names = sorted({key[1] for key in sets})
+        if set_name not in set_names:
+            hint = nearest_hint(set_name, set_names) if set_names else "it has none"
+            faults.append(Fault(file, composition.prim or "", f"has no variant set '{set_name}'", hint))
+        elif variant not in variants:
+            problem = f"variant set '{set_name}' has no variant '{variant}'"
+            faults.append(Fault(file, composition.prim or "", problem, nearest_hint(variant, variants)))
+    unselectable = {
+        key: selected for key, (_, selected) in sets.items() if key[1] in selections and key not in selectable
+    }
     return faults, [
-        f"{file}: {path}: variant set '{name}' has no variant '{wanted[name]}'; '{current}' stays selected"
-        for (path, name), current in unable.items()
+        f"{file}: {path}: variant set '{set_name}' has no variant '{selections[set_name]}'; '{selected}' stays selected"
+        for (path, set_name), selected in unselectable.items()
     ]
 
 
 def is_animated(stage: Usd.Stage) -> bool:
-    """Return whether an attribute of a stage has values that differ over time."""
+    """Return whether a stage has an attribute whose value varies over time."""
     return any(
         attribute.ValueMightBeTimeVarying()
         for root in (stage.GetPseudoRoot(), *stage.GetPrototypes())
@@ -219,33 +222,33 @@ def is_animated(stage: Usd.Stage) -> bool:
 
 
 def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
-    """Return the variants of a set, by name, of all prims on which `Composition.variants` would select them.
+    """Return the sorted names of a set's variants, over all prims on which `Composition.variants` selects them.
 
-    Raises StageError where no prim has the set.
+    Raises StageError if no prim has the set.
     """
     sets: dict[str, set[str]] = {}
     with reading(composed.composition.file):
-        for prim in _meant(composed.stage, composed.composition.prim):
-            for each in prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ():
-                sets.setdefault(each, set()).update(prim.GetVariantSet(each).GetVariantNames())
+        for prim in _prims_around(composed.stage, composed.composition.prim):
+            for set_name in prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ():
+                sets.setdefault(set_name, set()).update(prim.GetVariantSet(set_name).GetVariantNames())
     if name not in sets:
         hint = nearest_hint(name, sorted(sets)) if sets else "it has none"
-        place = composed.composition.prim or ""
-        raise StageError([Fault(str(composed.composition.file), place, f"has no variant set '{name}'", hint)])
+        path = composed.composition.prim or ""
+        raise StageError([Fault(str(composed.composition.file), path, f"has no variant set '{name}'", hint)])
     return tuple(sorted(sets[name]))
 
 
-def _meant(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
-    """Yield the prims above, at and below a path."""
+def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
+    """Yield the prims above, at and below a path; None is the root."""
     for prefix in Sdf.Path(path or "/").GetPrefixes()[:-1]:
         if prim := stage.GetPrimAtPath(prefix):
             yield prim
     if prim := stage.GetPrimAtPath(path or "/"):
-        yield from Usd.PrimRange(prim, _EVERYTHING)
+        yield from Usd.PrimRange(prim, _ALL_PRIMS)
 
 
-def _writable(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
-    """Return a prim of the session layer; the instances around it become prims of their own, that it may differ."""
+def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
+    """Return the session layer's spec of a prim; the instances above it become uninstanced, so that it can differ."""
     session = stage.GetSessionLayer()
     for prefix in path.GetPrefixes()[:-1]:
         if (prim := stage.GetPrimAtPath(prefix)) and prim.IsInstance():
@@ -254,12 +257,12 @@ def _writable(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
 
 
 def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
-    """Return what a relationship leads to; where it leads nowhere, as in a cycle, what it names."""
+    """Return the forwarded targets of a relationship, or its own targets if forwarding yields none, as in a cycle."""
     return list(relation.GetForwardedTargets() or relation.GetTargets())
 
 
 def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
-    """Return the path of the material that each binding of a prim names, by the name of its relationship."""
+    """Return the material path of each material binding of a prim, by the name of the binding's relationship."""
     return {
         relation.GetName(): targets[-1]
         for relation in prim.GetAuthoredPropertiesInNamespace("material")
@@ -269,20 +272,20 @@ def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
 
 
 def _composition_faults(stage: Usd.Stage, file: Path) -> list[Fault]:
-    """Return a fault for each arc that cannot be composed, once for all prims that meet it."""
-    places: dict[str, list[str]] = {}
+    """Return one fault for each arc that cannot be composed, however many prims it affects."""
+    paths_by_message: dict[str, list[str]] = {}
     for error in stage.GetCompositionErrors():
-        place, text = error.rootSite.path, str(error)
-        where = "" if place.isEmpty or place.IsAbsoluteRootPath() else str(place)
-        places.setdefault(" ".join(usd_words(text).split()), []).append(where)
+        path, message = error.rootSite.path, str(error)
+        location = "" if path.isEmpty or path.IsAbsoluteRootPath() else str(path)
+        paths_by_message.setdefault(" ".join(usd_words(message).split()), []).append(location)
     return sorted(
-        Fault(str(file), min(paths), text, f"and {len(paths) - 1} more prims" if len(paths) > 1 else "")
-        for text, paths in places.items()
+        Fault(str(file), min(locations), message, f"and {len(locations) - 1} more prims" if len(locations) > 1 else "")
+        for message, locations in paths_by_message.items()
     )
 
 
-def _astray(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
-    """Return a note on each topmost prim that a layer overrides but that is nowhere defined."""
+def _ineffective_overrides(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
+    """Return a note for each topmost prim that a layer overrides and that no layer defines."""
     notes = []
     pending = list(over.rootPrims)
     while pending:
@@ -295,10 +298,10 @@ def _astray(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
     return notes
 
 
-def _warning(same: Any) -> str:
-    """Return a warning that USD gave at one place of its code, and how often."""
+def _warning_text(messages: Any) -> str:
+    """Return the text of a group of USD's warnings from one source line, and how many more there are."""
     try:
-        texts = list(dict.fromkeys(each.commentary for each in same.unsharedItems))
+        texts = list(dict.fromkeys(message.commentary for message in messages.unsharedItems))
     except UnicodeDecodeError:  # USD quotes the file
         return NOT_UTF8
     more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
@@ -306,7 +309,7 @@ def _warning(same: Any) -> str:
 
 
 def error_words(error: Tf.ErrorException) -> str:
-    """Return the message of an exception of USD, as `usd_words`."""
+    """Return the message of a USD exception, cleaned by `usd_words`."""
     try:
         return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
     except UnicodeDecodeError:  # USD quotes the file
@@ -314,24 +317,24 @@ def error_words(error: Tf.ErrorException) -> str:
 
 
 def usd_words(text: str) -> str:
-    """Return a message of USD without names of its own code and of layers in memory, `shortened`."""
+    """Return a USD message, `shortened` and without names of USD's source files and of layers in memory."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
     return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
 
 
 def shown(text: str) -> str:
-    """Return a text of a file in quotes, or its beginning, for a message."""
+    """Quote a text for a message; a long text is cut off."""
     return repr(text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…")
 
 
-def _open_clip(file: Path) -> Sdf.Layer:
+def _open_layer(file: Path) -> Sdf.Layer:
     with reading(file):
         return _open_layers(file)[0]
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Check and open a file, the first, and every layer it may be composed of, those of unselected variants too."""
+    """Check and open a file, returned first, and all layers it can be composed of, those of unselected variants too."""
     if not has_text_path(file):
         raise StageError([Fault(str(file), "", "its path is not UTF-8", "rename it, or its folder")])
     if not file.is_file():
@@ -342,12 +345,12 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
         raise StageError(error.faults) from error
     layers: list[Sdf.Layer] = []
     faults: list[Fault] = []
-    pending, seen = [root], {root, ""}
+    pending, visited = [root], {root, ""}
     while pending:
         path = pending.pop()
-        whole = Path(Ar.SplitPackageRelativePathOuter(path)[0])
-        guard.opened(whole)
-        if problem := layer_problem(whole):
+        outer_file = Path(Ar.SplitPackageRelativePathOuter(path)[0])
+        guard.opened(outer_file)
+        if problem := layer_problem(outer_file):
             faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
             continue
         try:
@@ -361,15 +364,15 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
         except Tf.ErrorException:
             if path == root:
                 raise
-            continue  # composition reports it, with the prim that names it
+            continue  # composition reports the error, with the prim that names the layer
         if layer is None:
             if path == root:
                 raise StageError([Fault(root, "", "USD cannot open it: it does not know the format")])
-            continue  # the same for an unknown format
+            continue  # composition reports an unknown format too
         layers.append(layer)
-        found = {_resolved(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - seen
-        seen |= found
-        pending += sorted(found)
+        assets = {_resolve_asset(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - visited
+        visited |= assets
+        pending += sorted(assets)
     if faults:
         raise StageError(faults)
     return layers
@@ -380,16 +383,16 @@ def _is_absolute(path: str) -> bool:
 
 
 def _map_assets(layer: Sdf.Layer) -> None:
-    """Map the absolute paths that a layer names, once: one that was changed in memory was opened before."""
-    mapped = _MAPPED.get()
-    if mapped is None or layer.dirty or Ar.IsPackageRelativePath(layer.identifier):
+    """Replace the absolute paths of a layer by `mapped_assets`; a layer that is dirty has been mapped before."""
+    map_path = _MAP_PATH.get()
+    if map_path is None or layer.dirty or Ar.IsPackageRelativePath(layer.identifier):
         return
-    UsdUtils.ModifyAssetPaths(layer, lambda path: mapped(path) if _is_absolute(path) else path)
+    UsdUtils.ModifyAssetPaths(layer, lambda path: map_path(path) if _is_absolute(path) else path)
     layer.SetPermissionToSave(False)
 
 
-def _resolved(layer: Sdf.Layer, asset: str) -> str:
-    """Return the file that a layer names; '' where it is missing, which composition reports."""
+def _resolve_asset(layer: Sdf.Layer, asset: str) -> str:
+    """Return the path of the file that a layer refers to; '' if it is missing, which composition reports."""
     try:
         identifier, _ = Sdf.Layer.SplitIdentifier(layer.ComputeAbsolutePath(asset))
         return str(Ar.GetResolver().Resolve(identifier))

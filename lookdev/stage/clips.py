@@ -1,4 +1,4 @@
-"""Value clips of a stage: USD takes other values, without a word, where one is missing or its metadata is wrong."""
+"""Faults of value clips: where a clip is missing or its metadata is wrong, USD silently takes other values."""
 
 from __future__ import annotations
 
@@ -23,25 +23,27 @@ _TYPES: dict[str, tuple[type, str]] = {
 }
 
 
-def clip_faults(stage: Usd.Stage, file: Path, opened: Callable[[Path], Sdf.Layer]) -> list[Fault]:
-    """Return what is wrong with the value clips of a stage; `opened` opens and checks a layer."""
+def clip_faults(stage: Usd.Stage, file: Path, open_layer: Callable[[Path], Sdf.Layer]) -> list[Fault]:
+    """Return the faults of the value clips of a stage; `open_layer` opens and checks a layer."""
     return [
-        Fault(str(file), f"{prim.GetPath()}.clips[{name}]", what)
+        Fault(str(file), f"{prim.GetPath()}.clips[{name}]", problem)
         for root in (stage.GetPseudoRoot(), *stage.GetPrototypes())
         for prim in Usd.PrimRange(root)
         if prim.HasAuthoredMetadata(_CLIPS)
-        for name, given in prim.GetMetadata(_CLIPS).items()
-        for what in _problems(Usd.ClipsAPI(prim), name, given, opened)
+        for name, clip_set in prim.GetMetadata(_CLIPS).items()
+        for problem in _clip_set_problems(Usd.ClipsAPI(prim), name, clip_set, open_layer)
     ]
 
 
-def _problems(clips: Usd.ClipsAPI, name: str, given: Any, opened: Callable[[Path], Sdf.Layer]) -> Iterator[str]:
-    if not isinstance(given, dict):
-        yield "is no dictionary"
+def _clip_set_problems(
+    clips: Usd.ClipsAPI, name: str, clip_set: Any, open_layer: Callable[[Path], Sdf.Layer]
+) -> Iterator[str]:
+    if not isinstance(clip_set, dict):
+        yield "is not a dictionary"
         return
-    for key, (kind, needed) in _TYPES.items():
-        if key in given and not isinstance(given[key], kind):
-            yield f"{key} is not of type {needed}"
+    for key, (value_type, type_name) in _TYPES.items():
+        if key in clip_set and not isinstance(clip_set[key], value_type):
+            yield f"{key} is not of type {type_name}"
             return
     assets = clips.ComputeClipAssetPaths(name)
     if not assets:
@@ -51,21 +53,23 @@ def _problems(clips: Usd.ClipsAPI, name: str, given: Any, opened: Callable[[Path
         problem = layer_problem(Path(asset.resolvedPath)) if asset.resolvedPath else "is not there"
         if problem:
             yield f"{asset.path} {problem}"
-    yield from _prim_problems(clips.GetClipPrimPath(name) or "", assets, opened)
-    active, times = (np.array(given.get(key) or [], np.float64).reshape(-1, 2) for key in ("active", "times"))
+    yield from _prim_problems(clips.GetClipPrimPath(name) or "", assets, open_layer)
+    active, times = (np.array(clip_set.get(key) or [], np.float64).reshape(-1, 2) for key in ("active", "times"))
     if not (np.isfinite(active).all() and np.isfinite(times).all()):
         yield "active and times must be finite"
     elif not np.isin(active[:, 1], np.arange(len(assets))).all():
         yield f"active names a clip that is none of the {len(assets)}"
 
 
-def _prim_problems(path: str, assets: Sequence[Sdf.AssetPath], opened: Callable[[Path], Sdf.Layer]) -> Iterator[str]:
-    """Yield why the prim of a clip is not found in the first one; there can be thousands, which USD opens as needed."""
+def _prim_problems(
+    path: str, assets: Sequence[Sdf.AssetPath], open_layer: Callable[[Path], Sdf.Layer]
+) -> Iterator[str]:
+    """Yield why the first clip lacks `path`. The other clips, possibly thousands, are opened by USD as needed."""
     first = next((asset for asset in assets if asset.resolvedPath), None)
     if first is None:
         return
     try:
-        layer = opened(Path(first.resolvedPath))
+        layer = open_layer(Path(first.resolvedPath))
     except LookError as error:
         yield f"{first.path} cannot be read: {error.faults[0].what}"
         return

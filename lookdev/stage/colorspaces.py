@@ -1,4 +1,4 @@
-"""Colour spaces by the names that USD and MaterialX have for them, and their way to linear Rec.709."""
+"""Colour spaces by their names in USD and MaterialX, and their conversion to linear Rec.709."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pxr import Gf, Usd
 
 _LINEAR = "lin_rec709_scene"
-# MaterialX's names, and those of no colour space; the values are names of ours or of USD's (Gf.ColorSpaceNames).
+# Names of MaterialX and names for data. The values are this module's names or USD's (Gf.ColorSpaceNames).
 _NAMES = {
     "": "raw",
     "none": "raw",
@@ -37,13 +37,13 @@ _NAMES = {
 
 
 def colorspace_named(name: str) -> str | None:
-    """Return the name for `Texture.colorspace`: ``"raw"``, ``"sRGB"`` or one of USD's; None for an unknown space."""
-    known = _NAMES.get(name, name)
-    return known if known in ("raw", "sRGB") or Gf.ColorSpace.IsValid(known) else None
+    """Return a name for `Texture.colorspace`: ``"raw"``, ``"sRGB"`` or one of USD's; None for an unknown name."""
+    colorspace = _NAMES.get(name, name)
+    return colorspace if colorspace in ("raw", "sRGB") or Gf.ColorSpace.IsValid(colorspace) else None
 
 
 def colorspace_of(attribute: Usd.Attribute) -> str:
-    """Return the name of the colour space of an attribute: its own, else that of the nearest prim that has one."""
+    """Return the name of an attribute's colour space, from the attribute or the nearest prim that has one, or ""."""
     if attribute.HasColorSpace():
         return str(attribute.GetColorSpace())
     prim = attribute.GetPrim()
@@ -55,7 +55,7 @@ def colorspace_of(attribute: Usd.Attribute) -> str:
 
 
 def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:
-    """Convert colours (..., 3) of a space that `colorspace_named` returns: its curve, its primaries, white to white."""
+    """Convert colours (..., 3) from a space named as by `colorspace_named` to linear Rec.709; white stays white."""
     value = np.asarray(color, np.float64)
     if space == "raw":
         return value
@@ -72,13 +72,13 @@ def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:
 def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
     """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
-    # No power of the values below the knee: those of a float image can be negative.
+    # Values below the knee take no power: those of a float image can be negative.
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 @cache
 def _definition(space: str) -> tuple[float, bool, NDArray[np.float64]]:
-    """Return the exponent, whether the curve is sRGB's, and the matrix (3, 3) that row vectors are multiplied by."""
+    """Return the exponent, whether the curve is sRGB's, and the matrix (3, 3) for row vectors to linear Rec.709."""
     source, target = Gf.ColorSpace(space), Gf.ColorSpace(_LINEAR)
     # Every curve maps 0 and 1 to themselves.
     rows = [target.Convert(source, Gf.Vec3f(*axis)).GetRGB() for axis in np.eye(3).tolist()]

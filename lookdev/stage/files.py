@@ -1,7 +1,7 @@
-"""Files that USD can read without harm.
+"""Checks that USD can read a file without harm.
 
-USD's reader of text recurses, so that a deeply nested file overflows its stack, and it waits for ever for a named pipe.
-Its reader of binary layers trusts their table of sections. What is damaged within a section can still crash it.
+USD's text reader recurses: a deeply nested file overflows its stack. It waits for ever for a named pipe. USD's binary
+reader trusts the table of sections; damage within a section, which is not checked here, can still crash it.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
 DEFAULT_BYTES = 1 << 30
 
 NOT_UTF8 = "holds text that is not UTF-8"
-"""What is said of a file that USD quotes in vain."""
+"""The message for a file whose text USD cannot quote."""
 
-_DEEPEST = 256  # brackets inside each other in a text layer; USD's stack ends at some ten thousand
+_DEEPEST = 256  # brackets inside each other in a text layer; USD's stack overflows at some ten thousand
 
-# Text in which a bracket has no meaning. An unterminated string is as long as possible: no text takes quadratic time.
+# Text in which brackets have no meaning. An unterminated string extends as far as possible, so that no text takes
+# quadratic time.
 _QUOTED = re.compile(
     rb'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?+'
     rb"|'''(?:[^'\\]++|\\.|'(?!''))*+(?:''')?+"
@@ -37,18 +38,18 @@ _QUOTED = re.compile(
     rb"|\#[^\n]*+",
     re.DOTALL,
 )
-_STEPS = np.zeros(256, np.int8)
-_STEPS[list(b"([{")] = 1
-_STEPS[list(b")]}")] = -1
-_OTHERS = bytes(np.flatnonzero(_STEPS == 0).astype(np.uint8))
-# Binary layers, by pxr/usd/sdf/crateFile.h: their start has the place of a table of sections: name, start and size.
+_DEPTH_STEPS = np.zeros(256, np.int8)
+_DEPTH_STEPS[list(b"([{")] = 1
+_DEPTH_STEPS[list(b")]}")] = -1
+_NO_BRACKETS = bytes(np.flatnonzero(_DEPTH_STEPS == 0).astype(np.uint8))
+# Binary layers (pxr/usd/sdf/crateFile.h) begin with the offset of a table of sections: name, start and size.
 _MAGIC = b"PXR-USDC"
-_CRATE, _COUNT, _SECTION = struct.Struct("<16xq64x"), struct.Struct("<Q"), struct.Struct("<16sqq")
-_LOCAL = struct.Struct("<26xHH")  # before a member of a package: the lengths of its name and of what else follows
+_CRATE_START, _COUNT, _SECTION = struct.Struct("<16xq64x"), struct.Struct("<Q"), struct.Struct("<16sqq")
+_LOCAL_HEADER = struct.Struct("<26xHH")  # before a member of a package: the lengths of its name and of its extra field
 
 
-def _problem(stream: BinaryIO, begin: int, size: int) -> str:
-    """Return why USD must not read a layer, a part of a file; '' where it may."""
+def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
+    """Return why USD must not read a layer, `size` bytes of a file from `begin`; '' where it may."""
     stream.seek(begin)
     start = stream.read(min(len(_MAGIC), size))
     if start == _MAGIC:
@@ -69,19 +70,19 @@ def _text_problem(text: bytes) -> str:
             text.decode()
     except UnicodeDecodeError:
         return NOT_UTF8
-    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)
-    depth = int(_STEPS[brackets].cumsum().max(initial=0))
+    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _NO_BRACKETS), np.uint8)
+    depth = int(_DEPTH_STEPS[brackets].cumsum().max(initial=0))
     return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""
 
 
 def _is_whole(stream: BinaryIO, begin: int, size: int) -> bool:
-    """Return whether the sections of a binary layer in a file lie within it."""
+    """Return whether all sections of a binary layer lie within its `size` bytes from `begin`."""
     stream.seek(begin)
-    start = stream.read(min(_CRATE.size, size))
-    if len(start) < _CRATE.size:
+    start = stream.read(min(_CRATE_START.size, size))
+    if len(start) < _CRATE_START.size:
         return False
-    (table,) = _CRATE.unpack(start)
-    if not _CRATE.size <= table <= size - _COUNT.size:
+    (table,) = _CRATE_START.unpack(start)
+    if not _CRATE_START.size <= table <= size - _COUNT.size:
         return False
     stream.seek(begin + table)
     (count,) = _COUNT.unpack(stream.read(_COUNT.size))
@@ -97,22 +98,26 @@ def _package_problem(stream: BinaryIO) -> str:
         with zipfile.ZipFile(stream) as archive:
             for member in archive.infolist():
                 stream.seek(member.header_offset)
-                begin = member.header_offset + _LOCAL.size + sum(_LOCAL.unpack(stream.read(_LOCAL.size)))
-                if problem := _problem(stream, begin, member.compress_size):
+                begin = (
+                    member.header_offset
+                    + _LOCAL_HEADER.size
+                    + sum(_LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size)))
+                )
+                if problem := _layer_problem(stream, begin, member.compress_size):
                     return f"has a member {member.filename}, which {problem}"
     except (zipfile.BadZipFile, NotImplementedError, struct.error) as error:
-        return f"is no package that can be read: {error}"
+        return f"is not a package that can be read: {error}"
     return ""
 
 
 def layer_problem(layer: Path) -> str:
-    """Return why USD must not read a file, as the end of a sentence about it; '' where it may."""
+    """Return why USD must not read a file, a predicate such as "is not a file"; '' where it may."""
     if not layer.is_file():
         return "is not a file"
     try:
         with layer.open("rb") as stream:
             if stream.read(2) == b"PK":
                 return _package_problem(stream)
-            return _problem(stream, 0, layer.stat().st_size)
+            return _layer_problem(stream, 0, layer.stat().st_size)
     except OSError as error:
         return f"cannot be read: {error.strerror}"

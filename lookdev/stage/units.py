@@ -1,4 +1,4 @@
-"""What lengths and directions of a stage are, in metres and with z up."""
+"""Unit and up axis of a stage, and their conversion to metres and z up."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 MOST_UNIT = 1e18
-"""Most metres of a unit, and units of a metre."""
+"""The largest unit, in metres, and the inverse of the smallest."""
 
 Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""Turns column vectors (4,) with y up to z up."""
+"""Matrix (4, 4) that maps column vectors from y up to z up."""
 
 
 def is_y_up(stage: Usd.Stage) -> bool:
-    """Return whether y is up."""
+    """Return whether the y axis of a stage points up."""
     return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y)
 
 
 def faults(stage: Usd.Stage, unit: float | None = None) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with unit and axis of a stage, and what would be right; `unit` stands for its own."""
+    """Yield (problem, what is right) for the unit and the up axis of a stage; `unit` replaces the stage's own."""
     unit = UsdGeom.GetStageMetersPerUnit(stage) if unit is None else unit
     if not 1.0 / MOST_UNIT <= unit <= MOST_UNIT:
         yield f"metersPerUnit is {unit:g}", f"a positive number, at most {MOST_UNIT:g}"

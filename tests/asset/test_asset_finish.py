@@ -67,7 +67,7 @@ def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatc
     shapes = [random_shape(rng, f"/{i}") for i in range(60)]
     alone = [finish([shape], y_up)[0] for shape in shapes]
     for batch in (1 << 18, 100):
-        monkeypatch.setattr("lookdev.asset.normals._BATCH", batch)
+        monkeypatch.setattr("lookdev.asset.normals._BATCH_CORNERS", batch)
         for left, right in zip(finish(shapes, y_up), alone, strict=True):
             assert_same(left, right)
         meshes = [mesh for mesh in alone if mesh is not None]

@@ -108,7 +108,7 @@ def test_the_outline_has_the_hull_of_all_points_and_few_others(name: str, monkey
     asset = make()
     expected, count = support(asset), sum(len(asset.meshes[instance.mesh].points) for instance in asset.instances)
     for many in (1 << 18, 0):  # of fewer points, and always, a finer polytope decides
-        monkeypatch.setattr("lookdev.asset.silhouette._MANY", many)
+        monkeypatch.setattr("lookdev.asset.silhouette._MANY_POINTS", many)
         points = outline(asset)
         # Both place the same points, in another order of sums.
         np.testing.assert_allclose((points @ DIRECTIONS).max(axis=0), expected, rtol=1e-12, atol=1e-9)
