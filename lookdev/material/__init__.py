@@ -1,4 +1,4 @@
-"""What a look is: layers, inputs, textures and masks; `usd` reads them, `textures` makes them linear."""
+"""Looks as plain data: layers, inputs, textures and masks. `usd` reads them, `textures` makes images linear."""
 
 from lookdev.material.look import (
     Bump,

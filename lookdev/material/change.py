@@ -29,28 +29,28 @@ def changed_look(look: Look, parameter: str, value: Value) -> Look:
     ModelError
         There is no such parameter, several layers have it, or the value is not one that it can have.
     """
-    names, found = _found(look, parameter)
-    layer, path = names[found]
-    changed = _changed(layer, path, value, found, alone=len(look.layers) == 1)
-    return replace(look, layers=tuple(changed if each is layer else each for each in look.layers))
+    inputs, name = _find_input(look, parameter)
+    layer, path = inputs[name]
+    changed = _change_layer(layer, path, value, name, alone=len(look.layers) == 1)
+    return replace(look, layers=tuple(changed if other is layer else other for other in look.layers))
 
 
-def _found(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
+def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
     """Return the inputs of a look by their names, and which of them is meant; raises ModelError for none or several."""
     names = dict(varied_names(look))
-    found = [name for name in names if name == parameter] or [
-        name for name, (layer, _) in names.items() if name.removeprefix(f"{layer.name}.") == parameter
+    matches = [full_name for full_name in names if full_name == parameter] or [
+        full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
     ]
-    if not found:
-        known = [*names, *(name.removeprefix(f"{layer.name}.") for name, (layer, _) in names.items())]
+    if not matches:
+        valid_names = [*names, *(full_name.removeprefix(f"{layer.name}.") for full_name, (layer, _) in names.items())]
         raise ModelError(
-            f"look '{look.name}' has no '{parameter}' ({nearest_hint(parameter, list(dict.fromkeys(known)))})"
+            f"look '{look.name}' has no '{parameter}' ({nearest_hint(parameter, list(dict.fromkeys(valid_names)))})"
         )
-    if len(found) > 1:
+    if len(matches) > 1:
         raise ModelError(
-            f"several layers of look '{look.name}' have '{parameter}': one of {', '.join(found)} would be right"
+            f"several layers of look '{look.name}' have '{parameter}': one of {', '.join(matches)} would be right"
         )
-    return names, found[0]
+    return names, matches[0]
 
 
 @dataclass(frozen=True)
@@ -72,25 +72,29 @@ def constant_of(look: Look, parameter: str) -> Constant:
 
     Raises ModelError where that raises, and where it is no constant number or colour.
     """
-    names, found = _found(look, parameter)
-    layer, path = names[found]
-    known = MASK if path[0] == "mask" else layer_parameters(layer.model)[path[0]]
+    inputs_by_name, full_name = _find_input(look, parameter)
+    layer, path = inputs_by_name[full_name]
+    record = MASK if path[0] == "mask" else layer_parameters(layer.model)[path[0]]
     source: Any = layer.mask if path[0] == "mask" else layer.inputs.get(path[0])
     if len(path) > 1:
-        known, source = Parameter(path[1], source.kinds[path[1]], 0.0, (-1e18, 1e18)), source.inputs[path[1]]
+        record, source = Parameter(path[1], source.kinds[path[1]], 0.0, (-1e18, 1e18)), source.inputs[path[1]]
     elif source is None:
-        # It has the default of its model, or the value of the parameter that it follows.
-        source = layer.inputs.get(known.follows, known.default)
-    if known.kind not in ("float", "color"):
-        raise ModelError(f"{found} is a {known.kind}; a number or a colour would be right")
+        # An unset input has the value of the parameter that it follows, or its default.
+        source = layer.inputs.get(record.follows, record.default)
+    if record.kind not in ("float", "color"):
+        raise ModelError(f"{full_name} is a {record.kind}; a number or a colour would be right")
     if not isinstance(source, float | int | tuple):
-        what = "an expression" if isinstance(source, Formula) else "a texture or primvar"
-        inputs = [name for name, (owner, way) in names.items() if owner is layer and way[0] == path[0] and way[1:]]
+        found_kind = "an expression" if isinstance(source, Formula) else "a texture or primvar"
+        inputs = [
+            name
+            for name, (input_layer, input_path) in inputs_by_name.items()
+            if input_layer is layer and input_path[0] == path[0] and input_path[1:]
+        ]
         hint = f": its inputs are {', '.join(inputs)}" if inputs else ""
-        raise ModelError(f"{found} is {what}, not a constant{hint}")
+        raise ModelError(f"{full_name} is {found_kind}, not a constant{hint}")
     value = tuple(map(float, source)) if isinstance(source, tuple) else (float(source),)
-    value = value * 3 if known.kind == "color" and len(value) == 1 else value
-    return Constant(found, look.layers.index(layer), path, known, value)
+    value = value * 3 if record.kind == "color" and len(value) == 1 else value
+    return Constant(full_name, look.layers.index(layer), path, record, value)
 
 
 def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
@@ -98,29 +102,29 @@ def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
 
     It is a primvar of a reserved name, `live_primvar`, which no mesh has.
     """
-    sources = [(each, Primvar(live_primvar(key), _plain(each))) for key, each in constants.items()]
+    sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
     return _with_sources(look, sources)
 
 
 def with_constants(look: Look, constants: Iterable[Constant]) -> Look:
     """Return a look with other values of some constants."""
-    return _with_sources(look, [(each, _plain(each)) for each in constants])
+    return _with_sources(look, [(constant, _constant_value(constant)) for constant in constants])
 
 
-def _plain(constant: Constant) -> float | tuple[float, float, float]:
+def _constant_value(constant: Constant) -> float | tuple[float, float, float]:
     red, *others = constant.value
     return (red, *others) if others else red  # type: ignore[return-value]
 
 
 def _with_sources(look: Look, sources: Iterable[tuple[Constant, Any]]) -> Look:
     layers = list(look.layers)
-    for each, source in sources:
-        layer, (name, *inside) = layers[each.layer], each.path
+    for constant, source in sources:
+        layer, (name, *inside) = layers[constant.layer], constant.path
         if inside:
-            held: Any = layer.mask if name == "mask" else layer.inputs[name]
-            source = replace(held, inputs={**held.inputs, inside[0]: source})
+            formula: Any = layer.mask if name == "mask" else layer.inputs[name]
+            source = replace(formula, inputs={**formula.inputs, inside[0]: source})
         changed: dict[str, Any] = {"mask": source} if name == "mask" else {"inputs": {**layer.inputs, name: source}}
-        layers[each.layer] = replace(layer, **changed)
+        layers[constant.layer] = replace(layer, **changed)
     return replace(look, layers=tuple(layers))
 
 
@@ -143,39 +147,41 @@ def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]
         for name, source in inputs.items():
             yield f"{layer.name}.{name}", (layer, (name,))
             if isinstance(source, Formula):
-                for each in source.inputs:
-                    yield f"{layer.name}.{name}.{each}", (layer, (name, each))
+                for operand in source.inputs:
+                    yield f"{layer.name}.{name}.{operand}", (layer, (name, operand))
 
 
-def _changed(layer: Layer, path: tuple[str, ...], value: Value, place: str, *, alone: bool) -> Layer:
+def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: str, *, alone: bool) -> Layer:
     name, *inside = path
     parameter = MASK if name == "mask" else layer_parameters(layer.model)[name]
     source: Any = layer.mask if name == "mask" else layer.inputs.get(name)
     new: Any
     if inside:
         kind = source.kinds[inside[0]]
-        number = _constant(place, Parameter(inside[0], kind, 0.0, (-1e18, 1e18)), value)
+        number = _checked_constant(full_name, Parameter(inside[0], kind, 0.0, (-1e18, 1e18)), value)
         new = replace(source, inputs={**source.inputs, inside[0]: number})
     elif isinstance(value, str) and parameter.kind in ("float", "color"):
-        new = _formula(place, parameter, value, source)
+        new = _checked_formula(full_name, parameter, value, source)
     elif parameter.file or (parameter.kind == "token" and not alone):
-        raise ModelError(f"{place} is a {'file' if parameter.file else 'choice that layers share'}, which cannot vary")
+        raise ModelError(
+            f"{full_name} is a {'file' if parameter.file else 'choice that layers share'}, which cannot vary"
+        )
     else:
-        new = _constant(place, parameter, value)
+        new = _checked_constant(full_name, parameter, value)
     return replace(layer, mask=new) if name == "mask" else replace(layer, inputs={**layer.inputs, name: new})
 
 
-def _constant(place: str, parameter: Parameter, value: Value) -> float | tuple[float, float, float] | str:
+def _checked_constant(full_name: str, parameter: Parameter, value: Value) -> float | tuple[float, float, float] | str:
     """Return a checked constant as plain Python; one number is a grey where a colour is needed."""
     grey = parameter.kind == "color" and isinstance(value, float | int)
-    owner, _, name = place.rpartition(".")
-    named = replace(parameter, name=name, stands=None, follows="")
-    checked: Any = complete(owner, {name: named}, {name: (value,) * 3 if grey else value})[name]
+    prefix, _, name = full_name.rpartition(".")
+    record = replace(parameter, name=name, stands=None, follows="")
+    checked: Any = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())
 
 
-def _formula(place: str, parameter: Parameter, text: str, source: Any) -> Formula:
-    """Return an expression over the inputs of the one that is there."""
+def _checked_formula(full_name: str, parameter: Parameter, text: str, source: Any) -> Formula:
+    """Return the expression of a text as a formula over the inputs that `source`, the present one, has."""
     inputs = dict(source.inputs) if isinstance(source, Formula) else {}
     kinds = dict(source.kinds) if isinstance(source, Formula) else {}
     inputs.setdefault(VIEW, View())
@@ -184,8 +190,8 @@ def _formula(place: str, parameter: Parameter, text: str, source: Any) -> Formul
         expression = parse(text)
         result = expression.check(kinds)
     except ExpressionError as error:
-        raise ModelError(f"{place}: {error}") from error
+        raise ModelError(f"{full_name}: {error}") from error
     if parameter.kind == "float" and result == "color":
-        raise ModelError(f"{place} is a color; a float would be right: luminance(...)")
+        raise ModelError(f"{full_name} is a color; a float would be right: luminance(...)")
     names = expression.names
     return Formula(expression, {name: inputs[name] for name in names}, {name: kinds[name] for name in names})

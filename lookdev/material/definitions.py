@@ -1,4 +1,4 @@
-"""Node definitions for other USD tools, written from the models' own parameters.
+"""Node definitions for other USD tools, generated from the parameters of the models.
 
 ``python -m lookdev.material.definitions`` rewrites `DEFINITIONS`.
 """
@@ -17,7 +17,7 @@ DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
 """The file that contains `shader_definitions`."""
 
 DEFINED_LAYERS = 8
-"""Layers over the base that LookdevLayers declares; a look may have more."""
+"""The number of layers over the base that LookdevLayers declares; a look may have more."""
 
 USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
 """The type of an input by the kind of its parameter."""
@@ -28,7 +28,7 @@ _HEAD = """#usda 1.0
 )
 
 """
-# Sdr drops a node without a source asset; the code is generated, so the definition names itself.
+# Sdr drops a node without a source asset. As the code is generated, the definition names its own file.
 _SHADER = """def Shader "{name}" (
     doc = {doc}
     sdrMetadata = {{
@@ -47,24 +47,30 @@ _SHADER = """def Shader "{name}" (
 
 
 def shader_definitions() -> str:
-    """Return the text of shaderDefs.usda, for `Sdr.Registry`: the models, stacks, bumps, displacements and expressions.
+    """Return the text of shaderDefs.usda, for `Sdr.Registry`.
+
+    It defines the models, layer stacks, bumps, displacements and expressions.
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
     models = [
-        _shader(model.identifier, model.text, [*map(_parameter, model.parameters.values())], "token outputs:layer")
+        _shader_text(
+            model.identifier, model.text, [*map(_parameter_text, model.parameters.values())], "token outputs:layer"
+        )
         for model in MODELS.values()
     ]
-    layers = [_input("token", "base", "The layer beneath all others.")]
+    layers = [_input_text("token", "base", "The layer beneath all others.")]
     for number in range(1, DEFINED_LAYERS + 1):
-        layers += _layer_inputs(f"layer{number}", "the base" if number == 1 else f"layer{number - 1}")
+        layers += _layer_input_texts(f"layer{number}", "the base" if number == 1 else f"layer{number - 1}")
     stack_doc = "A stack of layers, each over what is beneath it."
     bump = [
-        _input("float", "height", "A channel of a UsdUVTexture: the height map."),
-        _input("float", "scale", "How many units of st a height of 1 stands above the surface.", "1.0", constant=True),
+        _input_text("float", "height", "A channel of a UsdUVTexture: the height map."),
+        _input_text(
+            "float", "scale", "How many units of st a height of 1 stands above the surface.", "1.0", constant=True
+        ),
     ]
     expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
-    expression = [_input("string", "expression", expression_help, constant=True)]
+    expression = [_input_text("string", "expression", expression_help, constant=True)]
     expression_doc = (
         "A value computed from named inputs, which are float, color3f or float2, and from view, the cosine between the "
         "shading normal and the direction to the viewer."
@@ -73,57 +79,60 @@ def shader_definitions() -> str:
     midlevel_help = "The height at which a point stays where it is."
     units_help = "object: the units of the asset's file, in the object's own space. world: metres."
     displacement = [
-        _input("float", "height", height_help, "0.0"),
-        _input("float", "scale", "The factor from heights to units.", "1.0", constant=True),
-        _input("float", "midlevel", midlevel_help, "0.0", constant=True),
-        _input("token", "units", units_help, '"object"', ("object", "world"), constant=True),
+        _input_text("float", "height", height_help, "0.0"),
+        _input_text("float", "scale", "The factor from heights to units.", "1.0", constant=True),
+        _input_text("float", "midlevel", midlevel_help, "0.0", constant=True),
+        _input_text("token", "units", units_help, '"object"', ("object", "world"), constant=True),
     ]
     displacement_doc = "The surface is moved along its normal by (height - midlevel) scale."
     others = [
-        _shader("LookdevLayers", stack_doc, layers, "token outputs:surface"),
-        _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
-        _shader("LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"),
-        _shader("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
+        _shader_text("LookdevLayers", stack_doc, layers, "token outputs:surface"),
+        _shader_text("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
+        _shader_text(
+            "LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"
+        ),
+        _shader_text("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
     ]
     return _HEAD + "\n".join([*models, *others])
 
 
-def _layer_inputs(name: str, beneath: str) -> list[str]:
+def _layer_input_texts(name: str, beneath: str) -> list[str]:
     combined = [model.title for model in MODELS.values() if model.combine]
     takers = [model.title for model in MODELS.values() if "transmit" in model.modes]
     mode = (
-        f"over: covers what is beneath by the mask; {_layers(combined)} blend lobes, those of other models parameters. "
-        f"transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
-        f"{_layers(takers)}."
+        f"over: covers what is beneath by the mask; {_layers_phrase(combined)} blend lobes, those of other models "
+        "parameters. "
+        f"transmit: what the layer transmits meets the layers beneath; for {_layers_phrase(takers)} over nothing but "
+        f"{_layers_phrase(takers)}."
     )
     return [
-        _input("token", name, f"The layer over {beneath}."),
-        _parameter(replace(MASK, name=f"{name}Mask", help=f"How much of {name} covers what is beneath.")),
-        _input("bool", f"{name}Enabled", f"Whether {name} is there at all.", "1", constant=True),
-        _input("token", f"{name}Mode", mode, '"over"', ("over", "transmit"), constant=True),
+        _input_text("token", name, f"The layer over {beneath}."),
+        _parameter_text(replace(MASK, name=f"{name}Mask", help=f"How much of {name} covers what is beneath.")),
+        _input_text("bool", f"{name}Enabled", f"Whether {name} is there at all.", "1", constant=True),
+        _input_text("token", f"{name}Mode", mode, '"over"', ("over", "transmit"), constant=True),
     ]
 
 
-def _layers(titles: list[str]) -> str:
+def _layers_phrase(titles: list[str]) -> str:
     return f"{' and '.join(titles)} layers"
 
 
-def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
+def _shader_text(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
     return _SHADER.format(
-        name=name, doc=_quoted(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
+        name=name, doc=_quote(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
     )
 
 
-def _parameter(parameter: Parameter) -> str:
+def _parameter_text(parameter: Parameter) -> str:
     kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
     if parameter.file:
-        return _input("asset", name, text, "@@", constant=True)
+        return _input_text("asset", name, text, "@@", constant=True)
     if parameter.kind == "token":
-        return _input(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
-    return _input(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)
+        return _input_text(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
+    return _input_text(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)
 
 
-def _input(
+def _input_text(
     usd_type: str,
     name: str,
     text: str,
@@ -138,12 +147,12 @@ def _input(
     if constant:
         lines.append('        connectability = "interfaceOnly"')
     bounds = zip(("hardMin", "hardMax", "softMin", "softMax"), map(repr, ranges), strict=False)
-    metadata = [f"            string {key} = {_quoted(value)}" for key, value in [("help", text), *bounds]]
+    metadata = [f"            string {key} = {_quote(value)}" for key, value in [("help", text), *bounds]]
     return "\n".join([*lines, "        sdrMetadata = {", *metadata, "        }", "    )", ""])
 
 
-def _quoted(text: str) -> str:
-    # USD reads UTF-8, and no escapes of JSON beyond ASCII.
+def _quote(text: str) -> str:
+    # USD reads UTF-8; it does not know JSON's escapes of characters beyond ASCII.
     return json.dumps(text, ensure_ascii=False)
 
 

@@ -31,8 +31,8 @@ class Texture:
     `colorspace` is resolved: ``"raw"`` is left as it is, ``"sRGB"`` and the spaces of `colorspaces` are converted
     before filtering. `st` names the UV set, whose (0, 0) is the lower left corner; `transform` is UsdTransform2d.
 
-    ``"auto"`` and ``"useMetadata"`` depend on the image, which is opened when it is needed. A file whose name contains
-    ``<UDIM>`` is a set of tiles.
+    The meaning of ``"auto"`` and ``"useMetadata"`` depends on the image, which is opened when it is needed. A file
+    whose name contains ``<UDIM>`` is a set of tiles.
     """
 
     file: Path
@@ -48,7 +48,7 @@ class Texture:
 
 @dataclass(frozen=True)
 class Primvar:
-    """A float or a colour that the geometry carries, `fallback` where the mesh has none."""
+    """A float or a colour of the geometry; `fallback` where the mesh has no such primvar."""
 
     name: str
     fallback: float | Color
@@ -80,12 +80,12 @@ class View:
 
 
 VIEW = "view"
-"""The name of a `View` in an expression whose node does not give that name another source."""
+"""The name of a `View` in an expression, unless its node has another source of this name."""
 
 
 @dataclass(frozen=True)
 class Formula:
-    """A mask expression, its inputs, and which of them are floats and which colours."""
+    """A mask expression, its inputs by name, and the type of each input."""
 
     expression: Expression
     inputs: dict[str, Source]
@@ -93,10 +93,10 @@ class Formula:
 
 
 Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | View | Formula"
-"""What an expression reads."""
+"""A value that an expression reads."""
 
 Varying = Texture | Primvar | Bump | Formula
-"""What differs over a surface."""
+"""A value that differs over a surface."""
 
 Input = float | Color | str | Varying
 """A constant, a token (``variant = "2012"``), or something that varies over the surface.
@@ -108,7 +108,10 @@ Mask = float | Texture | Primvar | Formula
 
 
 def leaves(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
-    """Yield what sources read, but expressions: in order, and what expressions share once."""
+    """Yield the sources that are not expressions, in order, and in place of an expression the sources that it reads.
+
+    An expression that several sources read is expanded once.
+    """
     pending, seen = list(sources)[::-1], set[int]()
     while pending:
         source = pending.pop()
@@ -126,12 +129,12 @@ def depends_on_view(source: Source | Input) -> bool:
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer: a model, the inputs that are set (the rest have the model's defaults), its mask (1 for the base).
+    """One layer: a model, the inputs that are set, and a mask (1 for the base). Unset inputs have the model's defaults.
 
     `model` is one of `lookdev.brdf.MODELS`, or a foreign one of `lookdev.material.translate.TRANSLATIONS`.
 
-    `mode` is how the layer lies on those beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets what the
-    layer transmits meet them. Disabled layers are left out of a `Look`.
+    `mode` is how the layer combines with those beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets the
+    light that the layer transmits meet them. A `Look` does not contain disabled layers.
     """
 
     name: str
@@ -143,9 +146,9 @@ class Layer:
 
 @dataclass(frozen=True)
 class Displacement:
-    """A point is moved along its normal by ``(height - midlevel) scale``.
+    """Moves each point along its normal by ``(height - midlevel) scale``.
 
-    `units` are those of the asset's file in the object's own space, or metres in the world.
+    `units` are ``"object"``, the units of the asset's file in object space, or ``"world"``, metres.
     """
 
     height: Mask
@@ -156,7 +159,7 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Look:
-    """A layer stack, base first. `source` is the file and prim path it came from, for messages and headers."""
+    """A layer stack, base first. `source` is its file and prim path, for messages and headers."""
 
     name: str
     layers: tuple[Layer, ...]

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class ImagePoints(ABC):
-    """N points as a `lookdev.material.values.Surface`: a subclass adds `uv`, `primvar`, `handedness` and `view`."""
+    """N points as a `lookdev.material.values.Surface`; subclasses define `uv`, `primvar`, `handedness` and `view`."""
 
     @abstractmethod
     def uv(self, name: str) -> Floats:

@@ -1,8 +1,8 @@
-"""Image files prepared for shading: linear float EXR in the cache, and the reference look-ups in NumPy.
+"""Image files, prepared for shading as linear float EXR in the cache; reference look-ups of them in NumPy.
 
 Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; a missing alpha is 1.
-Values are never multiplied by alpha. Colours are converted to linear Rec.709 before filtering, sRGB by the piecewise
-curve of IEC 61966-2-1; alpha is not.
+Values are never multiplied by alpha. Colours are converted to linear Rec.709 before filtering, from sRGB by the
+piecewise curve of IEC 61966-2-1. Alpha is not converted.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from lookdev.material.look import Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
-"""The place of a tile's number in the name of a set."""
+"""The token of a file name that the number of a tile replaces."""
 
-# Parts of the names of cached files: raised when the conversion, or the slopes made from it, change.
+# Parts of the names of cached files. Raise them when the conversion, or the computation of slopes, changes.
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
@@ -46,9 +46,9 @@ _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slic
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Channel names, depth and the file's own wrap modes; an `unsigned` image holds integers that stand for 0 to 1.
+    """Channel names, depth and wrap modes that an image file states.
 
-    `tagged_srgb` is whether the file states that it is sRGB.
+    The integers of an `unsigned` image encode 0 to 1. `tagged_srgb` is whether the file states that it is sRGB.
     """
 
     channels: tuple[str, ...]
@@ -69,16 +69,16 @@ def image_header(file: Path) -> ImageHeader:
     Raises
     ------
     TextureError
-        The file is missing, is no image, or its channels are neither gray, gray and alpha, RGB nor RGBA.
+        The file is missing, is not an image, or its channels are neither gray, gray and alpha, RGB nor RGBA.
     """
     with open_image(file, TextureError) as image:
         spec = image.spec()
-        _channels(file, spec)
+        _channel_indices(file, spec)
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
     # UsdUVTexture: black outside where the file has no wrap modes.
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
     eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
-    # Not oiio:ColorSpace, which OpenImageIO has for files that state none. 1 is sRGB in Exif.
+    # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
     profile, exif = (
         spec.get_string_attribute("ICCProfile:profile_description"),
         spec.get_int_attribute("Exif:ColorSpace"),
@@ -88,20 +88,23 @@ def image_header(file: Path) -> ImageHeader:
 
 
 def resolved(texture: Texture) -> Texture:
-    """Return the texture with colour space and wrap modes of its image where it has none; errors as `image_header`."""
+    """Return the texture with ``"auto"`` and ``"useMetadata"`` replaced by what its image states.
+
+    Raises as `image_header`.
+    """
     if texture.colorspace != "auto" and "useMetadata" not in (texture.wrap_s, texture.wrap_t):
         return texture
     tiles = udim_tiles(texture)
     header = image_header(next(iter(tiles.values())).file if tiles else texture.file)
-    given = zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
-    wrap_s, wrap_t = (own if wrap == "useMetadata" else wrap for wrap, own in given)
+    wrap_pairs = zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
+    wrap_s, wrap_t = (image_wrap if wrap == "useMetadata" else wrap for wrap, image_wrap in wrap_pairs)
     automatic = "sRGB" if header.is_srgb else "raw"
     colorspace = automatic if texture.colorspace == "auto" else texture.colorspace
     return replace(texture, colorspace=colorspace, wrap_s=wrap_s, wrap_t=wrap_t)
 
 
 def udim_tiles(texture: Texture) -> dict[int, Texture]:
-    """Return the tiles of a set by number, from 1001; none for a single image; TextureError for an empty set."""
+    """Return the tiles of a UDIM set by number, from 1001; {} for a single image. TextureError for an empty set."""
     before, mark, after = texture.file.name.partition(UDIM)
     if not mark:
         return {}
@@ -117,7 +120,9 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
 
 
 def linear_texture(texture: Texture) -> Path:
-    """Return the texture's image as a linear float EXR (R, G, B, A), converted once into the cache, strip by strip.
+    """Return the image of a texture as a linear float EXR (R, G, B, A), converted once into the cache.
+
+    The conversion reads and writes strips of rows.
 
     Raises
     ------
@@ -128,7 +133,7 @@ def linear_texture(texture: Texture) -> Path:
     texture = resolved(texture)
 
     def linear_strips(image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
-        for rgba in _rgba_strips(texture.file, image):
+        for rgba in _read_rgba_strips(texture.file, image):
             rgba[..., :3] = to_linear_rec709(rgba[..., :3], texture.colorspace)
             yield rgba
 
@@ -145,9 +150,9 @@ def linear_texture(texture: Texture) -> Path:
 def slope_texture(height: Texture) -> Path:
     """Return the slopes of a height map as a float EXR, derived once into the cache: R = dh/ds, G = dh/dt.
 
-    They are central differences of the texels of the channel of `height`, linear and times its scale, per unit of the
-    image's own s and t (rightwards and upwards). Beyond an edge is the texel of the other edge (repeat), or the texel
-    itself (mirror, clamp, black).
+    Slopes are central differences of the linear texels of the channel of `height`, times its scale, per unit of the
+    image's own s and t (rightwards and upwards). Beyond an edge, the texel is that of the opposite edge (repeat), or of
+    the edge itself (mirror, clamp, black).
 
     Raises
     ------
@@ -159,20 +164,20 @@ def slope_texture(height: Texture) -> Path:
     height = resolved(height)
     channel = "rgba".index(height.channel)
     linear = linear_texture(height)
-    how = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
+    slope_key = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
 
     def slope_strips(texels: NDArray[np.float32]) -> Iterator[NDArray[np.float64]]:
         rows, columns = texels.shape
-        # The rows above and below each: row 0 is the top of the image.
-        beside = np.arange(-1, rows + 1)
-        beside = beside % rows if height.wrap_t == "repeat" else np.clip(beside, 0, rows - 1)
+        # Every row between the rows above and below it. Row 0 is the top of the image.
+        neighbour_rows = np.arange(-1, rows + 1)
+        neighbour_rows = neighbour_rows % rows if height.wrap_t == "repeat" else np.clip(neighbour_rows, 0, rows - 1)
         for first in range(0, rows, _STRIP_ROWS):
             last = min(first + _STRIP_ROWS, rows)
-            h = texels[beside[first : last + 2]].astype(np.float64) * height.scale[channel]
-            across = np.pad(h[1:-1], ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
+            heights = texels[neighbour_rows[first : last + 2]].astype(np.float64) * height.scale[channel]
+            padded = np.pad(heights[1:-1], ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
             slopes = np.zeros((last - first, columns, 4))
-            slopes[..., 0] = (across[:, 2:] - across[:, :-2]) * (0.5 * columns)
-            slopes[..., 1] = (h[:-2] - h[2:]) * (0.5 * rows)
+            slopes[..., 0] = (padded[:, 2:] - padded[:, :-2]) * (0.5 * columns)
+            slopes[..., 1] = (heights[:-2] - heights[2:]) * (0.5 * rows)
             slopes[..., 3] = 1.0
             yield slopes
 
@@ -181,31 +186,31 @@ def slope_texture(height: Texture) -> Path:
             texels = whole_image(image, linear, range(channel, channel + 1), TextureError)[..., 0]
         _write_exr(path, texels.shape[::-1], slope_strips(texels))
 
-    key = f"{linear.stem}-slope-{how}-v{_SLOPE_VERSION}"
+    key = f"{linear.stem}-slope-{slope_key}-v{_SLOPE_VERSION}"
     (content,) = derived("textures", key, lambda: (Content.written(".exr", write),))
     return content.path
 
 
 def image_file(source: Texture | Bump) -> Path:
-    """Return the image that a shader reads: a texture's linear one, a height map's slopes; errors as theirs."""
+    """Return the file that a shader reads: `linear_texture`, or `slope_texture` for a bump; raises as these."""
     return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
 
 
 def texture_value(texture: Texture, texels: Array) -> Array:
-    """Return the value of a texture, (...) or for ``rgb`` (..., 3), from the texels (..., 4) that it looks up."""
+    """Return the value of a texture, (...) or for ``rgb`` (..., 3), from its texels (..., 4) at some points."""
     return (texels * np.array(texture.scale) + np.array(texture.bias))[..., _CHANNELS[texture.channel]]
 
 
 def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Return the value of a texture as `texture_value`, at texture coordinates as `image_texels`."""
+    """Return the value of a texture at texture coordinates: `texture_value` of `image_texels`."""
     return np.asarray(texture_value(texture, image_texels(texture, st)))
 
 
 def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look all channels of a texture up bilinearly, in float64: the reference that shaders are compared with.
+    """Look up all channels of a texture bilinearly, in float64.
 
-    Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height). Wrap mode ``black`` filters towards 0
-    outside.
+    Tests compare shaders with this reference. Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height).
+    Wrap mode ``black`` filters towards 0 outside.
 
     Parameters
     ----------
@@ -222,61 +227,63 @@ def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
         As `linear_texture`.
     """
     texture = resolved(texture)
-    return _look_up(linear_texture, texture, _image_st(texture, st))
+    return _look_up(linear_texture, texture, _to_image_st(texture, st))
 
 
 def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Return the derivatives of a height map by `st` itself, (..., 2): `image_slopes` through the transform."""
-    return np.asarray(image_slopes(texture, st) @ _matrix(texture)[:, :2])
+    """Return the derivatives of a height map by `st`, (..., 2): `image_slopes` times the texture's transform."""
+    return np.asarray(image_slopes(texture, st) @ _transform_matrix(texture)[:, :2])
 
 
 def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look the slopes of a height map up bilinearly, (..., 2), by the image's coordinates; `st` as `image_texels`.
+    """Look up the derivatives of a height map, (..., 2), by the image's coordinates, bilinearly.
 
-    The chain rule goes through the wrap modes: mirrored copies lean the other way, and beyond a clamped edge the height
-    is constant. Errors as `slope_texture`.
+    `st` is as in `image_texels`. The chain rule includes the wrap modes: in mirrored copies a slope has the opposite
+    sign, and beyond a clamped edge it is 0. Raises as `slope_texture`.
     """
     texture = resolved(texture)
-    image_st = _image_st(texture, st)
+    image_st = _to_image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)
-    along = np.stack([_wrap_slope(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
+    along = np.stack([_wrap_derivative(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
     return np.asarray(slopes * along)
 
 
-def _matrix(texture: Texture) -> NDArray[np.float64]:
+def _transform_matrix(texture: Texture) -> NDArray[np.float64]:
     return np.array(texture.transform, np.float64).reshape(2, 3)
 
 
-def _image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    matrix = _matrix(texture)
+def _to_image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    matrix = _transform_matrix(texture)
     return np.asarray(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2])
 
 
 def _look_up(
     prepare: Callable[[Texture], Path], texture: Texture, image_st: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Look all four channels of the prepared image up, at its own coordinates, by the wrap modes of `texture`."""
+    """Look up all four channels of the prepared image, at the image's coordinates, by the wrap modes of `texture`."""
     value = np.zeros((*image_st.shape[:-1], 4))
     if tiles := udim_tiles(texture):
         s, t = np.floor(image_st[..., 0]), np.floor(image_st[..., 1])
         number = np.where((s >= 0.0) & (s < 10.0), 1001.0 + s + 10.0 * t, 0.0)
-        for each, tile in tiles.items():
-            here = number == each
-            value[here] = _look_up(prepare, tile, (image_st - np.floor(image_st))[here])
+        for tile_number, tile in tiles.items():
+            in_tile = number == tile_number
+            value[in_tile] = _look_up(prepare, tile, (image_st - np.floor(image_st))[in_tile])
         return value
     pixels = _linear_pixels(prepare(texture))
     height, width = pixels.shape[:2]
-    columns = _taps(image_st[..., 0], width, texture.wrap_s)
-    rows = _taps(1.0 - image_st[..., 1], height, texture.wrap_t)  # row 0 is the top of the image, t 0 the bottom
+    columns = _bilinear_taps(image_st[..., 0], width, texture.wrap_s)
+    rows = _bilinear_taps(
+        1.0 - image_st[..., 1], height, texture.wrap_t
+    )  # row 0 is the top of the image, t 0 the bottom
     for row, row_weight in rows:
         for column, column_weight in columns:
             value += (row_weight * column_weight)[..., np.newaxis] * pixels[row, column]
     return value
 
 
-def _wrap_slope(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float64]:
-    """Return the derivative of the wrapped coordinate by the coordinate; 1 for black, whose slopes are 0 outside."""
+def _wrap_derivative(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float64]:
+    """Return the derivative of the wrapped coordinate by the coordinate; 1 for black, as its slopes are 0 outside."""
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
     if wrap == "clamp":
@@ -284,8 +291,10 @@ def _wrap_slope(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float6
     return np.ones_like(coordinate)
 
 
-def _taps(coordinate: NDArray[np.float64], size: int, wrap: str) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
-    """Return the two texels along one axis that a bilinear look-up reads, with their weights."""
+def _bilinear_taps(
+    coordinate: NDArray[np.float64], size: int, wrap: str
+) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+    """Return the indices and weights of the two texels, along one axis, of a bilinear look-up."""
     position = coordinate * size - 0.5
     lower = np.floor(position)
     fraction = position - lower
@@ -310,58 +319,58 @@ def _linear_pixels(linear: Path) -> NDArray[np.float64]:
         return whole_image(image, linear, range(4), TextureError).astype(np.float64)
 
 
-def _channels(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
-    """Return the numbers of the channels that are colour, and that of alpha, of an image as UsdUVTexture has it."""
+def _channel_indices(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
+    """Return the indices of the channels for r, g and b, and of alpha or None, by the rules of UsdUVTexture."""
     names = list(spec.channelnames)
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
-        shown = ", ".join(names[:20])
-        raise TextureError(f"{file}: no channels R, G, B among {shown}; gray or RGB(A) is right")
+        listing = ", ".join(names[:20])
+        raise TextureError(f"{file}: no channels R, G, B among {listing}; gray or RGB(A) is right")
     if len(names) <= 2:
         return [0, 0, 0], 1 if len(names) == 2 else None
     return [names.index(name) for name in "RGB"], names.index("A") if "A" in names else None
 
 
-def _rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
-    """Yield an open image in strips of (rows, width, 4), top first; what lies outside an EXR's data window is 0."""
+def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
+    """Yield strips (rows, width, 4) of an open image, top first; 0 outside an EXR's data window."""
     spec = image.spec()
-    color, alpha = _channels(file, spec)
+    color, alpha = _channel_indices(file, spec)
     left, top = spec.x - spec.full_x, spec.y - spec.full_y
 
-    def blank(rows: int) -> Iterator[NDArray[np.float64]]:
+    def blank_strips(rows: int) -> Iterator[NDArray[np.float64]]:
         for first in range(0, rows, _STRIP_ROWS):
-            yield outside(min(_STRIP_ROWS, rows - first))
+            yield blank_rows(min(_STRIP_ROWS, rows - first))
 
-    def outside(rows: int) -> NDArray[np.float64]:
+    def blank_rows(rows: int) -> NDArray[np.float64]:
         rgba = np.zeros((rows, spec.full_width, 4))
         if alpha is None:
             rgba[..., 3] = 1.0
         return rgba
 
-    yield from blank(min(top, spec.full_height))
-    across = slice(max(left, 0), max(min(left + spec.width, spec.full_width), 0))
+    yield from blank_strips(min(top, spec.full_height))
+    columns_inside = slice(max(left, 0), max(min(left + spec.width, spec.full_width), 0))
     bad = 0
     for first, pixels in strips(image, file, range(spec.nchannels), TextureError):
         bad += np.count_nonzero(~np.isfinite(pixels))
         begin = max(top + first, 0)
-        shown = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]
-        if len(shown) and begin < spec.full_height:
-            rgba = outside(len(shown))
-            shown = shown[:, : max(across.stop - across.start, 0)]
-            rgba[:, across, :3] = shown[..., color]
+        inside = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]
+        if len(inside) and begin < spec.full_height:
+            rgba = blank_rows(len(inside))
+            inside = inside[:, : max(columns_inside.stop - columns_inside.start, 0)]
+            rgba[:, columns_inside, :3] = inside[..., color]
             if alpha is not None:
-                rgba[:, across, 3] = shown[..., alpha]
+                rgba[:, columns_inside, 3] = inside[..., alpha]
             yield rgba
     if bad:
         raise TextureError(f"{file}: {bad} values are NaN or infinite; a texture must be finite everywhere")
-    yield from blank(spec.full_height - max(min(top + spec.height, spec.full_height), 0))
+    yield from blank_strips(spec.full_height - max(min(top + spec.height, spec.full_height), 0))
 
 
 def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float64]]) -> None:
-    """Write strips of (rows, width, 4) as an EXR of a size (width, height), or raise OSError."""
+    """Write strips (rows, width, 4) to an EXR of a size (width, height); OSError where that fails."""
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"
-    # Of equal texels, equal files: the digests of frames contain theirs. By default it is the time of writing.
+    # Equal texels make equal files, as digests of frames contain theirs. The default is the time of writing.
     spec["DateTime"] = "2000:01:01 00:00:00"
     output = oiio.ImageOutput.create(str(file))
     written, row = output.open(str(file), spec), 0
@@ -378,7 +387,7 @@ def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float
 
 
 def _has_last_row(file: Path, height: int) -> bool:
-    """Return whether an EXR that was written is whole: what is lost as it is closed is no error of the library."""
+    """Return whether a written EXR has its last row: OpenImageIO reports no error for rows lost as it closes a file."""
     try:
         with open_image(file, OutputError) as image:
             return image.read_scanlines(0, 0, height - 1, height, 0, 0, 4, oiio.FLOAT) is not None

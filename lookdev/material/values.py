@@ -1,6 +1,6 @@
 """Values of a look at points of a surface: numbers in the reference and the preview, symbols in generated code.
 
-The one place where constants, textures, primvars and expressions become values of parameters, over any `Surface`.
+This code alone turns constants, textures, primvars and expressions into values of parameters, over any `Surface`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from lookdev.material.translate import layer_parameters, translated
 
 
 class Surface(Protocol):
-    """Points of a surface, and the values that it has there."""
+    """Points of a surface, and the data of the surface there."""
 
     def uv(self, name: str) -> Array:
         """Return the coordinates (..., 2) of a UV set."""
@@ -48,10 +48,10 @@ class Surface(Protocol):
         """Return the values of a primvar: (...), or (..., 3) where its fallback is a colour."""
 
     def handedness(self) -> Array:
-        """Return on which side of the tangent v grows, (...): +1 along cross(normal, tangent), or -1."""
+        """Return the direction in which v grows, (...): +1 along cross(normal, tangent), or -1."""
 
     def view(self) -> Array:
-        """Return the cosine between the shading normal and the direction to the viewer, (...), as `View`."""
+        """Return the cosine between the shading normal and the direction to the viewer, (...); see `View`."""
 
 
 def look_bsdf(look: Look, surface: Surface) -> Bsdf:
@@ -68,27 +68,29 @@ def look_bsdf(look: Look, surface: Surface) -> Bsdf:
 
 
 def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
-    """Return the layers of a look at some points, base first, with all parameters of their models; errors as above.
+    """Return the layers of a look at some points, base first, with all parameters of their models.
 
-    A layer of a foreign model becomes those that stand for it.
+    Layers of its translation replace a layer of a foreign model. Raises as `look_bsdf`.
     """
     values = Values(surface)
     stack = [
-        StackLayer(layer.model, _parameters(layer, values), values.of(layer.mask, MASK), layer.mode, layer.name)
+        StackLayer(
+            layer.model, _complete_parameters(layer, values), values.of(layer.mask, MASK), layer.mode, layer.name
+        )
         for layer in look.layers
     ]
-    return [each for layer in stack for each in translated(layer)]
+    return [translated_layer for layer in stack for translated_layer in translated(layer)]
 
 
-def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
-    known = layer_parameters(layer.model)
-    inputs = spelled_out(layer.model, known, layer.inputs)
+def _complete_parameters(layer: Layer, values: Values) -> dict[str, Any]:
+    records = layer_parameters(layer.model)
+    inputs = spelled_out(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
     constants = {name: source for name, source in inputs.items() if name not in varying}
-    parameters = complete(layer.model, known, constants)
-    normals = {name: values.handed(parameters[name]) for name in constants if known[name].kind == "normal"}
-    parameters |= normals | {name: values.of(source, known[name]) for name, source in varying.items()}
-    return parameters | with_followers(known, {name: parameters[name] for name in inputs})
+    parameters = complete(layer.model, records, constants)
+    normals = {name: values.in_shading_frame(parameters[name]) for name in constants if records[name].kind == "normal"}
+    parameters |= normals | {name: values.of(source, records[name]) for name, source in varying.items()}
+    return parameters | with_followers(records, {name: parameters[name] for name in inputs})
 
 
 @dataclass(frozen=True)
@@ -96,28 +98,28 @@ class Values:
     """Values of sources at points of a surface."""
 
     surface: Surface
-    # By identity: many may read one expression. What is read outlives this.
+    # Keyed by identity: several inputs may share one formula. The formulas outlive this object.
     _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
     def of(self, source: Source | Bump, parameter: Parameter) -> Real:
         """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
         if isinstance(source, Bump):
-            return self.handed(self._bump(source))
+            return self.in_shading_frame(self._bump_normal(source))
         value = self.read(source, color=parameter.kind == "color")
         if isinstance(source, Varying):
-            value = limited(value, parameter)
-        return self.handed(value) if parameter.kind == "normal" else value
+            value = clip_to_range(value, parameter)
+        return self.in_shading_frame(value) if parameter.kind == "normal" else value
 
-    def handed(self, normal: Array) -> Array:
-        """Express normals (..., 3) of the frame of the UVs in the shading frame, whose bitangent may be opposite."""
+    def in_shading_frame(self, normal: Array) -> Array:
+        """Return normals (..., 3) of the frame of the UVs in the shading frame, whose bitangent may be opposite."""
         if same(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
-        one = 1.0 + 0.0 * hand
-        return normal * vector(one, hand, one)
+        ones = 1.0 + 0.0 * hand
+        return normal * vector(ones, hand, ones)
 
     def read(self, source: Source, color: bool) -> Array:
-        """Return the value of a source, not clipped; for a `color`, a float becomes three equal channels."""
+        """Return the value of a source, not clipped. For a `color`, a float becomes three equal channels."""
         value: Array
         match source:
             case Texture():
@@ -125,24 +127,24 @@ class Values:
             case Primvar():
                 value, is_color = self.surface.primvar(source), isinstance(source.fallback, tuple)
             case Coordinates():
-                s, t = transformed(source.transform, self.surface.uv(source.st))
+                s, t = transform_uv(source.transform, self.surface.uv(source.st))
                 value, is_color = vector(s, t, 0.0 * s), True
             case View():
                 value, is_color = self.surface.view(), False
             case Formula():
                 if id(source) not in self._formulas:
-                    self._formulas[id(source)] = self._formula(source)
+                    self._formulas[id(source)] = self._evaluate_formula(source)
                 value, is_color = self._formulas[id(source)]
             case _:
                 value, is_color = np.asarray(source, dtype=np.float64), isinstance(source, tuple)
         return vector(value, value, value) if color and not is_color else value
 
-    def _formula(self, formula: Formula) -> tuple[Array, bool]:
+    def _evaluate_formula(self, formula: Formula) -> tuple[Array, bool]:
         kinds = formula.kinds
-        given = {name: self.read(each, kinds[name] == "color") for name, each in formula.inputs.items()}
-        return formula.expression.evaluate(given, kinds), formula.expression.check(kinds) == "color"
+        values = {name: self.read(source, kinds[name] == "color") for name, source in formula.inputs.items()}
+        return formula.expression.evaluate(values, kinds), formula.expression.check(kinds) == "color"
 
-    def _bump(self, bump: Bump) -> Array:
+    def _bump_normal(self, bump: Bump) -> Array:
         slopes = self.surface.slopes(bump.height) * bump.scale
         # The chain rule: the image's coordinates are a transform of the surface's.
         a, b, _, c, d, _ = bump.height.transform
@@ -152,12 +154,12 @@ class Values:
 
 
 def seen(text: str, parameter: Parameter, view: Array) -> Array:
-    """Return a number that is an expression of the `view` (...) alone, as the value of a parameter.
+    """Return the value of a parameter that an expression of the `view` (...) alone sets.
 
     Raises
     ------
     ExpressionError
-        The text is wrong, does not read the view or reads another name, or has a result of another type.
+        The text is wrong, does not use the view, uses another name, or its result has another type.
     """
     expression = parse(text)
     kinds: dict[str, Kind] = {VIEW: "float"}
@@ -167,11 +169,11 @@ def seen(text: str, parameter: Parameter, view: Array) -> Array:
     gray = (kind, parameter.kind) == ("float", "color")
     if not gray and (kind == "float") != (parameter.kind == "float"):
         raise ExpressionError(text, 0, f"the result is a {kind}", f"'{parameter.name}' is a {parameter.kind}")
-    value = limited(expression.evaluate({VIEW: view}, kinds), parameter)
+    value = clip_to_range(expression.evaluate({VIEW: view}, kinds), parameter)
     return vector(value, value, value) if gray else value
 
 
-def limited(value: Array, parameter: Parameter) -> Array:
+def clip_to_range(value: Array, parameter: Parameter) -> Array:
     """Clip a value to the hard range of a parameter."""
     low, high = parameter.hard
     value = value if low == -np.inf else np.maximum(value, low)
@@ -179,11 +181,11 @@ def limited(value: Array, parameter: Parameter) -> Array:
 
 
 def presence(layer: Layer) -> Input:
-    """Return the input with the presence of a layer, a constant or varying; 1 for a model without that parameter."""
+    """Return the input, constant or varying, for the presence of a layer; 1 for a model without that parameter."""
     return layer.inputs.get(MODELS[layer.model].preview.same.get("opacity", ""), 1.0)
 
 
-def transformed(transform: tuple[float, ...], uv: Array) -> tuple[Array, Array]:
+def transform_uv(transform: tuple[float, ...], uv: Array) -> tuple[Array, Array]:
     """Apply a transform to coordinates (..., 2); return s and t, (...)."""
     a, b, c, d, e, f = transform
     s, t = uv[..., 0], uv[..., 1]

@@ -12,13 +12,13 @@ MOST_COMBINATIONS = 1000
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
     """Return the variant of each set from pairs ``SET=VARIANT``; LookdevError where one is not such a pair."""
-    chosen = {}
+    variants = {}
     for pair in pairs:
         name, _, choice = pair.partition("=")
         if not (name and choice):
             raise LookdevError(f"--variants {pair}: SET=VARIANT is needed, for instance wear=dusty")
-        chosen[name] = choice
-    return chosen
+        variants[name] = choice
+    return variants
 
 
 def combinations(
@@ -30,13 +30,19 @@ def combinations(
     far: a mapping in which sets yet to come are ``"*"``. Raises LookError, with `file` and `prim` as its place, where
     a set is empty or there are too many combinations.
     """
-    made = [dict(variants)]
-    while (wanted := next((name for name, choice in made[0].items() if choice == "*"), None)) is not None:
-        options = [choices(chosen, wanted) for chosen in made]
-        if not all(options):
-            raise LookError([Fault(file, prim, f"variant set '{wanted}' has no variants")])
-        made = [{**chosen, wanted: each} for chosen, own in zip(made, options, strict=True) for each in own]
-        if len(made) > MOST_COMBINATIONS:
-            what = f"'*' stands for {len(made)} combinations of variants, at most {MOST_COMBINATIONS} would be right"
-            raise LookError([Fault(file, prim, what, "name a variant of some of the sets")])
-    return tuple(made)
+    selections = [dict(variants)]
+    while (set_name := next((name for name, choice in selections[0].items() if choice == "*"), None)) is not None:
+        variants_by_selection = [choices(selection, set_name) for selection in selections]
+        if not all(variants_by_selection):
+            raise LookError([Fault(file, prim, f"variant set '{set_name}' has no variants")])
+        selections = [
+            {**selection, set_name: variant}
+            for selection, set_variants in zip(selections, variants_by_selection, strict=True)
+            for variant in set_variants
+        ]
+        if len(selections) > MOST_COMBINATIONS:
+            message = (
+                f"'*' stands for {len(selections)} combinations of variants, at most {MOST_COMBINATIONS} would be right"
+            )
+            raise LookError([Fault(file, prim, message, "name a variant of some of the sets")])
+    return tuple(selections)

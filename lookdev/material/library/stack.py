@@ -129,8 +129,8 @@ def outline_of(file: Path, prim: str | None = None, variants: Mapping[str, str] 
         entries = [Entry(0, stack.base)]
         for number, name in stack.layers.items():
             enabled, mode = (stack.attribute(number, part) for part in ("Enabled", "Mode"))
-            on = not enabled or network.constant(enabled, _TYPES.Bool) is not False
-            transmits = bool(mode) and network.constant(mode, _TYPES.Token) == "transmit"
+            on = not enabled or network.read_constant(enabled, _TYPES.Bool) is not False
+            transmits = bool(mode) and network.read_constant(mode, _TYPES.Token) == "transmit"
             entries.append(Entry(number, name, on, "transmit" if transmits else "over"))
         return Outline(tuple(entries), sets)
 
@@ -154,10 +154,10 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
 def surface_of(material: UsdShade.Material) -> tuple[Network, Source]:
     """Return the stack or the only layer of a look."""
     network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
-    source = network.surface(material)
+    source = network.surface_source(material)
     if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
         place = material.GetPath().AppendProperty(TERMINAL)
-        network.fault(place, "is not connected to layers", "'lookdev materials new' makes a look")
+        network.add_fault(place, "is not connected to layers", "'lookdev materials new' makes a look")
         raise LookError(network.faults)
     return network, source
 
@@ -181,7 +181,7 @@ def stack_of(material: UsdShade.Material) -> Stack:
     stack = find_stack(material)
     if stack is None:
         network, _ = surface_of(material)
-        network.fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
+        network.add_fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
         raise LookError(network.faults)
     return stack
 
@@ -209,7 +209,7 @@ def shown_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, Usd
     found = []
     for number in (0, *stack.layers):
         enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled")) if number else None
-        if not enabled or network.constant(enabled, _TYPES.Bool) is not False:
+        if not enabled or network.read_constant(enabled, _TYPES.Bool) is not False:
             source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
             if isinstance(source, Source):
                 found.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))

@@ -1,7 +1,8 @@
-"""MaterialX documents as Disney layers: inputs are carried over by name, and all that are not is listed.
+"""Import of MaterialX documents as Disney layers: inputs are carried over by name, and all losses are listed.
 
 The node `disney_principled` has the parameters of Burley's BRDF. Its node graph in the MaterialX library approximates
-it by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md has the differences.
+this BRDF by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md lists the
+differences.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d
 from lookdev.material.materialx.network import Network
 
 NODE = "disney_principled"
-"""The one surface shader that is imported."""
+"""The only surface shader that is imported."""
 
-_ELSEWHERE = "the document itself, as 'material' of a look in a job, is read whatever its model"
+_JOB_HINT = "the document itself, as 'material' of a look in a job, is read whatever its model"
 _PARAMETERS = DISNEY.parameters
-_WHY = {
+_LOSS_REASONS = {
     "specTrans": "a LookdevDisney layer lets no light through",
     "ior": "it bends the light of specTrans; what is reflected at normal incidence is specular's",
     "subsurfaceDistance": "subsurface is a shape of the diffuse lobe: light leaves where it entered",
@@ -40,7 +41,7 @@ _IDENTITY = Transform2d()
 
 @dataclass(frozen=True)
 class ImportedMaterial:
-    """A surfacematerial as one Disney layer; `inputs` omits the layer's own defaults."""
+    """A surfacematerial as one Disney layer; `inputs` omits inputs that have the layer's defaults."""
 
     name: str
     inputs: dict[str, Value]
@@ -61,30 +62,30 @@ def import_materialx(file: Path) -> Imported:
     Raises
     ------
     LookError
-        The file is missing, is not MaterialX, or has faults: connections that are missing or in a cycle, wrong types,
-        values that are not numbers; or none of its materials has such a shader.
+        The file is missing, is not MaterialX, or has faults (connections that are missing or in a cycle, wrong types,
+        values that are not numbers), or none of its materials has such a shader.
     """
     network = Network(file)
-    found = network.document.getMaterialNodes()
-    network.connect(found)
-    network.check()
+    nodes = network.document.getMaterialNodes()
+    network.connect(nodes)
+    network.raise_faults()
     layers: dict[str, dict[str, Value]] = {}
-    materials = tuple(each for material in found if (each := _read_material(network, material, layers)))
-    if not found:
-        network.fault("", "holds no surfacematerial", f"one whose surface shader is a {NODE} is right")
+    materials = tuple(imported for material in nodes if (imported := _read_material(network, material, layers)))
+    if not nodes:
+        network.add_fault("", "holds no surfacematerial", f"one whose surface shader is a {NODE} is right")
     elif not materials:
-        for lost in network.unmapped:
-            network.fault(lost.where, lost.what, lost.hint)
-    network.check()
-    network.lose_the_rest()
+        for loss in network.unmapped:
+            network.add_fault(loss.where, loss.what, loss.hint)
+    network.raise_faults()
+    network.add_unread_losses()
     return Imported(file, materials, network.unmapped)
 
 
 def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
-    """Write imported materials as looks, each a layer LookdevDisney; a sole one is the default prim.
+    """Write imported materials as looks, each a layer LookdevDisney; an only material is the default prim.
 
-    Image paths relative to the document become relative to `path`. OutputError where that exists, unless `replace`, or
-    is no path of a USD file.
+    Image paths relative to the document become relative to `path`. Raises OutputError where `path` exists, unless
+    `replace`, or is not the path of a USD file.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: is no name of a look; it would end with {', '.join(SUFFIXES)}")
@@ -94,7 +95,7 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
     stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
     names: set[str] = set()
     for material in imported.materials:
-        _Writer(stage, _unique(material.name, names), imported.file, path).write(material)
+        _Writer(stage, _unique_name(material.name, names), imported.file, path).write(material)
     if len(imported.materials) == 1:
         stage.SetDefaultPrim(*stage.GetPseudoRoot().GetChildren())
     with atomic_path(path) as temporary:
@@ -103,51 +104,51 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
 
 
 @cache
-def _definition() -> dict[str, tuple[str, str]]:
-    """Return type and default, as text, of every input of the node in the MaterialX library."""
+def _library_inputs() -> dict[str, tuple[str, str]]:
+    """Return the type and default, as text, of every input of `NODE` in the MaterialX library."""
     library = mx.createDocument()
     mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{NODE}.mtlx"))
     inputs = library.getNodeDef(f"ND_{NODE}").getInputs()
-    return {each.getName(): (each.getType(), each.getValueString()) for each in inputs}
+    return {port.getName(): (port.getType(), port.getValueString()) for port in inputs}
 
 
 def _read_material(network: Network, material: Any, layers: dict[str, dict[str, Value]]) -> ImportedMaterial | None:
-    """Read a material; None, and a note, where it has another surface shader. `layers` are those read so far."""
+    """Read a material; None, with a loss added, for another surface shader. `layers` caches layers by shader path."""
     port = material.getInput("surfaceshader")
     source = network.source(port) if port else None
-    category = source.element.getCategory() if source and source.computed else ""
-    network.carry(material, "surfaceshader")
+    category = source.element.getCategory() if source and source.is_computed else ""
+    network.mark_carried(material, "surfaceshader")
     if source and category == NODE:
         path = source.element.getNamePath()
         if path not in layers:
             layers[path] = _read_layer(network, source.element)
         return ImportedMaterial(material.getName(), layers[path])
-    found = f"the surface shader <{category}>" if category else "no surface shader"
-    network.lose(material, f"has {found}", f"only {NODE} is imported; {_ELSEWHERE}")
+    present = f"the surface shader <{category}>" if category else "no surface shader"
+    network.add_loss(material, f"has {present}", f"only {NODE} is imported; {_JOB_HINT}")
     return None
 
 
 def _read_layer(network: Network, shader: Any) -> dict[str, Value]:
-    definition = _definition()
-    given = [port.getName() for port in shader.getInputs()]
-    network.carry(shader, *given)
-    for name in given:
-        if name not in definition:
-            network.lose_value(shader.getInput(name), f"unknown input; {nearest_hint(name, list(definition))}")
+    library_inputs = _library_inputs()
+    names = [port.getName() for port in shader.getInputs()]
+    network.mark_carried(shader, *names)
+    for name in names:
+        if name not in library_inputs:
+            network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(library_inputs))}")
     inputs: dict[str, Value] = {}
-    for name, (kind, text) in definition.items():
+    for name, (kind, text) in library_inputs.items():
         parameter, port = _PARAMETERS.get(name), shader.getInput(name)
         if parameter is None:
             if port:
-                network.lose_value(port, _WHY.get(name, "LookdevDisney has no such input"))
+                network.add_value_loss(port, _LOSS_REASONS.get(name, "LookdevDisney has no such input"))
             continue
         value: Value | None = None
         if port and port.getType() != TYPES[parameter.kind]:
-            network.fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {kind}")
+            network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {kind}")
         elif port:
             value = read_value(network, port, parameter)
             if value is None:
-                network.lose_value(port, f"{text} is taken")
+                network.add_value_loss(port, f"{text} is taken")
         if value is None:
             default = parse_constant(text)
             value = None if default == parameter.default else default
@@ -156,11 +157,11 @@ def _read_layer(network: Network, shader: Any) -> dict[str, Value]:
     return inputs
 
 
-def _unique(name: str, taken: set[str]) -> str:
+def _unique_name(name: str, used_names: set[str]) -> str:
     """Return an unused prim name for a MaterialX name."""
     valid = Tf.MakeValidIdentifier(name)
-    choice = next(each for n in count(1) if (each := valid if n == 1 else f"{valid}_{n}") not in taken)
-    taken.add(choice)
+    choice = next(candidate for n in count(1) if (candidate := valid if n == 1 else f"{valid}_{n}") not in used_names)
+    used_names.add(choice)
     return choice
 
 
@@ -176,62 +177,64 @@ class _Writer:
     def write(self, material: ImportedMaterial) -> None:
         customs = {"file": self._source.name, "material": material.name}
         self._material.GetPrim().SetCustomDataByKey("lookdev:materialx", customs)
-        layer = self._shader("Layer", "LookdevDisney")
+        layer = self._define_node("Layer", "LookdevDisney")
         output = layer.CreateOutput("layer", Sdf.ValueTypeNames.Token)
         self._material.CreateOutput("lookdev:surface", Sdf.ValueTypeNames.Token).ConnectToSource(output)
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
-            given = layer.CreateInput(name, Sdf.ValueTypeNames.Find(USD_TYPES[kind]))
+            layer_input = layer.CreateInput(name, Sdf.ValueTypeNames.Find(USD_TYPES[kind]))
             if isinstance(value, Sampled):
-                given.ConnectToSource(self._image(value))
+                layer_input.ConnectToSource(self._write_image(value))
             elif isinstance(value, Primvar):
-                given.ConnectToSource(self._primvar(value, kind))
+                layer_input.ConnectToSource(self._write_primvar(value, kind))
             else:
-                given.Set(value)
+                layer_input.Set(value)
 
-    def _shader(self, name: str, shader_id: str, **inputs: Any) -> UsdShade.Shader:
-        """Define a node, whose inputs have the types of USD's own definition."""
-        path = self._material.GetPath().AppendChild(_unique(name, self._names))
+    def _define_node(self, name: str, shader_id: str, **inputs: Any) -> UsdShade.Shader:
+        """Define a node; its inputs have the types of USD's definition of it."""
+        path = self._material.GetPath().AppendChild(_unique_name(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)
         shader.CreateIdAttr(shader_id)
         definition = Sdr.Registry().GetShaderNodeByIdentifier(shader_id)
         for name, value in inputs.items():
             kind = definition.GetShaderInput(name).GetTypeAsSdfType().GetSdfType()
-            given = shader.CreateInput(name, kind)
+            node_input = shader.CreateInput(name, kind)
             if isinstance(value, UsdShade.Output):
-                given.ConnectToSource(value)
+                node_input.ConnectToSource(value)
             else:
-                given.Set(value)
+                node_input.Set(value)
         return shader
 
-    def _image(self, sampled: Sampled) -> UsdShade.Output:
+    def _write_image(self, sampled: Sampled) -> UsdShade.Output:
         image = sampled.image
         if image not in self._written:
-            inputs = {"file": self._relative(image.file), "sourceColorSpace": image.colorspace}
-            inputs |= {"wrapS": image.wrap_s, "wrapT": image.wrap_t, "st": self._coordinates(image)}
-            self._written[image] = self._shader(image.name, "UsdUVTexture", **inputs)
+            inputs = {"file": self._relative_asset(image.file), "sourceColorSpace": image.colorspace}
+            inputs |= {"wrapS": image.wrap_s, "wrapT": image.wrap_t, "st": self._write_coordinates(image)}
+            self._written[image] = self._define_node(image.name, "UsdUVTexture", **inputs)
         kind = Sdf.ValueTypeNames.Float3 if sampled.channel == "rgb" else Sdf.ValueTypeNames.Float
         return self._written[image].CreateOutput(sampled.channel, kind)
 
-    def _coordinates(self, image: Image) -> UsdShade.Output:
+    def _write_coordinates(self, image: Image) -> UsdShade.Output:
         if image.st not in self._written:
-            self._written[image.st] = self._shader(image.st, "UsdPrimvarReader_float2", varname=image.st)
+            self._written[image.st] = self._define_node(image.st, "UsdPrimvarReader_float2", varname=image.st)
         output = self._written[image.st].CreateOutput("result", Sdf.ValueTypeNames.Float2)
         for transform in image.transforms:
             changed = {name: value for name, value in vars(transform).items() if value != getattr(_IDENTITY, name)}
-            placed = self._shader(f"{image.name}_place", "UsdTransform2d", **{"in": output}, **changed)
+            placed = self._define_node(f"{image.name}_place", "UsdTransform2d", **{"in": output}, **changed)
             output = placed.CreateOutput("result", Sdf.ValueTypeNames.Float2)
         return output
 
-    def _primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
+    def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
         if primvar not in self._written:
             reader = "UsdPrimvarReader_float" if kind == "float" else "UsdPrimvarReader_float3"
-            self._written[primvar] = self._shader(primvar.name, reader, varname=primvar.name, fallback=primvar.fallback)
+            self._written[primvar] = self._define_node(
+                primvar.name, reader, varname=primvar.name, fallback=primvar.fallback
+            )
         result = Sdf.ValueTypeNames.Float if kind == "float" else Sdf.ValueTypeNames.Float3
         return self._written[primvar].CreateOutput("result", result)
 
-    def _relative(self, file: str) -> Sdf.AssetPath:
-        """Return the path of an image, relative to the file that is written where it is relative to the document."""
+    def _relative_asset(self, file: str) -> Sdf.AssetPath:
+        """Return the path of an image; a path relative to the document becomes relative to the written file."""
         if PurePosixPath(file).is_absolute():
             return Sdf.AssetPath(file)
         return Sdf.AssetPath(relative_path(self._source.parent / file, self._target.parent))

@@ -1,4 +1,4 @@
-"""One input of an imported layer: a constant, or the value of an image or primvar node of MaterialX."""
+"""Readers of an input of an imported layer: a constant, or the value of an image or primvar node of MaterialX."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
 _RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
 _CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
 
-# Control characters, and tokens for other parts of a path than a UDIM tile.
+# Control characters, and tokens in a path other than that of a UDIM tile.
 _NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 _INDEX = re.compile(r"0|[1-9][0-9]?")
 _LARGEST = 1e18  # the product of two larger numbers is not a float32
@@ -34,7 +34,7 @@ _LARGEST = 1e18  # the product of two larger numbers is not a float32
 
 @dataclass(frozen=True)
 class Transform2d:
-    """A UsdTransform2d: ``st * scale``, turned counter-clockwise by `rotation` degrees, ``+ translation``."""
+    """A UsdTransform2d: ``st * scale``, rotated counter-clockwise by `rotation` degrees, ``+ translation``."""
 
     scale: Pair = (1.0, 1.0)
     rotation: float = 0.0
@@ -56,7 +56,7 @@ class Image:
 
 @dataclass(frozen=True)
 class Sampled:
-    """The channel or the colour of an image that an input reads."""
+    """The channel of an image, or its colour, that is the value of an input."""
 
     image: Image
     channel: Channel
@@ -65,8 +65,8 @@ class Sampled:
 Value = float | Color | Sampled | Primvar
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    """Parse a MaterialX value; empty where it is not numbers of at most `_LARGEST`."""
+def _parse_numbers(text: str) -> tuple[float, ...]:
+    """Parse a MaterialX value; () where it is not numbers of magnitudes up to `_LARGEST`."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -75,54 +75,56 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def parse_constant(text: str) -> float | Color | None:
-    """Parse a float or a colour; None for another value."""
-    return _constant(_numbers(text))
+    """Parse a float or a colour; None for any other value."""
+    return _as_constant(_parse_numbers(text))
 
 
-def _constant(numbers: tuple[float, ...]) -> float | Color | None:
+def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
     if len(numbers) == 3:
         return numbers[0], numbers[1], numbers[2]
     return numbers[0] if numbers else None
 
 
 def read_value(network: Network, port: Any, parameter: Parameter) -> Value | None:
-    """Read one input of a layer; None where its source cannot be carried over, or where it is wrong and noted."""
+    """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
     source, kind = network.source(port), TYPES[parameter.kind]
-    # Constants may be nodes too, in a chain.
-    while source.computed and not source.channels and source.element.getType() == kind:
+    # A constant may also be a chain of nodes.
+    while source.is_computed and not source.channels and source.element.getType() == kind:
         node = source.element
         if node.getCategory() == "geompropvalue":
             return _read_primvar(network, node, parameter)
-        held = node.getInput("value") if node.getCategory() == "constant" else None
-        if held is None:
+        value_port = node.getInput("value") if node.getCategory() == "constant" else None
+        if value_port is None:
             break
-        network.carry(node, "value")
-        source = network.source(held)
-    if not source.computed:
+        network.mark_carried(node, "value")
+        source = network.source(value_port)
+    if not source.is_computed:
         return _read_constant(network, source.element, parameter)
     return _read_rgb(network, source) if kind == "color3" else _read_channel(network, port)
 
 
 def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float | Color | None:
-    """Read a constant, decoded and clipped to the parameter's range."""
-    numbers = _floats(network, holder, 1 if parameter.kind == "float" else 3)
-    if parameter.kind == "color" and numbers and _colorspace(network, holder) == "sRGB":
+    """Read a constant: a colour is converted to linear Rec.709, and the value clipped to the parameter's range."""
+    numbers = _read_floats(network, holder, 1 if parameter.kind == "float" else 3)
+    if parameter.kind == "color" and numbers and _read_colorspace(network, holder) == "sRGB":
         numbers = tuple(float(number) for number in srgb_to_linear(numbers))
     low, high = parameter.hard
     clipped = tuple(min(max(number, low), high) for number in numbers)
     if clipped != numbers:
-        taken = ", ".join(f"{number:g}" for number in clipped)
-        network.lose(holder, f"{holder.getValueString()} is outside [{low:g}, {high:g}]", f"{taken} is taken")
-    return _constant(clipped)
+        clipped_text = ", ".join(f"{number:g}" for number in clipped)
+        network.add_loss(
+            holder, f"{holder.getValueString()} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken"
+        )
+    return _as_constant(clipped)
 
 
 def _read_primvar(network: Network, node: Any, parameter: Parameter) -> Primvar | None:
-    name, default = _text(network, node, "geomprop", ""), node.getInput("default")
+    name, default = _read_text(network, node, "geomprop", ""), node.getInput("default")
     if not name:
         return None
-    network.carry(node, "geomprop", "default")
+    network.mark_carried(node, "geomprop", "default")
     fallback: float | Color | None = 0.0 if parameter.kind == "float" else (0.0, 0.0, 0.0)
-    if default and _is_held(network, default, "0 is taken"):
+    if default and _check_constant(network, default, "0 is taken"):
         fallback = _read_constant(network, network.source(default).element, parameter)
     return None if fallback is None else Primvar(name, fallback)
 
@@ -135,13 +137,13 @@ def _read_rgb(network: Network, source: Source) -> Sampled | None:
 
 
 def _read_channel(network: Network, port: Any) -> Sampled | None:
-    """Read a float that is an image's, or one channel of an image."""
+    """Read a float from an image of floats, or from one channel of an image."""
     source = network.source(port)
     node, names, splitter = source.element, source.channels, None
-    if not names and node.getCategory() in _SPLITTERS and (held := node.getInput("in")):
+    if not names and node.getCategory() in _SPLITTERS and (split_port := node.getInput("in")):
         splitter, outer = node, source
-        source = network.source(held)
-        if not source.computed or source.channels:
+        source = network.source(split_port)
+        if not source.is_computed or source.channels:
             return None
         node, names = source.element, _split_channel(network, splitter, outer.output)
     channel: Channel | None = "r"
@@ -153,147 +155,153 @@ def _read_channel(network: Network, port: Any) -> Sampled | None:
     if channel is None or image is None:
         return None
     if splitter:
-        network.carry(splitter, "in", "index", "channels")
+        network.mark_carried(splitter, "in", "index", "channels")
     return Sampled(image, channel)
 
 
 def _split_channel(network: Network, splitter: Any, output: str) -> str:
     if splitter.getCategory() == "extract":
-        return _text(network, splitter, "index", "0")
+        return _read_text(network, splitter, "index", "0")
     if splitter.getCategory() == "swizzle":
-        return _text(network, splitter, "channels", "")
+        return _read_text(network, splitter, "channels", "")
     return output.removeprefix("out")
 
 
 def _read_image(network: Network, node: Any) -> Image | None:
     tiled = node.getCategory() == "tiledimage"
     port = node.getInput("file") if tiled or node.getCategory() == "image" else None
-    if port is None or not _is_held(network, port, "the image is not taken"):
+    if port is None or not _check_constant(network, port, "the image is not taken"):
         return None
     holder = network.source(port).element
-    # Documents come from every system: either slash separates folders.
+    # Documents come from all operating systems: either slash separates folders.
     file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
     if not holder.getValueString() or _NO_PATH.search(file):
-        network.lose(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
+        network.add_loss(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
         return None
-    placing = ("uvtiling", "uvoffset") if tiled else ("uaddressmode", "vaddressmode")
-    network.carry(node, "file", "texcoord", "filtertype", *placing)
-    if (filtering := _text(network, node, "filtertype", "linear")) != "linear":
-        network.lose(node.getInput("filtertype"), f"'{filtering}' is not carried over", "images are looked up linearly")
+    placement_inputs = ("uvtiling", "uvoffset") if tiled else ("uaddressmode", "vaddressmode")
+    network.mark_carried(node, "file", "texcoord", "filtertype", *placement_inputs)
+    if (filtering := _read_text(network, node, "filtertype", "linear")) != "linear":
+        network.add_loss(
+            node.getInput("filtertype"), f"'{filtering}' is not carried over", "images are looked up linearly"
+        )
     st, transforms = _read_coordinates(network, node)
     wraps: list[Wrap] = ["repeat", "repeat"]
     if tiled:
-        tiling, (x, y) = _pair(network, node, "uvtiling", 1.0), _pair(network, node, "uvoffset", 0.0)
+        tiling, (x, y) = _read_pair(network, node, "uvtiling", 1.0), _read_pair(network, node, "uvoffset", 0.0)
         transforms = (*transforms, Transform2d(tiling, 0.0, (0.0 - x, 0.0 - y)))
     else:
-        wraps = [_wrap(network, node, name) for name in placing]
-    # MaterialX manages the colour of colours only.
-    colorspace = _colorspace(network, holder) if node.getType().startswith("color") else "raw"
-    placed = tuple(each for each in transforms if each != Transform2d())
+        wraps = [_read_wrap(network, node, name) for name in placement_inputs]
+    # MaterialX converts the colour space only of images that are read as colours.
+    colorspace = _read_colorspace(network, holder) if node.getType().startswith("color") else "raw"
+    placed = tuple(transform for transform in transforms if transform != Transform2d())
     return Image(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
 def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
-    """Return the UV set of an image, and the transforms between the image and the UV set's node."""
+    """Return the UV set of an image, and the transforms between the image and the node of the UV set."""
     transforms: tuple[Transform2d, ...] = ()
     node = image
     while port := node.getInput("texcoord"):
         source = network.source(port)
-        category = source.element.getCategory() if source.computed and not source.channels else ""
+        category = source.element.getCategory() if source.is_computed and not source.channels else ""
         if category == "place2d":
             node = source.element
-            network.carry(node, "texcoord", "pivot", "scale", "rotate", "offset", "operationorder")
-            transforms = (*_place2d(network, node), *transforms)
+            network.mark_carried(node, "texcoord", "pivot", "scale", "rotate", "offset", "operationorder")
+            transforms = (*_read_place2d(network, node), *transforms)
             continue
         st = ""
         if category == "texcoord":
-            index = _text(network, source.element, "index", "0")
+            index = _read_text(network, source.element, "index", "0")
             st = ("st" if index == "0" else f"st{index}") if _INDEX.fullmatch(index) else ""
         elif category == "geompropvalue":
-            st = _text(network, source.element, "geomprop", "")
+            st = _read_text(network, source.element, "geomprop", "")
         if st:
-            network.carry(source.element, "index" if category == "texcoord" else "geomprop")
+            network.mark_carried(source.element, "index" if category == "texcoord" else "geomprop")
             return st, transforms
-        network.lose_value(port, "the UV set st is taken")
+        network.add_value_loss(port, "the UV set st is taken")
         return "st", transforms
     if node is not image:
-        network.lose(node, "places one point, as it has no texcoord", "the UV set st is taken")
+        network.add_loss(node, "places one point, as it has no texcoord", "the UV set st is taken")
     return "st", transforms
 
 
-def _place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
+def _read_place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
     """Return a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d is clockwise."""
-    pivot, offset = (_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
-    scale = _pair(network, node, "scale", 1.0)
+    pivot, offset = (_read_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
+    scale = _read_pair(network, node, "scale", 1.0)
     rotate = node.getInput("rotate")
-    held = rotate and _is_held(network, rotate, "0 is taken")
-    angle = sum(_floats(network, network.source(rotate).element, 1)) if held else 0.0
-    degrees = 0.0 - (math.degrees(angle) if held and rotate.getUnit() == "radian" else angle)
+    is_constant = rotate and _check_constant(network, rotate, "0 is taken")
+    angle = sum(_read_floats(network, network.source(rotate).element, 1)) if is_constant else 0.0
+    degrees = 0.0 - (math.degrees(angle) if is_constant and rotate.getUnit() == "radian" else angle)
     if min(map(abs, scale)) < 1.0 / _LARGEST:
-        network.fault(node.getNamePath(), "has a scale of 0", "it divides the texture coordinates")
+        network.add_fault(node.getNamePath(), "has a scale of 0", "it divides the texture coordinates")
         return ()
     inverse = (1.0 / scale[0], 1.0 / scale[1])
-    order = _text(network, node, "operationorder", "0")
+    order = _read_text(network, node, "operationorder", "0")
     if order not in ("0", "1"):
-        network.fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
+        network.add_fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
     if order == "1":
-        x, y = _turned((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
+        x, y = _rotate((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
         return Transform2d((1.0, 1.0), degrees, (0.0 - x, 0.0 - y)), Transform2d(inverse, 0.0, pivot)
-    x, y = _turned((pivot[0] * inverse[0], pivot[1] * inverse[1]), degrees)
+    x, y = _rotate((pivot[0] * inverse[0], pivot[1] * inverse[1]), degrees)
     return (Transform2d(inverse, degrees, (pivot[0] - offset[0] - x, pivot[1] - offset[1] - y)),)
 
 
-def _turned(point: Pair, degrees: float) -> Pair:
+def _rotate(point: Pair, degrees: float) -> Pair:
     """Rotate a point counter-clockwise about the origin."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def _is_held(network: Network, port: Any, instead: str) -> bool:
-    """Return whether a node's setting is a constant; note where it is computed."""
-    if network.source(port).computed:
-        network.lose_value(port, instead)
+def _check_constant(network: Network, port: Any, hint: str) -> bool:
+    """Return whether an input of a node is a constant; a computed value is a loss."""
+    if network.source(port).is_computed:
+        network.add_value_loss(port, hint)
         return False
     return True
 
 
-def _text(network: Network, node: Any, name: str, default: str) -> str:
+def _read_text(network: Network, node: Any, name: str, default: str) -> str:
     port = node.getInput(name)
-    if not port or not _is_held(network, port, f"'{default}' is taken" if default else ""):
+    if not port or not _check_constant(network, port, f"'{default}' is taken" if default else ""):
         return default
     return str(network.source(port).element.getValueString()) or default
 
 
-def _pair(network: Network, node: Any, name: str, default: float) -> Pair:
+def _read_pair(network: Network, node: Any, name: str, default: float) -> Pair:
     port = node.getInput(name)
-    if not port or not _is_held(network, port, f"{default:g} is taken"):
+    if not port or not _check_constant(network, port, f"{default:g} is taken"):
         return default, default
-    numbers = _floats(network, network.source(port).element, 2)
+    numbers = _read_floats(network, network.source(port).element, 2)
     return (numbers[0], numbers[1]) if numbers else (default, default)
 
 
-def _floats(network: Network, holder: Any, count: int) -> tuple[float, ...]:
-    """Parse the value of a port; empty, and a fault, where it is not `count` numbers."""
-    numbers = _numbers(holder.getValueString())
+def _read_floats(network: Network, holder: Any, count: int) -> tuple[float, ...]:
+    """Parse the value of a port; (), with a fault added, where it is not `count` numbers."""
+    numbers = _parse_numbers(holder.getValueString())
     if len(numbers) == count:
         return numbers
-    # The beginning is enough of a megabyte of garbage.
-    what = f"'{holder.getValueString():.40}' is not a value"
-    network.fault(holder.getNamePath(), what, f"{count} finite numbers, separated by commas, within {_LARGEST:g}")
+    # The message quotes the beginning only, as the value may be a megabyte long.
+    message = f"'{holder.getValueString():.40}' is not a value"
+    network.add_fault(
+        holder.getNamePath(), message, f"{count} finite numbers, separated by commas, within {_LARGEST:g}"
+    )
     return ()
 
 
-def _wrap(network: Network, node: Any, name: str) -> Wrap:
-    mode = _text(network, node, name, "periodic")
+def _read_wrap(network: Network, node: Any, name: str) -> Wrap:
+    mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
-        network.fault(node.getInput(name).getNamePath(), f"unknown value '{mode:.40}'", f"one of {', '.join(_WRAPS)}")
+        network.add_fault(
+            node.getInput(name).getNamePath(), f"unknown value '{mode:.40}'", f"one of {', '.join(_WRAPS)}"
+        )
     return _WRAPS.get(mode, "repeat")
 
 
-def _colorspace(network: Network, holder: Any) -> Colorspace:
+def _read_colorspace(network: Network, holder: Any) -> Colorspace:
     name = holder.getActiveColorSpace()
     raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
     if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):
-        what = f"the colour space '{name:.40}' is not carried over"
-        network.lose(holder, what, f"{'linear Rec.709' if raw else 'sRGB'} is taken")
+        message = f"the colour space '{name:.40}' is not carried over"
+        network.add_loss(holder, message, f"{'linear Rec.709' if raw else 'sRGB'} is taken")
     return "raw" if raw else "sRGB"

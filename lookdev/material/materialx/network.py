@@ -1,6 +1,7 @@
-"""A MaterialX document, its connections followed to their sources.
+"""A MaterialX document, with its connections followed to their sources.
 
-Documents are not upgraded to the package's version: what `disney_principled` needs has not changed since 1.38.
+Reading does not upgrade documents to the version of the package: the nodes that `disney_principled` uses have not
+changed since 1.38.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from lookdev.text import TextError, read_bytes
 
 @dataclass(frozen=True)
 class Source:
-    """The source of a value: a node that computes it, or the port that holds it.
+    """The source of a value: a node that computes it, or the port that states it.
 
-    `output` and `channels` are the part of a node's result; both may be empty.
+    `output` and `channels` select a part of the node's result; both may be empty.
     """
 
     element: Any
@@ -30,13 +31,13 @@ class Source:
     channels: str
 
     @property
-    def computed(self) -> bool:
+    def is_computed(self) -> bool:
         """Whether a node computes the value."""
         return isinstance(self.element, mx.Node)
 
 
 class Network:
-    """A document, its connections, and what of it is carried over, not carried over, or wrong.
+    """A document, its connections, its faults, and the elements that are and are not carried over.
 
     Raises
     ------
@@ -55,55 +56,55 @@ class Network:
 
     @property
     def unmapped(self) -> tuple[Fault, ...]:
-        """What is not carried over, in the order of reading."""
+        """The losses: elements that are not carried over, in the order of reading."""
         return tuple(self._lost)
 
-    def fault(self, where: str, what: str, hint: str = "") -> None:
-        """Note that the document is wrong: `check` raises."""
-        self._faults[Fault(str(self.file), where, what, hint)] = None
+    def add_fault(self, where: str, message: str, hint: str = "") -> None:
+        """Add a fault of the document, which `raise_faults` raises."""
+        self._faults[Fault(str(self.file), where, message, hint)] = None
 
-    def check(self) -> None:
-        """Raise every fault noted so far as a LookError."""
+    def raise_faults(self) -> None:
+        """Raise a LookError with all faults so far, if there are any."""
         if self._faults:
             raise LookError(self._faults)
 
-    def lose(self, element: Any, what: str, hint: str = "") -> None:
-        """Note something of an element, or of a place in the file, that is not carried over."""
+    def add_loss(self, element: Any, message: str, hint: str = "") -> None:
+        """Add a loss of an element, or at a place of the file."""
         where = element if isinstance(element, str) else element.getNamePath()
-        self._lost[Fault(str(self.file), where, what, hint)] = None
+        self._lost[Fault(str(self.file), where, message, hint)] = None
 
-    def lose_value(self, port: Any, hint: str = "") -> None:
-        """Note that the value of an input is not carried over."""
+    def add_value_loss(self, port: Any, hint: str = "") -> None:
+        """Add the loss of the value of an input."""
         source = self.source(port)
-        if source.computed:
-            what = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
+        if source.is_computed:
+            value = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
         else:
-            what = f"'{source.element.getValueString():.40}'"
-        self.lose(port, f"{what} is not carried over", hint)
+            value = f"'{source.element.getValueString():.40}'"
+        self.add_loss(port, f"{value} is not carried over", hint)
 
-    def carry(self, node: Any, *names: str) -> None:
-        """Note that a node is carried over, but none of its inputs except `names`."""
+    def mark_carried(self, node: Any, *names: str) -> None:
+        """Mark a node as carried over, with the inputs `names`; its other inputs are losses."""
         self._carried.add(node.getNamePath())
         for port in node.getInputs():
             if port.getName() not in names:
-                self.lose_value(port)
+                self.add_value_loss(port)
 
-    def lose_the_rest(self) -> None:
-        """Note every node that is not carried over, and all else in the document."""
+    def add_unread_losses(self) -> None:
+        """Add a loss for every node, and any other element, that is not carried over."""
         for path, node in self._nodes.items():
             if path not in self._carried:
-                self.lose(node, f"<{node.getCategory()}> is not carried over")
+                self.add_loss(node, f"<{node.getCategory()}> is not carried over")
         for child in self.document.getChildren():
-            for each in child.getNodes() if isinstance(child, mx.NodeGraph) else [child]:
-                if not isinstance(each, mx.Output) and each.getNamePath() not in self._nodes:
-                    self.lose(each, f"<{each.getCategory()}> is not carried over", "no imported material uses it")
+            for node in child.getNodes() if isinstance(child, mx.NodeGraph) else [child]:
+                if not isinstance(node, mx.Output) and node.getNamePath() not in self._nodes:
+                    self.add_loss(node, f"<{node.getCategory()}> is not carried over", "no imported material uses it")
 
     def source(self, port: Any) -> Source:
         """Return the source of an input of a node that `connect` has reached."""
         return self._sources[port.getNamePath()]
 
     def connect(self, roots: Sequence[Any]) -> None:
-        """Follow all connections upstream of some nodes; note those that are broken or run in a cycle."""
+        """Follow all connections upstream of some nodes; broken ones and cycles are faults."""
         graph: dict[str, list[str]] = {}
         pending = list(roots)
         while pending:
@@ -118,28 +119,28 @@ class Network:
                 if source is None:
                     continue
                 self._sources[port.getNamePath()] = source
-                if source.computed:
+                if source.is_computed:
                     graph[path].append(source.element.getNamePath())
                     pending.append(source.element)
         try:
             TopologicalSorter(graph).prepare()
         except CycleError as error:
-            self.fault(error.args[1][0], "its connections run in a cycle")
+            self.add_fault(error.args[1][0], "its connections run in a cycle")
 
     def _follow(self, port: Any) -> Source | None:
-        """Follow a port through interface inputs, node graphs and outputs; None, and a fault, where that is broken."""
-        place, channels = port.getNamePath(), port.getAttribute("channels")
+        """Return the source of a port, through interface inputs and node graphs; None, with a fault, where broken."""
+        start, channels = port.getNamePath(), port.getAttribute("channels")
         seen: set[str] = set()
         while (path := port.getNamePath()) not in seen:
             seen.add(path)
             # An output connects to its siblings, an input to siblings of its node or node graph.
             scope = port.getParent() if isinstance(port, mx.Output) else port.getParent().getParent()
-            links = ("interfacename", "nodegraph", "nodename", "output")
-            interface, graph, node, output = (port.getAttribute(name) for name in links)
+            link_names = ("interfacename", "nodegraph", "nodename", "output")
+            interface, graph, node, output = (port.getAttribute(name) for name in link_names)
             if interface:
                 name, target = interface, scope.getInput(interface)
             elif graph:
-                name, target = f"{graph}.{output}", self._output_of(scope, graph, output)
+                name, target = f"{graph}.{output}", self._graph_output(scope, graph, output)
             elif node:
                 name, target = node, scope.getChild(node)
                 if isinstance(target, mx.Node):
@@ -150,18 +151,18 @@ class Network:
             else:
                 return Source(port, "", "")
             if target is None:
-                self.fault(path, f"is connected to '{name}', which is not there")
+                self.add_fault(path, f"is connected to '{name}', which is not there")
                 return None
             port, channels = target, port.getAttribute("channels") or channels
-        self.fault(place, "its connections run in a cycle")
+        self.add_fault(start, "its connections run in a cycle")
         return None
 
-    def _output_of(self, scope: Any, graph: str, output: str) -> Any | None:
-        found = scope.getChild(graph) or self.document.getChild(graph)
-        if not isinstance(found, mx.NodeGraph):
+    def _graph_output(self, scope: Any, graph: str, output: str) -> Any | None:
+        container = scope.getChild(graph) or self.document.getChild(graph)
+        if not isinstance(container, mx.NodeGraph):
             return None
-        outputs = found.getOutputs()
-        return found.getOutput(output) if output else outputs[0] if len(outputs) == 1 else None
+        outputs = container.getOutputs()
+        return container.getOutput(output) if output else outputs[0] if len(outputs) == 1 else None
 
     def _read(self) -> Any:
         try:

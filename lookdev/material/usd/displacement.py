@@ -1,4 +1,4 @@
-"""The displacement of a look: the shader LookdevDisplacement, which outputs:lookdev:displacement leads to."""
+"""Reader of the displacement of a look: a LookdevDisplacement shader, connected to outputs:lookdev:displacement."""
 
 from __future__ import annotations
 
@@ -23,41 +23,45 @@ _INPUTS = ("height", "scale", "midlevel", "units")
 
 
 def read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
-    """Return the displacement of a material; None where it has none or, with a fault noted, where it is wrong."""
+    """Return the displacement of a material; None where it has none or, with a fault added, where it is wrong."""
     terminal = material.GetPrim().GetAttribute(TERMINAL)
     if not terminal:
         return None
     source = network.follow(terminal)
     if not isinstance(source, Source):
         if source is not None:
-            network.fault(terminal, "is not connected", f"connect it to a {SHADER} shader")
+            network.add_fault(terminal, "is not connected", f"connect it to a {SHADER} shader")
         return None
-    if (given := shader_id(source.shader)) != SHADER:
-        network.fault(terminal, f"<{source.path}> has the unknown info:id '{given}'", nearest_hint(given, [SHADER]))
+    if (identifier := shader_id(source.shader)) != SHADER:
+        network.add_fault(
+            terminal, f"<{source.path}> has the unknown info:id '{identifier}'", nearest_hint(identifier, [SHADER])
+        )
         return None
     network.check_inputs(source.shader, _INPUTS)
     inputs = {name: source.shader.GetPrim().GetAttribute(f"inputs:{name}") for name in _INPUTS}
-    noted = len(network.faults)
+    fault_count = len(network.faults)
     height = read_input(network, inputs["height"], _HEIGHT) if inputs["height"] else None
-    if height is None and len(network.faults) == noted:
-        network.fault(f"{source.path}.inputs:height", "is neither set nor connected", "give it a value, or connect it")
-    scale, midlevel = (_number(network, inputs[name]) for name in ("scale", "midlevel"))
-    units = _units(network, inputs["units"])
+    if height is None and len(network.faults) == fault_count:
+        network.add_fault(
+            f"{source.path}.inputs:height", "is neither set nor connected", "give it a value, or connect it"
+        )
+    scale, midlevel = (_read_number(network, inputs[name]) for name in ("scale", "midlevel"))
+    units = _read_units(network, inputs["units"])
     if not isinstance(height, float | Texture | Primvar | Formula):
         return None
     if depends_on_view(height):
         hint = "a surface has one shape for all views; parameters and masks can depend on the view"
-        network.fault(f"{source.path}.inputs:height", "depends on the view", hint)
+        network.add_fault(f"{source.path}.inputs:height", "depends on the view", hint)
         return None
     return Displacement(height, 1.0 if scale is None else scale, midlevel or 0.0, units)
 
 
-def _number(network: Network, attribute: Usd.Attribute) -> float | None:
-    return network.constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+def _read_number(network: Network, attribute: Usd.Attribute) -> float | None:
+    return network.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
 
 
-def _units(network: Network, attribute: Usd.Attribute) -> Units:
-    given = network.constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
-    if given is not None and given not in get_args(Units):
-        network.fault(attribute, f"unknown value '{given}'", nearest_hint(given, get_args(Units)))
-    return "world" if given == "world" else "object"
+def _read_units(network: Network, attribute: Usd.Attribute) -> Units:
+    token = network.read_constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
+    if token is not None and token not in get_args(Units):
+        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(token, get_args(Units)))
+    return "world" if token == "world" else "object"

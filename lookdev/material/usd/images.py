@@ -13,7 +13,7 @@ from lookdev.stage.packages import unpacked
 
 
 def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> Path:
-    """Return the image, or the set of tiles, that an input `attribute` of the value `asset` names; it is not opened.
+    """Return the image file, or the set of tiles, that the value `asset` of an input names, without opening it.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
         There is no such file.
     """
     if UDIM in asset.path:
-        layer = _layer_of(network, attribute)
+        layer = _value_layer(network, attribute)
         tiles = [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
         if not tiles:
             raise TextureError(f"no tile of this set: {asset.path}")
@@ -31,19 +31,19 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
     return asset_file(asset, "image file")
 
 
-def asset_file(asset: Sdf.AssetPath, what: str = "file") -> Path:
-    """Return the file that a value names; raises TextureError where there is no such one."""
+def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
+    """Return the file that a value names; raises TextureError where it names none or no such file exists."""
     if not asset.path:
-        raise TextureError(f"names no {what}")
+        raise TextureError(f"names no {kind}")
     if not asset.resolvedPath:
-        raise TextureError(f"no such {what}: {asset.path}")
+        raise TextureError(f"no such {kind}: {asset.path}")
     if Ar.IsPackageRelativePath(asset.resolvedPath):
         return unpacked([asset.resolvedPath])
     return Path(asset.resolvedPath)
 
 
-def _layer_of(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
-    """Return the layer that holds an attribute's value: a relative path is relative to it."""
+def _value_layer(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
+    """Return the layer that states an attribute's value; relative paths in the value are relative to it."""
     holder = network.follow(attribute)
     stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
     return next((spec.layer for spec in stack if spec.default is not None), None)

@@ -1,4 +1,4 @@
-"""One input of a layer: a constant, or the value of a texture, primvar or expression node."""
+"""Reader of an input of a layer: a constant, or a texture, primvar or expression node."""
 
 from __future__ import annotations
 
@@ -33,34 +33,34 @@ from lookdev.material.usd.network import Network, Source, is_set, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
-# The source of each kind of value, beside UsdUVTexture and LookdevExpression.
+# The node that can be the source of each kind of value, besides UsdUVTexture and LookdevExpression.
 _NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
-_DEEPEST = 32  # expressions that read one another in a row
+_MAX_DEPTH = 32  # nested expressions
 _IMAGE_HINT = "a path to an image, relative to the file that names it"
 _ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d that is connected to one"
 
 
 def read_input(
-    network: Network, attribute: Usd.Attribute, parameter: Parameter, within: tuple[Sdf.Path, ...] = ()
+    network: Network, attribute: Usd.Attribute, parameter: Parameter, enclosing: tuple[Sdf.Path, ...] = ()
 ) -> Input | None:
-    """Read one input of a layer; None where it is not set or, with a fault noted, where it is wrong.
+    """Return the value of an input of a layer; None where it is unset or, with a fault added, where it is wrong.
 
-    `within` are the expressions that read it, the outermost first.
+    `enclosing` are the expressions that read this input, the outermost first.
     """
     expected = Sdf.ValueTypeNames.Asset if parameter.file else _TYPES[parameter.kind]
-    if not network.has_type(attribute, attribute, expected):
+    if not network.check_type(attribute, attribute, expected):
         return None
     holder = network.follow(attribute)
     if isinstance(holder, Source):
-        return _read_varying(network, attribute, parameter, holder, within)
-    value = None if holder is None else network.value(attribute, holder, expected)
+        return _read_varying(network, attribute, parameter, holder, enclosing)
+    value = None if holder is None else network.read_value(attribute, holder, expected)
     if parameter.file and value is not None:
         return _read_file(network, attribute, parameter, value)
-    return None if value is None else _in_range(network, attribute, parameter, value)
+    return None if value is None else _check_range(network, attribute, parameter, value)
 
 
-def _read_file(network: Network, place: Usd.Attribute, parameter: Parameter, asset: Sdf.AssetPath) -> str | None:
-    """Return the path of a file that a model reads; None, and a fault, where there is none or it is wrong."""
+def _read_file(network: Network, attribute: Usd.Attribute, parameter: Parameter, asset: Sdf.AssetPath) -> str | None:
+    """Return the path of a file that a model reads; None, with a fault added, where it is missing or wrong."""
     assert parameter.file is not None, "only such a parameter is an asset"
     try:
         file = asset.path if asset.path in parameter.choices else str(asset_file(asset))
@@ -68,95 +68,99 @@ def _read_file(network: Network, place: Usd.Attribute, parameter: Parameter, ass
             parameter.file(file)
         return file
     except (ModelError, TextureError) as error:
-        network.fault(place, str(error), "a path to a file, relative to the file that names it")
+        network.add_fault(attribute, str(error), "a path to a file, relative to the file that names it")
         return None
 
 
-def _in_range(
-    network: Network, place: object, parameter: Parameter, value: float | Color | str
+def _check_range(
+    network: Network, where: object, parameter: Parameter, value: float | Color | str
 ) -> float | Color | str | None:
-    """Return a constant as plain Python; None, and a fault, where it is outside the parameter's range."""
+    """Return a constant as plain Python; None, with a fault added, where it is outside the parameter's range."""
     if isinstance(value, str):
         if value not in parameter.choices:
-            network.fault(place, f"unknown value '{value}'", nearest_hint(value, parameter.choices))
+            network.add_fault(where, f"unknown value '{value}'", nearest_hint(value, parameter.choices))
             return None
         return value
     low, high = parameter.hard
-    # USD holds float32, to which an end of the range may have been rounded.
+    # USD stores float32, and rounds a constant at an end of the range to it.
     ends = {np.float32(end): end for end in parameter.hard}
-    numbers = tuple(ends.get(np.float32(each), each) for each in ((value,) if isinstance(value, float) else value))
+    numbers = tuple(
+        ends.get(np.float32(number), number) for number in ((value,) if isinstance(value, float) else value)
+    )
     if parameter.kind == "normal" and not any(numbers):
-        network.fault(place, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
+        network.add_fault(where, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
         return None
     if not all(low <= number <= high for number in numbers):
-        shown = ", ".join(f"{number:g}" for number in numbers)
-        network.fault(place, f"{shown} is out of range", f"it must be within [{low:g}, {high:g}]")
+        number_text = ", ".join(f"{number:g}" for number in numbers)
+        network.add_fault(where, f"{number_text} is out of range", f"it must be enclosing [{low:g}, {high:g}]")
         return None
     return numbers[0] if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
 
 
 def _read_varying(
-    network: Network, place: Usd.Attribute, parameter: Parameter, source: Source, within: tuple[Sdf.Path, ...]
+    network: Network, attribute: Usd.Attribute, parameter: Parameter, source: Source, enclosing: tuple[Sdf.Path, ...]
 ) -> Input | None:
     kind = parameter.kind
     if kind == "token":
         hint = "name a file" if parameter.file else f"choose one of {', '.join(parameter.choices)}"
-        network.fault(place, f"is computed by <{source.path}>", hint)
+        network.add_fault(attribute, f"is computed by <{source.path}>", hint)
         return None
-    given = shader_id(source.shader)
-    if given == "UsdUVTexture":
-        texture = _read_texture(network, place, _CHANNELS[kind], source)
+    identifier = shader_id(source.shader)
+    if identifier == "UsdUVTexture":
+        texture = _read_texture(network, attribute, _CHANNELS[kind], source)
         if texture and kind == "normal":
             _check_normal_map(network, source, texture)
         return texture
-    if given == _NODES[kind]:
-        return _read_bump(network, source) if kind == "normal" else _read_primvar(network, place, parameter, source)
-    if given == "LookdevExpression":
-        return _read_formula(network, place, kind, source, within)
-    what = f"a {kind} cannot come from <{source.path}>, whose info:id is '{given}'"
-    network.fault(place, what, f"use UsdUVTexture, {_NODES[kind]} or LookdevExpression")
+    if identifier == _NODES[kind]:
+        return _read_bump(network, source) if kind == "normal" else _read_primvar(network, attribute, parameter, source)
+    if identifier == "LookdevExpression":
+        return _read_formula(network, attribute, kind, source, enclosing)
+    message = f"a {kind} cannot come from <{source.path}>, whose info:id is '{identifier}'"
+    network.add_fault(attribute, message, f"use UsdUVTexture, {_NODES[kind]} or LookdevExpression")
     return None
 
 
 def _read_formula(
-    network: Network, place: Usd.Attribute, kind: str, source: Source, within: tuple[Sdf.Path, ...]
+    network: Network, attribute: Usd.Attribute, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]
 ) -> Formula | None:
-    """Read an expression node and all that it reads; a node that many read is read once."""
-    if source.path in within:
-        network.fault(place, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
+    """Read an expression node and its sources; a node that several inputs share is read once."""
+    if source.path in enclosing:
+        network.add_fault(attribute, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
         return None
     if source.output != "result":
-        network.fault(place, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:result")
+        network.add_fault(attribute, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:result")
     key = source.path, kind
     formula = network.formulas.get(key)
-    if len(within) + network.depths.get(id(formula), 1) > _DEEPEST:
-        network.fault(place, f"more than {_DEEPEST} expressions read one another", "join some of them into one")
+    if len(enclosing) + network.depths.get(id(formula), 1) > _MAX_DEPTH:
+        network.add_fault(
+            attribute, f"more than {_MAX_DEPTH} expressions read one another", "join some of them into one"
+        )
         return None
     if key not in network.formulas:
-        formula = network.formulas[key] = _new_formula(network, kind, source, within)
+        formula = network.formulas[key] = _read_new_formula(network, kind, source, enclosing)
         inputs = formula.inputs.values() if formula else ()
-        network.depths[id(formula)] = 1 + max((network.depths.get(id(each), 0) for each in inputs), default=0)
+        network.depths[id(formula)] = 1 + max((network.depths.get(id(operand), 0) for operand in inputs), default=0)
     return formula
 
 
-def _new_formula(network: Network, kind: str, source: Source, within: tuple[Sdf.Path, ...]) -> Formula | None:
+def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]) -> Formula | None:
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
-    text = network.constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
+    text = network.read_constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
     if not text:
         if not attribute or text == "":
-            network.fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
+            network.add_fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
         return None
     try:
         expression = parse(text)
     except ExpressionError as error:
-        network.fault(where, str(error))
+        network.add_fault(where, str(error))
         return None
     network.check_inputs(source.shader, ("expression", *expression.names))
     kinds: dict[str, Kind] = {}
     inputs: dict[str, FormulaInput] = {}
     for name in expression.names:
-        read = _read_formula_input(network, source, name, (*within, source.path))
+        read = _read_formula_input(network, source, name, (*enclosing, source.path))
         if read is not None:
             kinds[name], inputs[name] = read
     if len(inputs) < len(expression.names):
@@ -168,102 +172,104 @@ def _new_formula(network: Network, kind: str, source: Source, within: tuple[Sdf.
         if kind == "normal" and result == "float":
             raise ExpressionError(text, 0, "the result is a float", "a normal is needed: [x, y, z]")
     except ExpressionError as error:
-        network.fault(where, str(error))
+        network.add_fault(where, str(error))
         return None
     return Formula(expression, inputs, kinds)
 
 
 def _read_formula_input(
-    network: Network, node: Source, name: str, within: tuple[Sdf.Path, ...]
+    network: Network, node: Source, name: str, enclosing: tuple[Sdf.Path, ...]
 ) -> tuple[Kind, FormulaInput] | None:
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
-    place = f"{node.path}.inputs:{name}"
+    where = f"{node.path}.inputs:{name}"
     if name == VIEW and not (attribute and is_set(attribute)):
-        if attribute and not network.has_type(attribute, attribute, _TYPES["float"]):
+        if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
             return None
         return "float", View()
     if not attribute:
-        what = f"the expression reads '{name}', which is no input of its node"
-        network.fault(place, what, f"add float inputs:{name}")
+        message = f"the expression reads '{name}', which is no input of its node"
+        network.add_fault(where, message, f"add float inputs:{name}")
         return None
-    given = attribute.GetTypeName().type
-    if given == Sdf.ValueTypeNames.Float2.type:
+    value_type = attribute.GetTypeName().type
+    if value_type == Sdf.ValueTypeNames.Float2.type:
         coordinates = _read_coordinates(network, node.shader, name)
         return ("color", Coordinates(*coordinates)) if coordinates else None
-    kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(given)  # type: ignore[assignment]
+    kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(value_type)  # type: ignore[assignment]
     if kind is None:
         hint = "it must be float, color3f or, for coordinates, float2"
-        network.fault(place, f"has type {attribute.GetTypeName()}", hint)
+        network.add_fault(where, f"has type {attribute.GetTypeName()}", hint)
         return None
-    noted = len(network.faults)
-    value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), within)
-    if value is None and len(network.faults) == noted and not isinstance(network.follow(attribute), Source):
-        network.fault(place, "is neither set nor connected", "give it a value, or connect it")
+    fault_count = len(network.faults)
+    value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), enclosing)
+    if value is None and len(network.faults) == fault_count and not isinstance(network.follow(attribute), Source):
+        network.add_fault(where, "is neither set nor connected", "give it a value, or connect it")
     return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
 
 def _check_normal_map(network: Network, source: Source, texture: Texture) -> None:
     if texture.colorspace == "sRGB":
-        what = f"{texture.file} would be decoded as sRGB, but a normal map is data"
-        network.fault(f"{source.path}.inputs:sourceColorSpace", what, "set it to 'raw'")
-    # Flipped or weakened axes are centred too, up to half a step of 8 bits.
+        message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
+        network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
+    # A normal map with flipped or weakened axes is centred too, up to half a step of 8 bits.
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
     file = next(iter(udim_tiles(texture).values()), texture).file
     if not centred and image_header(file).unsigned:
-        what = "the image holds 0 to 1, so no normal has a negative component"
-        network.fault(f"{source.path}.inputs:bias", what, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)")
+        message = "the image holds 0 to 1, so no normal has a negative component"
+        network.add_fault(
+            f"{source.path}.inputs:bias", message, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
+        )
 
 
 def _read_bump(network: Network, source: Source) -> Bump | None:
     shader = source.shader
     network.check_inputs(shader, ("height", "scale"))
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
-    factor = network.constant(scale, _TYPES["float"]) if scale else None
+    factor = network.read_constant(scale, _TYPES["float"]) if scale else None
     height = _read_height(network, source, attribute)
     return Bump(height, 1.0 if factor is None else factor) if height else None
 
 
 def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:
-    if attribute and not network.has_type(attribute, attribute, _TYPES["float"]):
+    if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
         return None
     source = network.follow(attribute) if attribute else attribute
     if isinstance(source, Source) and shader_id(source.shader) == "UsdUVTexture":
         return _read_texture(network, attribute, _CHANNELS["float"], source)
     if source is not None:
-        what = f"comes from <{source.path}>" if isinstance(source, Source) else "is not connected"
+        message = f"comes from <{source.path}>" if isinstance(source, Source) else "is not connected"
         hint = "only a UsdUVTexture has a slope; connect it to outputs:r, g, b or a of one"
-        network.fault(f"{bump.path}.inputs:height", what, hint)
+        network.add_fault(f"{bump.path}.inputs:height", message, hint)
     return None
 
 
-def _read_primvar(network: Network, place: Usd.Attribute, parameter: Parameter, source: Source) -> Primvar | None:
+def _read_primvar(network: Network, attribute: Usd.Attribute, parameter: Parameter, source: Source) -> Primvar | None:
     shader = source.shader
-    network.check_node(place, source)
+    network.check_node(attribute, source)
     name = _read_varname(network, shader)
-    fallback = network.node_value(shader, "fallback")
+    fallback = network.read_node_value(shader, "fallback")
     if fallback is not None:
-        fallback = _in_range(network, f"{source.path}.inputs:fallback", parameter, fallback)
+        fallback = _check_range(network, f"{source.path}.inputs:fallback", parameter, fallback)
     return Primvar(name, fallback) if name and fallback is not None else None
 
 
 def _read_varname(network: Network, shader: UsdShade.Shader) -> str:
-    name: str | None = network.node_value(shader, "varname")
+    name: str | None = network.read_node_value(shader, "varname")
     if name == "":
-        network.fault(f"{shader.GetPath()}.inputs:varname", "names no primvar", "for instance 'st'")
+        network.add_fault(f"{shader.GetPath()}.inputs:varname", "names no primvar", "for instance 'st'")
     return name or ""
 
 
 def _read_texture(
-    network: Network, place: Usd.Attribute, channels: tuple[Channel, ...], source: Source
+    network: Network, attribute: Usd.Attribute, channels: tuple[Channel, ...], source: Source
 ) -> Texture | None:
     shader = source.shader
-    network.check_node(place, source, channels)
+    network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
     coordinates = _read_coordinates(network, shader, "st")
     colorspace, wrap_s, wrap_t, scale, bias = (
-        network.node_value(shader, name) for name in ("sourceColorSpace", "wrapS", "wrapT", "scale", "bias")
+        network.read_node_value(shader, name) for name in ("sourceColorSpace", "wrapS", "wrapT", "scale", "bias")
     )
-    channel = next((each for each in channels if each == source.output), None)
+    channel = next((candidate for candidate in channels if candidate == source.output), None)
     if channel is None or file is None or coordinates is None or None in (colorspace, wrap_s, wrap_t, scale, bias):
         return None
     st, transform = coordinates
@@ -275,52 +281,52 @@ def _read_texture(
             image_header(tile.file)
         return resolved(texture)
     except TextureError as error:
-        network.fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
+        network.add_fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
         return None
 
 
 def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
-    """Return a texture's image, which is not opened here."""
+    """Return the image file of a texture node, without opening it."""
     attribute = shader.GetPrim().GetAttribute("inputs:file")
-    asset = network.node_value(shader, "file")
+    asset = network.read_node_value(shader, "file")
     if asset is None:
         return None
     try:
         return image_path(network, attribute, asset)
     except TextureError as error:
-        network.fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
+        network.add_fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
     return None
 
 
 def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> tuple[str, Transform] | None:
-    """Return the UV set of an input, and the product of the transforms between it and the UV set's reader."""
+    """Return the UV set of an input, and the product of the transforms between the input and the UV set's reader."""
     matrix = np.eye(3)
-    place, seen = f"{shader.GetPath()}.inputs:{name}", set()
+    path, seen = f"{shader.GetPath()}.inputs:{name}", set()
     while True:
-        attribute = shader.GetPrim().GetAttributeAtPath(place)
+        attribute = shader.GetPrim().GetAttributeAtPath(path)
         source = network.follow(attribute) if attribute else None
         if not isinstance(source, Source):
             if not attribute or source is not None:
-                network.fault(place, "texture coordinates are not connected", _ST_HINT)
+                network.add_fault(path, "texture coordinates are not connected", _ST_HINT)
             return None
         if source.path in seen:
-            network.fault(place, "its connections run in a cycle", _ST_HINT)
+            network.add_fault(path, "its connections run in a cycle", _ST_HINT)
             return None
         seen.add(source.path)
-        given = shader_id(source.shader)
-        if given not in ("UsdPrimvarReader_float2", "UsdTransform2d"):
-            network.fault(place, f"cannot come from <{source.path}>, whose info:id is '{given}'", _ST_HINT)
+        identifier = shader_id(source.shader)
+        if identifier not in ("UsdPrimvarReader_float2", "UsdTransform2d"):
+            network.add_fault(path, f"cannot come from <{source.path}>, whose info:id is '{identifier}'", _ST_HINT)
             return None
-        network.check_node(place, source)
-        if given == "UsdPrimvarReader_float2":
+        network.check_node(path, source)
+        if identifier == "UsdPrimvarReader_float2":
             name = _read_varname(network, source.shader)
             a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
             return (name, (a, b, c, d, e, f)) if name else None
-        values = [network.node_value(source.shader, name) for name in ("scale", "rotation", "translation")]
+        values = [network.read_node_value(source.shader, name) for name in ("scale", "rotation", "translation")]
         if None in values:
             return None
         matrix = matrix @ _transform2d(*values)
-        place = f"{source.path}.inputs:in"
+        path = f"{source.path}.inputs:in"
 
 
 def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> NDArray[np.float64]:

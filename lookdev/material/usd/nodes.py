@@ -1,4 +1,4 @@
-"""The nodes of foreign networks, by category: what MaterialX's standard library defines, as far as expressions have it.
+"""Readers of the nodes of foreign networks: those of MaterialX's standard library that expressions can compute.
 
 - MaterialX Specification 1.39: Math, Adjustment, Compositing, Conditional and Channel nodes.
 """
@@ -12,14 +12,14 @@ from typing import NamedTuple
 from lookdev.material.look import Bump, Texture
 from lookdev.material.usd import sampling
 from lookdev.material.usd.reader import Node
-from lookdev.material.usd.terms import Term, Unread, constant, passed
+from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
 
-SOBEL = 1.0 / 16.0
-"""What heighttonormal multiplies slopes by: mx_heighttonormal of the MaterialX library."""
+SOBEL_SCALE = 1.0 / 16.0
+"""The factor of heighttonormal for slopes: mx_heighttonormal of the MaterialX library."""
 
 
 class _Formula(NamedTuple):
-    """An expression of inputs with their defaults; `linear` are those in each of which it is a straight line."""
+    """An expression of inputs with their defaults. It is linear in each of the inputs `linear`, the others fixed."""
 
     text: str
     defaults: dict[str, float]
@@ -72,72 +72,74 @@ _FORMULAS = {
 }
 
 
-def _formula(entry: _Formula) -> Callable[[Node], Term]:
+def _formula_reader(entry: _Formula) -> Callable[[Node], Term]:
     def read(node: Node) -> Term:
-        operands = {name: node.any_term(name, default) for name, default in entry.defaults.items()}
+        operands = {name: node.read_any_term(name, default) for name, default in entry.defaults.items()}
         return node.terms.apply(entry.text, operands, entry.linear)
 
     return read
 
 
-def _constant(node: Node) -> Term:
-    return node.any_term("value", *[0.0] * node.width)
+def _read_constant(node: Node) -> Term:
+    return node.read_any_term("value", *[0.0] * node.width)
 
 
-def _passed_on(node: Node) -> Term:
+def _read_dot(node: Node) -> Term:
     node.ignore("note")
-    return node.any_term("in", 0.0)
+    return node.read_any_term("in", 0.0)
 
 
-def _convert(node: Node) -> Term:
-    term = node.any_term("in", 0.0)
-    return replace(passed(term, node.width), tangent=term.tangent)
+def _read_convert(node: Node) -> Term:
+    term = node.read_any_term("in", 0.0)
+    return replace(convert_channels(term, node.width), tangent=term.tangent)
 
 
-def _extract(node: Node) -> Term:
-    return node.terms.channel(node.any_term("in", 0.0), int(node.numbers("index", 0.0)[0]))
+def _read_extract(node: Node) -> Term:
+    return node.terms.channel(node.read_any_term("in", 0.0), int(node.read_numbers("index", 0.0)[0]))
 
 
-def _separate(node: Node) -> Term:
-    return _by_letters(node, node.any_term("in", 0.0), node.output.removeprefix("out"))
+def _read_separate(node: Node) -> Term:
+    return _select_channels(node, node.read_any_term("in", 0.0), node.output.removeprefix("out"))
 
 
-def _swizzle(node: Node) -> Term:
-    return _by_letters(node, node.any_term("in", 0.0), node.text("channels", ""))
+def _read_swizzle(node: Node) -> Term:
+    return _select_channels(node, node.read_any_term("in", 0.0), node.read_text("channels", ""))
 
 
-def _by_letters(node: Node, term: Term, letters: str) -> Term:
-    """Return the channels that letters name, ``rgba`` or ``xyzw``; 0 and 1 are themselves."""
+def _select_channels(node: Node, term: Term, letters: str) -> Term:
+    """Return the channels that the letters ``rgba`` or ``xyzw`` name; the digits 0 and 1 are constants."""
     if not 1 <= len(letters) <= 4 or not set(letters) <= set("rgbaxyzw01"):
-        raise Unread(f"'{letters:.40}' are no channels")
+        raise NotCarriedError(f"'{letters:.40}' are no channels")
     if letters in ("rgb", "xyz", "xy") and len(letters) == term.width:
-        return passed(term, term.width)
+        return convert_channels(term, term.width)
     channels = [
         constant(float(letter)) if letter in "01" else node.terms.channel(term, "rgbaxyzw".index(letter) % 4)
         for letter in letters
     ]
-    return channels[0] if len(channels) == 1 else node.terms.joined(*channels)
+    return channels[0] if len(channels) == 1 else node.terms.join_channels(*channels)
 
 
-def _combine(node: Node) -> Term:
+def _read_combine(node: Node) -> Term:
     count = int(node.identifier.removeprefix("ND_combine")[0])
-    parts = [node.any_term(f"in{number}", 0.0) for number in range(1, count + 1)]
+    parts = [node.read_any_term(f"in{number}", 0.0) for number in range(1, count + 1)]
     channels = [node.terms.channel(part, index) for part in parts for index in range(4 if part.alpha else part.width)]
     if not 2 <= len(channels) <= 4:
-        raise Unread(f"combines {len(channels)} channels")
-    return node.terms.joined(*channels)
+        raise NotCarriedError(f"combines {len(channels)} channels")
+    return node.terms.join_channels(*channels)
 
 
-def _switch(node: Node) -> Term:
-    which = int(node.numbers("which", 0.0)[0])
+def _read_switch(node: Node) -> Term:
+    index = int(node.read_numbers("which", 0.0)[0])
     node.ignore(*(f"in{number}" for number in range(1, 11)))
-    return node.any_term(f"in{which + 1}", 0.0) if 0 <= which < 10 else constant(0.0)
+    return node.read_any_term(f"in{index + 1}", 0.0) if 0 <= index < 10 else constant(0.0)
 
 
-def _range(node: Node) -> Term:
-    (gamma,), (clamped,) = node.numbers("gamma", 1.0), node.numbers("doclamp", 0.0)
-    value = node.any_term("in", 0.0)
-    low, high, out_low, out_high = (node.any_term(name, default) for name, default in _RANGE.items() if name != "in")
+def _read_range(node: Node) -> Term:
+    (gamma,), (is_clamped,) = node.read_numbers("gamma", 1.0), node.read_numbers("doclamp", 0.0)
+    value = node.read_any_term("in", 0.0)
+    low, high, out_low, out_high = (
+        node.read_any_term(name, default) for name, default in _RANGE.items() if name != "in"
+    )
     if gamma == 1.0:
         terms = {"in": value, "inlow": low, "inhigh": high, "outlow": out_low, "outhigh": out_high}
         value = node.terms.apply(_FORMULAS["remap"].text, terms, ("in",))
@@ -147,7 +149,7 @@ def _range(node: Node) -> Term:
         value = node.terms.apply(text, {**terms, "power": constant(1.0 / gamma if gamma else 0.0)})
     return (
         node.terms.apply("clamp({a}, {low}, {high})", {"a": value, "low": out_low, "high": out_high})
-        if clamped
+        if is_clamped
         else value
     )
 
@@ -155,13 +157,13 @@ def _range(node: Node) -> Term:
 _LUMA = (0.2722287, 0.6740818, 0.0536895)  # of ACEScg: MaterialX's default
 
 
-def _gray(node: Node, color: Term) -> Term:
-    weights = node.numbers("lumacoeffs", *_LUMA)
-    return _weighted(node, color, *map(constant, weights))
+def _luma(node: Node, color: Term) -> Term:
+    weights = node.read_numbers("lumacoeffs", *_LUMA)
+    return _weighted_sum(node, color, *map(constant, weights))
 
 
-def _weighted(node: Node, color: Term, *weights: Term) -> Term:
-    """Return the sum of channels times weights."""
+def _weighted_sum(node: Node, color: Term, *weights: Term) -> Term:
+    """Return the weighted sum of the channels of a colour."""
     total = constant(0.0)
     for index, weight in enumerate(weights):
         channel = node.terms.channel(color, index)
@@ -170,147 +172,155 @@ def _weighted(node: Node, color: Term, *weights: Term) -> Term:
     return total
 
 
-def _luminance(node: Node) -> Term:
-    color = node.any_term("in", 0.0, 0.0, 0.0)
-    gray = passed(_gray(node, color), 3)
+def _read_luminance(node: Node) -> Term:
+    color = node.read_any_term("in", 0.0, 0.0, 0.0)
+    gray = convert_channels(_luma(node, color), 3)
     return replace(gray, alpha=color.alpha)
 
 
-def _saturate(node: Node) -> Term:
-    color, amount = node.any_term("in", 0.0, 0.0, 0.0), node.term("amount", 1, 1.0)
-    gray = _gray(node, color)
+def _read_saturate(node: Node) -> Term:
+    color, amount = node.read_any_term("in", 0.0, 0.0, 0.0), node.read_term("amount", 1, 1.0)
+    gray = _luma(node, color)
     return node.terms.apply("mix({gray}, {color}, {amount})", {"color": color, "gray": gray, "amount": amount})
 
 
-def _dot_product(node: Node) -> Term:
-    a, b = node.any_term("in1", 0.0, 0.0), node.any_term("in2", 0.0, 0.0)
-    return _weighted(node, a, *(node.terms.channel(b, index) for index in range(min(a.width, b.width))))
+def _read_dot_product(node: Node) -> Term:
+    a, b = node.read_any_term("in1", 0.0, 0.0), node.read_any_term("in2", 0.0, 0.0)
+    return _weighted_sum(node, a, *(node.terms.channel(b, index) for index in range(min(a.width, b.width))))
 
 
-def _magnitude(node: Node) -> Term:
-    vector = node.any_term("in", 0.0, 0.0)
-    squares = _weighted(node, vector, *(node.terms.channel(vector, index) for index in range(vector.width)))
+def _read_magnitude(node: Node) -> Term:
+    vector = node.read_any_term("in", 0.0, 0.0)
+    squares = _weighted_sum(node, vector, *(node.terms.channel(vector, index) for index in range(vector.width)))
     return node.terms.apply("sqrt({a})", {"a": squares})
 
 
-def _normalize(node: Node) -> Term:
-    vector = node.any_term("in", 0.0, 0.0)
+def _read_normalize(node: Node) -> Term:
+    vector = node.read_any_term("in", 0.0, 0.0)
     if vector.tangent:  # a normal may have any length
         return vector
-    return node.terms.apply("{a} / {b}", {"a": vector, "b": _magnitude(node)})
+    return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 
 
-def _ramp(low: str, high: str, axis: int) -> Callable[[Node], Term]:
+def _ramp_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
     def read(node: Node) -> Term:
-        place = node.terms.channel(sampling.coordinates(node, "texcoord"), axis)
-        ends = {"low": node.any_term(low, 0.0), "high": node.any_term(high, 0.0)}
-        return node.terms.apply("mix({low}, {high}, clamp({place}, 0, 1))", {"place": place, **ends})
+        coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
+        ends = {"low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
+        return node.terms.apply("mix({low}, {high}, clamp({coordinate}, 0, 1))", {"coordinate": coordinate, **ends})
 
     return read
 
 
-def _split(low: str, high: str, axis: int) -> Callable[[Node], Term]:
+def _split_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
     def read(node: Node) -> Term:
-        place = node.terms.channel(sampling.coordinates(node, "texcoord"), axis)
-        ends = {"low": node.any_term(low, 0.0), "high": node.any_term(high, 0.0), "center": node.term("center", 1, 0.5)}
-        return node.terms.apply("mix({low}, {high}, boxstep({place}, {center}))", {"place": place, **ends})
+        coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
+        ends = {
+            "low": node.read_any_term(low, 0.0),
+            "high": node.read_any_term(high, 0.0),
+            "center": node.read_term("center", 1, 0.5),
+        }
+        return node.terms.apply(
+            "mix({low}, {high}, boxstep({coordinate}, {center}))", {"coordinate": coordinate, **ends}
+        )
 
     return read
 
 
-def _noise(node: Node) -> Term:
-    """Our noise is of the same scale and range; its pattern is another."""
-    uv = sampling.coordinates(node, "texcoord")
+def _read_noise(node: Node) -> Term:
+    """Read a noise as the noise of expressions, which has the same scale and range, and another pattern."""
+    uv = sampling.read_coordinates(node, "texcoord")
     x, y = (node.terms.channel(uv, index) for index in (0, 1))
-    node.reader.network.fault(node.path, f"{node.identifier} has another pattern here, of the same scale")
+    node.reader.network.add_fault(node.path, f"{node.identifier} has another pattern here, of the same scale")
     if node.identifier.startswith("ND_cellnoise"):
         return node.terms.apply("cellnoise({x}, {y})", {"x": x, "y": y})
-    amplitude, pivot = node.any_term("amplitude", 1.0), node.any_term("pivot", 0.0)
+    amplitude, pivot = node.read_any_term("amplitude", 1.0), node.read_any_term("pivot", 0.0)
     value = node.terms.apply("2 * noise({x}, {y}) - 1", {"x": x, "y": y})
     scaled = node.terms.apply(
         "{value} * {amplitude} + {pivot}", {"value": value, "amplitude": amplitude, "pivot": pivot}
     )
-    return passed(scaled, node.width)
+    return convert_channels(scaled, node.width)
 
 
-def _normal_map(node: Node) -> Term:
-    if (space := node.text("space", "tangent")) != "tangent":
-        raise Unread(f"a normal map in {space:.40} space is not supported, only one in tangent space")
-    scale = node.any_term("scale", 1.0)
-    if isinstance((encoded := node.any_term("in", 0.5, 0.5, 1.0)).leaf, Bump):  # heighttonormal
-        return _scaled_bump(node, encoded, scale)
+def _read_normal_map(node: Node) -> Term:
+    if (space := node.read_text("space", "tangent")) != "tangent":
+        raise NotCarriedError(f"a normal map in {space:.40} space is not supported, only one in tangent space")
+    scale = node.read_any_term("scale", 1.0)
+    if isinstance((encoded := node.read_any_term("in", 0.5, 0.5, 1.0)).leaf, Bump):  # heighttonormal
+        return _scale_bump(node, encoded, scale)
     return sampling.tangent_normal(node, encoded, scale)
 
 
-def _bump(node: Node) -> Term:
-    return _scaled_bump(node, _height(node, node.term("height", 1, 0.0), 1.0), node.any_term("scale", 1.0))
+def _read_bump(node: Node) -> Term:
+    return _scale_bump(
+        node, _height_bump(node, node.read_term("height", 1, 0.0), 1.0), node.read_any_term("scale", 1.0)
+    )
 
 
-def _height_to_normal(node: Node) -> Term:
+def _read_height_to_normal(node: Node) -> Term:
     node.ignore("texcoord")
-    (scale,) = node.numbers("scale", 1.0)
-    return _height(node, node.term("in", 1, 0.0), scale)
+    (scale,) = node.read_numbers("scale", 1.0)
+    return _height_bump(node, node.read_term("in", 1, 0.0), scale)
 
 
-def _height(node: Node, height: Term, scale: float) -> Term:
+def _height_bump(node: Node, height: Term, scale: float) -> Term:
     if height.numbers is not None:
         return replace(constant(0.0, 0.0, 1.0), tangent=True)
     if not isinstance(height.leaf, Texture):
-        raise Unread("only one channel of an image has a slope")
-    return replace(node.terms.leaf(Bump(height.leaf, scale * SOBEL), 3, node.name), tangent=True)
+        raise NotCarriedError("only one channel of an image has a slope")
+    return replace(node.terms.leaf_term(Bump(height.leaf, scale * SOBEL_SCALE), 3, node.name), tangent=True)
 
 
-def _scaled_bump(node: Node, bump: Term, scale: Term) -> Term:
+def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
     if not isinstance(bump.leaf, Bump):
         return bump
     if scale.numbers is None or len(set(scale.numbers)) != 1:
-        raise Unread("the scale of a bump is not one constant")
+        raise NotCarriedError("the scale of a bump is not one constant")
     return replace(
-        node.terms.leaf(replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0]), 3, node.name), tangent=True
+        node.terms.leaf_term(replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0]), 3, node.name), tangent=True
     )
 
 
 NODES: dict[str, Callable[[Node], Term]] = {
-    **{name: _formula(entry) for name, entry in _FORMULAS.items()},
-    **{f"UsdPrimvarReader{kind}": sampling.primvar for kind in ("", "_int", "_normal", "_point", "_vector")},
-    **{f"UsdPrimvarReader{kind}": sampling.primvar for kind in ("_string", "_matrix")},
-    "UsdTransform2d": sampling.transform2d,
-    "UsdUVTexture": sampling.uv_texture,
-    "bump": _bump,
-    "cellnoise2d": _noise,
-    "combine2": _combine,
-    "combine3": _combine,
-    "combine4": _combine,
-    "constant": _constant,
-    "convert": _convert,
-    "dot": _passed_on,
-    "dotproduct": _dot_product,
-    "extract": _extract,
-    "geompropvalue": sampling.primvar,
-    "gltf_colorimage": sampling.gltf_image,
-    "gltf_image": sampling.gltf_image,
-    "gltf_normalmap": sampling.gltf_image,
-    "heighttonormal": _height_to_normal,
-    "image": sampling.image,
-    "luminance": _luminance,
-    "magnitude": _magnitude,
-    "noise2d": _noise,
-    "normalize": _normalize,
-    "normalmap": _normal_map,
-    "place2d": sampling.place2d,
-    "ramplr": _ramp("valuel", "valuer", 0),
-    "ramptb": _ramp("valueb", "valuet", 1),
-    "range": _range,
-    "rotate2d": sampling.rotate2d,
-    "saturate": _saturate,
-    "separate2": _separate,
-    "separate3": _separate,
-    "separate4": _separate,
-    "splitlr": _split("valuel", "valuer", 0),
-    "splittb": _split("valueb", "valuet", 1),
-    "swizzle": _swizzle,
-    "switch": _switch,
-    "texcoord": sampling.texcoord,
-    "tiledimage": sampling.tiled_image,
+    **{name: _formula_reader(entry) for name, entry in _FORMULAS.items()},
+    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("", "_int", "_normal", "_point", "_vector")},
+    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("_string", "_matrix")},
+    "UsdTransform2d": sampling.read_transform2d,
+    "UsdUVTexture": sampling.read_uv_texture,
+    "bump": _read_bump,
+    "cellnoise2d": _read_noise,
+    "combine2": _read_combine,
+    "combine3": _read_combine,
+    "combine4": _read_combine,
+    "constant": _read_constant,
+    "convert": _read_convert,
+    "dot": _read_dot,
+    "dotproduct": _read_dot_product,
+    "extract": _read_extract,
+    "geompropvalue": sampling.read_primvar,
+    "gltf_colorimage": sampling.read_gltf_image,
+    "gltf_image": sampling.read_gltf_image,
+    "gltf_normalmap": sampling.read_gltf_image,
+    "heighttonormal": _read_height_to_normal,
+    "image": sampling.read_image,
+    "luminance": _read_luminance,
+    "magnitude": _read_magnitude,
+    "noise2d": _read_noise,
+    "normalize": _read_normalize,
+    "normalmap": _read_normal_map,
+    "place2d": sampling.read_place2d,
+    "ramplr": _ramp_reader("valuel", "valuer", 0),
+    "ramptb": _ramp_reader("valueb", "valuet", 1),
+    "range": _read_range,
+    "rotate2d": sampling.read_rotate2d,
+    "saturate": _read_saturate,
+    "separate2": _read_separate,
+    "separate3": _read_separate,
+    "separate4": _read_separate,
+    "splitlr": _split_reader("valuel", "valuer", 0),
+    "splittb": _split_reader("valueb", "valuet", 1),
+    "swizzle": _read_swizzle,
+    "switch": _read_switch,
+    "texcoord": sampling.read_texcoord,
+    "tiledimage": sampling.read_tiled_image,
 }
 """The reader of each node, by its category."""

@@ -1,4 +1,4 @@
-"""Nodes that read images, primvars and texture coordinates: USD's own, and those of MaterialX.
+"""Readers of nodes for images, primvars and texture coordinates, of USD and of MaterialX.
 
 - UsdPreviewSurface Specification 2.6, Pixar: UsdUVTexture, UsdPrimvarReader, UsdTransform2d.
 - MaterialX Specification 1.39: Texture, Geometric and 2D placement nodes.
@@ -20,204 +20,211 @@ from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transf
 from lookdev.material.textures import image_header, resolved, udim_tiles
 from lookdev.material.usd.images import image_path
 from lookdev.material.usd.reader import Node
-from lookdev.material.usd.terms import Term, Unread, constant, passed
+from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_of
 
-_Wrap = Wrap | Literal["useMetadata"]
+_WrapMode = Wrap | Literal["useMetadata"]
 
-_USD_WRAPS: dict[str, _Wrap] = {
+_USD_WRAPS: dict[str, _WrapMode] = {
     "black": "black",
     "clamp": "clamp",
     "repeat": "repeat",
     "mirror": "mirror",
     "useMetadata": "useMetadata",
 }
-_ADDRESS_MODES: dict[str, _Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
-_MATERIALX_WRAPS: dict[str, _Wrap] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
+_ADDRESS_MODES: dict[str, _WrapMode] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
+_MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
 _CHANNELS: dict[str, Channel] = {"r": "r", "g": "g", "b": "b", "a": "a"}
-_PLACED = "the UV set st is taken"
+_DEFAULT_UV_HINT = "the UV set st is taken"
 
 
-def uv_texture(node: Node) -> Term:
-    """UsdUVTexture, also as a node of MaterialX."""
-    file = _image(node, "fallback", 4)
+def read_uv_texture(node: Node) -> Term:
+    """Read UsdUVTexture, also as a node of MaterialX."""
+    file = _read_file(node, "fallback", 4)
     if isinstance(file, Term):
         node.ignore("st", "wrapS", "wrapT", "scale", "bias", "sourceColorSpace", "isSRGB")
-        return _output(node, file)
-    st, transform = _coordinates(node, "st")
+        return _select_output(node, file)
+    st, transform = _read_image_coordinates(node, "st")
     if node.identifier.startswith("ND_"):
-        space, modes, default = _file_space(node) or "raw", _MATERIALX_WRAPS, "periodic"
+        space, modes, default = _read_file_colorspace(node) or "raw", _MATERIALX_WRAPS, "periodic"
     else:
-        space = node.text("sourceColorSpace", _file_space(node) or "auto", ("raw", "sRGB", "auto"))
-        if node.text("isSRGB", "auto") != "auto":  # its name before version 2.1
-            node.note("isSRGB", "is not carried", "inputs:sourceColorSpace counts")
+        space = node.read_text("sourceColorSpace", _read_file_colorspace(node) or "auto", ("raw", "sRGB", "auto"))
+        if node.read_text("isSRGB", "auto") != "auto":  # its name before version 2.1
+            node.add_fault("isSRGB", "is not carried", "inputs:sourceColorSpace counts")
         modes, default = _USD_WRAPS, "useMetadata"
-    wraps = [modes[node.text(name, default, list(modes))] for name in ("wrapS", "wrapT")]
-    r, g, b, a = node.numbers("scale", 1.0, 1.0, 1.0, 1.0)
-    x, y, z, w = node.numbers("bias", 0.0, 0.0, 0.0, 0.0)
+    wraps = [modes[node.read_text(name, default, list(modes))] for name in ("wrapS", "wrapT")]
+    r, g, b, a = node.read_numbers("scale", 1.0, 1.0, 1.0, 1.0)
+    x, y, z, w = node.read_numbers("bias", 0.0, 0.0, 0.0, 0.0)
     texture = Texture(file, "rgb", space, wraps[0], wraps[1], st, transform, (r, g, b, a), (x, y, z, w))
-    return _output(node, _texels(node, texture, 4))
+    return _select_output(node, _texel_term(node, texture, 4))
 
 
-def _output(node: Node, rgba: Term) -> Term:
-    """Return the output of a texture that the source asks for."""
+def _select_output(node: Node, rgba: Term) -> Term:
+    """Return the channels of a texture that the connected output of the node has."""
     if node.output in _CHANNELS:
         return node.terms.channel(rgba, "rgba".index(node.output))
     if node.output in ("rgb", "rgba"):
-        return passed(rgba, len(node.output))
-    raise Unread(f"has no outputs:{node.output}; r, g, b, a and rgb are there")
+        return convert_channels(rgba, len(node.output))
+    raise NotCarriedError(f"has no outputs:{node.output}; r, g, b, a and rgb are there")
 
 
-def image(node: Node) -> Term:
-    """An image by MaterialX."""
-    return _looked_up(node, np.eye(3), [_address(node, name) for name in ("uaddressmode", "vaddressmode")])
+def read_image(node: Node) -> Term:
+    """Read MaterialX's image."""
+    return _read_image_node(
+        node, np.eye(3), [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
+    )
 
 
-def tiled_image(node: Node) -> Term:
-    """tiledimage: NG_tiledimage of the MaterialX library."""
-    tiling, offset = np.array(node.numbers("uvtiling", 1.0, 1.0)), np.array(node.numbers("uvoffset", 0.0, 0.0))
-    size, tile = (np.array(node.numbers(name, 1.0, 1.0)) for name in ("realworldimagesize", "realworldtilesize"))
+def read_tiled_image(node: Node) -> Term:
+    """Read tiledimage: NG_tiledimage of the MaterialX library."""
+    tiling, offset = (
+        np.array(node.read_numbers("uvtiling", 1.0, 1.0)),
+        np.array(node.read_numbers("uvoffset", 0.0, 0.0)),
+    )
+    size, tile = (np.array(node.read_numbers(name, 1.0, 1.0)) for name in ("realworldimagesize", "realworldtilesize"))
     if not np.all(size):
-        raise Unread("has a realworldimagesize of 0")
+        raise NotCarriedError("has a realworldimagesize of 0")
     scale, shift = tiling * tile / size, -offset * tile / size
     matrix = np.array([[scale[0], 0.0, shift[0]], [0.0, scale[1], shift[1]], [0.0, 0.0, 1.0]])
-    return _looked_up(node, matrix, ["repeat", "repeat"])
+    return _read_image_node(node, matrix, ["repeat", "repeat"])
 
 
-def gltf_image(node: Node) -> Term:
-    """gltf_image, gltf_colorimage and gltf_normalmap: the image placed by the transform of glTF's textures."""
-    scale = np.array(node.numbers("scale", 1.0, 1.0))
-    (x, y), (turn,) = node.numbers("offset", 0.0, 0.0), node.numbers("rotate", 0.0)
+def read_gltf_image(node: Node) -> Term:
+    """Read gltf_image, gltf_colorimage and gltf_normalmap, with the transform of glTF's textures."""
+    scale = np.array(node.read_numbers("scale", 1.0, 1.0))
+    (x, y), (turn,) = node.read_numbers("offset", 0.0, 0.0), node.read_numbers("rotate", 0.0)
     color = node.identifier.startswith("ND_gltf_colorimage")
-    order = node.text("operationorder", "1" if color else "0", ("0", "1"))
-    pivot = np.array(node.numbers("pivot", 0.0, 1.0))
-    matrix = _placement(pivot, 1.0 / _nonzero(node, scale), -turn, np.array([-x, y]), order)
-    wraps = [_address(node, name) for name in ("uaddressmode", "vaddressmode")]
-    texels = _looked_up(node, matrix, wraps, 4 if color else 0)
+    order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
+    pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
+    matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -turn, np.array([-x, y]), order)
+    wraps = [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
+    texels = _read_image_node(node, matrix, wraps, 4 if color else 0)
     if color:
         for name in ("color", "geomcolor"):
-            factor = node.term(name, 4, 1.0, 1.0, 1.0, 1.0)
+            factor = node.read_term(name, 4, 1.0, 1.0, 1.0, 1.0)
             texels = node.terms.apply("{a} * {b}", {"a": texels, "b": factor}, ("a", "b"))
-        return node.terms.channel(texels, 3) if node.output == "outa" else passed(texels, 3)
+        return node.terms.channel(texels, 3) if node.output == "outa" else convert_channels(texels, 3)
     if node.identifier.startswith("ND_gltf_normalmap"):
         return tangent_normal(node, texels, constant(1.0))
-    return node.terms.apply("{a} * {b}", {"a": texels, "b": node.any_term("factor", 1.0)}, ("a", "b"))
+    return node.terms.apply("{a} * {b}", {"a": texels, "b": node.read_any_term("factor", 1.0)}, ("a", "b"))
 
 
 def tangent_normal(node: Node, encoded: Term, scale: Term) -> Term:
-    """Return the normal of a normal map, which holds -1 to 1 as 0 to 1: mx_normalmap of the MaterialX library."""
-    centred = node.terms.apply("{a} * 2 - 1", {"a": passed(encoded, 3)}, ("a",))
+    """Return the normal of a normal map, which encodes -1 to 1 as 0 to 1: mx_normalmap of the MaterialX library."""
+    centred = node.terms.apply("{a} * 2 - 1", {"a": convert_channels(encoded, 3)}, ("a",))
     if scale.numbers == (1.0,) * len(scale.numbers or ()) and scale.numbers:
         return replace(centred, tangent=True)
-    pair = passed(scale, 2)
-    wide = node.terms.joined(node.terms.channel(pair, 0), node.terms.channel(pair, 1), constant(1.0))
+    pair = convert_channels(scale, 2)
+    wide = node.terms.join_channels(node.terms.channel(pair, 0), node.terms.channel(pair, 1), constant(1.0))
     return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": wide}, ("a", "b")), tangent=True)
 
 
-def texcoord(node: Node) -> Term:
-    """texcoord: UV set st, st1, ..."""
-    (index,) = node.numbers("index", 0.0)
-    return _uv(node, "st" if index == 0.0 else f"st{index:.0f}")
+def read_texcoord(node: Node) -> Term:
+    """Read texcoord: UV set st, st1, ..."""
+    (index,) = node.read_numbers("index", 0.0)
+    return _uv_term(node, "st" if index == 0.0 else f"st{index:.0f}")
 
 
-def primvar(node: Node) -> Term:
-    """UsdPrimvarReader, geompropvalue."""
-    name = node.word("geomprop" if "geomprop" in node.identifier else "varname")
+def read_primvar(node: Node) -> Term:
+    """Read UsdPrimvarReader or geompropvalue."""
+    name = node.read_word("geomprop" if "geomprop" in node.identifier else "varname")
     if not name:
-        raise Unread("names no primvar")
+        raise NotCarriedError("names no primvar")
     if node.width == 2:
         node.ignore("default", "fallback")  # a mesh has UVs, or is refused
-        return _uv(node, name)
+        return _uv_term(node, name)
     width = 3 if node.identifier.endswith(("_normal", "_point", "_vector")) else node.width
     if width == 4 or node.identifier.endswith(("string", "filename", "matrix", "matrix33", "matrix44")):
-        raise Unread("only primvars of one to three numbers are supported")
-    default = node.term("default" if "geomprop" in node.identifier else "fallback", width, 0.0)
+        raise NotCarriedError("only primvars of one to three numbers are supported")
+    default = node.read_term("default" if "geomprop" in node.identifier else "fallback", width, 0.0)
     if default.numbers is None:
-        raise Unread("its fallback is not constant")
+        raise NotCarriedError("its fallback is not constant")
     fallback = default.numbers[0] if width == 1 else (default.numbers[0], default.numbers[1], default.numbers[2])
-    # Generated code reads each primvar as one type, with one fallback.
-    known = node.reader.fallbacks.setdefault(name, fallback)
-    if isinstance(known, tuple) != isinstance(fallback, tuple):
-        raise Unread(f"the primvar '{name}' is read as a float and as a colour; only the first is carried")
-    if known != fallback:
+    # Generated code reads a primvar as one type, with one fallback.
+    first_fallback = node.reader.fallbacks.setdefault(name, fallback)
+    if isinstance(first_fallback, tuple) != isinstance(fallback, tuple):
+        raise NotCarriedError(f"the primvar '{name}' is read as a float and as a colour; only the first is carried")
+    if first_fallback != fallback:
         network = node.reader.network
-        network.fault(node.path, f"the primvar '{name}' is read with two fallbacks", "the first is taken")
-    return node.terms.leaf(Primvar(name, known), width, name)
+        network.add_fault(node.path, f"the primvar '{name}' is read with two fallbacks", "the first is taken")
+    return node.terms.leaf_term(Primvar(name, first_fallback), width, name)
 
 
-def transform2d(node: Node) -> Term:
-    """UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    (x, y), (dx, dy) = node.numbers("scale", 1.0, 1.0), node.numbers("translation", 0.0, 0.0)
-    c, s = _turn(node.numbers("rotation", 0.0)[0])
-    return _transformed(node, "in", np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]]))
+def read_transform2d(node: Node) -> Term:
+    """Read UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
+    (x, y), (dx, dy) = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
+    c, s = _cos_sin(node.read_numbers("rotation", 0.0)[0])
+    return _transform_coordinates(node, "in", np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]]))
 
 
-def place2d(node: Node) -> Term:
-    """place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
+def read_place2d(node: Node) -> Term:
+    """Read place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
     pivot, scale, offset = (
-        np.array(node.numbers(name, default, default))
+        np.array(node.read_numbers(name, default, default))
         for name, default in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0))
     )
-    order = node.text("operationorder", "0", ("0", "1"))
-    return _transformed(
-        node, "texcoord", _placement(pivot, _nonzero(node, scale), node.numbers("rotate", 0.0)[0], offset, order)
+    order = node.read_text("operationorder", "0", ("0", "1"))
+    return _transform_coordinates(
+        node,
+        "texcoord",
+        _placement_matrix(pivot, _check_nonzero(node, scale), node.read_numbers("rotate", 0.0)[0], offset, order),
     )
 
 
-def rotate2d(node: Node) -> Term:
-    """rotate2d: clockwise degrees."""
-    c, s = _turn(-node.numbers("amount", 0.0)[0])
-    return _transformed(node, "in", np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+def read_rotate2d(node: Node) -> Term:
+    """Read rotate2d, in clockwise degrees."""
+    c, s = _cos_sin(-node.read_numbers("amount", 0.0)[0])
+    return _transform_coordinates(node, "in", np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
-def coordinates(node: Node, name: str) -> Term:
-    """Return an input of texture coordinates, UV set st where it is not set."""
+def read_coordinates(node: Node, name: str) -> Term:
+    """Return the value of an input of texture coordinates; the UV set st where it is unset."""
     attribute = node.attribute(name)
-    return (node.reader.term(attribute, 2) if attribute else None) or _uv(node, "st")
+    return (node.reader.read_term(attribute, 2) if attribute else None) or _uv_term(node, "st")
 
 
-def _uv(node: Node, name: str) -> Term:
-    return node.terms.leaf(Coordinates(name), 2, name)
+def _uv_term(node: Node, name: str) -> Term:
+    return node.terms.leaf_term(Coordinates(name), 2, name)
 
 
-def _turn(degrees: float) -> tuple[float, float]:
+def _cos_sin(degrees: float) -> tuple[float, float]:
     return cos(radians(degrees)), sin(radians(degrees))
 
 
-def _nonzero(node: Node, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def _check_nonzero(node: Node, scale: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.all(np.abs(scale) > 1e-18):
-        raise Unread("has a scale of 0, which divides the texture coordinates")
+        raise NotCarriedError("has a scale of 0, which divides the texture coordinates")
     return scale
 
 
-def _placement(
+def _placement_matrix(
     pivot: NDArray[np.float64], scale: NDArray[np.float64], degrees: float, offset: NDArray[np.float64], order: str
 ) -> NDArray[np.float64]:
     """Return the matrix (3, 3) of place2d."""
 
-    def shift(by: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
+    def shift(translation: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array([[1.0, 0.0, translation[0]], [0.0, 1.0, translation[1]], [0.0, 0.0, 1.0]])
 
-    c, s = _turn(-degrees)
-    turned, scaled = (
+    c, s = _cos_sin(-degrees)
+    rotation, scaling = (
         np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
         np.diag([1.0 / scale[0], 1.0 / scale[1], 1.0]),
     )
     if order == "1":
-        return np.asarray(shift(pivot) @ scaled @ turned @ shift(-pivot - offset))
-    return np.asarray(shift(pivot - offset) @ turned @ scaled @ shift(-pivot))
+        return np.asarray(shift(pivot) @ scaling @ rotation @ shift(-pivot - offset))
+    return np.asarray(shift(pivot - offset) @ rotation @ scaling @ shift(-pivot))
 
 
-def _transformed(node: Node, name: str, matrix: NDArray[np.float64]) -> Term:
+def _transform_coordinates(node: Node, name: str, matrix: NDArray[np.float64]) -> Term:
     attribute = node.attribute(name)
-    term = node.reader.term(attribute, 2) if attribute else None
+    term = node.reader.read_term(attribute, 2) if attribute else None
     if term is None:
-        node.note(name, "texture coordinates are not connected", _PLACED)
-        term = _uv(node, "st")
+        node.add_fault(name, "texture coordinates are not connected", _DEFAULT_UV_HINT)
+        term = _uv_term(node, "st")
     if isinstance(term.leaf, Coordinates):
-        product = _square(term.leaf.transform)
-        leaf = Coordinates(term.leaf.st, _flat(matrix @ product))
-        return node.terms.leaf(leaf, 2, term.leaf.st)
+        product = _to_square_matrix(term.leaf.transform)
+        leaf = Coordinates(term.leaf.st, _to_transform(matrix @ product))
+        return node.terms.leaf_term(leaf, 2, term.leaf.st)
     (a, b, c), (d, e, f) = matrix[0].tolist(), matrix[1].tolist()
     x, y = (node.terms.channel(term, index) for index in (0, 1))
     rows = [
@@ -226,88 +233,90 @@ def _transformed(node: Node, name: str, matrix: NDArray[np.float64]) -> Term:
         )
         for p, q, r in ((a, b, c), (d, e, f))
     ]
-    return node.terms.joined(*rows)
+    return node.terms.join_channels(*rows)
 
 
-def _square(transform: Transform) -> NDArray[np.float64]:
+def _to_square_matrix(transform: Transform) -> NDArray[np.float64]:
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
 
 
-def _flat(matrix: NDArray[np.float64]) -> Transform:
+def _to_transform(matrix: NDArray[np.float64]) -> Transform:
     a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
     return a, b, c, d, e, f
 
 
-def _coordinates(node: Node, name: str) -> tuple[str, Transform]:
-    """Return the UV set and the transform of the coordinates of an image."""
+def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
+    """Return the UV set and the transform of the texture coordinates of an image node."""
     try:
-        term = coordinates(node, name)
+        term = read_coordinates(node, name)
         if node.attribute(name) is None and not node.identifier.startswith("ND_"):
             # Unlike a node of MaterialX, whose geometric default is a UV set, UsdUVTexture has the constant (0, 0).
-            node.note(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
+            node.add_fault(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
             term = constant(0.0, 0.0)
-    except Unread as unread:
-        node.note(name, f"is not carried{f': {unread}' if str(unread) else ''}", _PLACED)
-        term = _uv(node, "st")
+    except NotCarriedError as error:
+        node.add_fault(name, f"is not carried{f': {error}' if str(error) else ''}", _DEFAULT_UV_HINT)
+        term = _uv_term(node, "st")
     if term.numbers is not None:
         s, t = term.numbers
         return "st", (0.0, 0.0, s, 0.0, 0.0, t)
     if not isinstance(term.leaf, Coordinates):
-        node.note(name, "is computed", _PLACED)
+        node.add_fault(name, "is computed", _DEFAULT_UV_HINT)
         return "st", Coordinates("st").transform
     return term.leaf.st, term.leaf.transform
 
 
-def _address(node: Node, name: str) -> _Wrap:
-    return _ADDRESS_MODES[node.text(name, "periodic", list(_ADDRESS_MODES))]
+def _read_address_mode(node: Node, name: str) -> _WrapMode:
+    return _ADDRESS_MODES[node.read_text(name, "periodic", list(_ADDRESS_MODES))]
 
 
-def _looked_up(node: Node, matrix: NDArray[np.float64], wraps: list[_Wrap], width: int = 0) -> Term:
-    """Return the texels of an image node of MaterialX, whose coordinates `matrix` transforms."""
+def _read_image_node(node: Node, matrix: NDArray[np.float64], wraps: list[_WrapMode], width: int = 0) -> Term:
+    """Return the value of an image node of MaterialX; `matrix` transforms its texture coordinates."""
     width = width or node.width
-    file = _image(node, "default", width)
-    if node.text("filtertype", "linear") != "linear":
-        node.note("filtertype", "is not carried", "images are looked up linearly")
+    file = _read_file(node, "default", width)
+    if node.read_text("filtertype", "linear") != "linear":
+        node.add_fault("filtertype", "is not carried", "images are looked up linearly")
     if isinstance(file, Term):
         node.ignore("texcoord")
         return file
-    st, transform = _coordinates(node, "texcoord")
-    # MaterialX manages the colour of colours only.
+    st, transform = _read_image_coordinates(node, "texcoord")
+    # MaterialX converts the colour space only of images that are read as colours.
     is_color = "color" in node.identifier
-    space = _file_space(node) if is_color else ""
-    texture = Texture(file, "rgb", space or "raw", wraps[0], wraps[1], st, _flat(matrix @ _square(transform)))
-    return _texels(node, texture, width)
+    space = _read_file_colorspace(node) if is_color else ""
+    texture = Texture(
+        file, "rgb", space or "raw", wraps[0], wraps[1], st, _to_transform(matrix @ _to_square_matrix(transform))
+    )
+    return _texel_term(node, texture, width)
 
 
-def _texels(node: Node, texture: Texture, width: int) -> Term:
+def _texel_term(node: Node, texture: Texture, width: int) -> Term:
     if node.reader.network.opens_images:
         texture = resolved(texture)
     if width == 1:
-        return node.terms.leaf(replace(texture, channel="r"), 1, node.name)
-    rgb = node.terms.leaf(texture, min(width, 3), node.name)
+        return node.terms.leaf_term(replace(texture, channel="r"), 1, node.name)
+    rgb = node.terms.leaf_term(texture, min(width, 3), node.name)
     if width < 4:
         return rgb
-    return replace(rgb, alpha=node.terms.leaf(replace(texture, channel="a"), 1, f"{node.name}_a"))
+    return replace(rgb, alpha=node.terms.leaf_term(replace(texture, channel="a"), 1, f"{node.name}_a"))
 
 
-def _file_space(node: Node) -> str:
-    """Return the colour space that is authored for a file; empty where none is."""
+def _read_file_colorspace(node: Node) -> str:
+    """Return the authored colour space of the file of a node; "" where none is authored."""
     attribute = node.attribute("file")
     holder = node.reader.network.follow(attribute) if attribute else None
     name = colorspace_of(holder) if holder is not None and hasattr(holder, "GetColorSpace") else ""
     return node.reader.colorspace(attribute, name) if name and attribute else ""
 
 
-def _image(node: Node, fallback: str, width: int) -> Path | Term:
-    """Return the image of a node, or the value in place of one: where none is named, or where none can be read."""
+def _read_file(node: Node, fallback: str, width: int) -> Path | Term:
+    """Return the image file of a node, or its fallback where it names no file or the file cannot be read."""
     node.ignore(fallback, "note")
     attribute = node.attribute("file")
-    asset = node.reader.plain(attribute) if attribute else None
+    asset = node.reader.read_constant(attribute) if attribute else None
     if attribute is None or (isinstance(asset, Sdf.AssetPath) and not asset.path):
-        node.note("file", "names no image file", f"inputs:{fallback} is taken")
-        return node.term(fallback, width, 0.0)
+        node.add_fault("file", "names no image file", f"inputs:{fallback} is taken")
+        return node.read_term(fallback, width, 0.0)
     if not isinstance(asset, Sdf.AssetPath):
-        raise Unread("inputs:file is not an asset")
+        raise NotCarriedError("inputs:file is not an asset")
     network = node.reader.network
     try:
         file = image_path(network, attribute, asset)
@@ -318,8 +327,8 @@ def _image(node: Node, fallback: str, width: int) -> Path | Term:
         return file
     except TextureError as error:
         if node.attribute(fallback):
-            node.note("file", str(error), f"inputs:{fallback} is taken")
-            return node.term(fallback, width)
+            node.add_fault("file", str(error), f"inputs:{fallback} is taken")
+            return node.read_term(fallback, width)
         where = f"{node.path}.inputs:file"
         node.reader.missing.append(Fault(str(network.file), where, str(error), "a path to an image, or a fallback"))
-        raise Unread from error
+        raise NotCarriedError from error

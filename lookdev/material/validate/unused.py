@@ -30,7 +30,7 @@ class Stack:
 
     def __init__(self, file: Path, material: UsdShade.Material) -> None:
         network = Network(file)  # its faults are reported by the reader of the look
-        source = network.surface(material)
+        source = network.surface_source(material)
         self._inputs: dict[str, Usd.Attribute] = {}
         if source and shader_id(source.shader) == "LookdevLayers":
             given = (each.GetAttr() for each in source.shader.GetInputs())
@@ -42,7 +42,7 @@ class Stack:
         self._enabled = [name for name in ("base", *names) if name in self._inputs and name not in off]
 
     def _is_off(self, network: Network, name: str) -> bool:
-        return name in self._inputs and network.constant(self._inputs[name], Sdf.ValueTypeNames.Bool) is False
+        return name in self._inputs and network.read_constant(self._inputs[name], Sdf.ValueTypeNames.Bool) is False
 
     def notes(self, layers: Sequence[Layer]) -> Iterator[Unused]:
         """Yield the layers that never show, given the layers that are enabled, and those that hide all beneath."""
