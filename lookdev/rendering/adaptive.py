@@ -1,11 +1,11 @@
-"""Samples where the error is: rounds over the whole frame, then over rectangles of it, until a target is reached.
+"""Adaptive sampling: rounds over the whole frame, then over rectangles of it, until the frame reaches a target error.
 
-Each half's rectangles follow from the other half's rounds over the whole frame, between which the spread of a pixel is
-its variance, and from numbers that concern the whole frame: how much is done, its error, the target. So the number of
-samples of a pixel in one half does not depend on what that half found in it, and rounds weighted by their samples
-remain unbiased. (A half that chose for itself would take few samples where it happens to have found little light.)
+The rectangles of a half follow from the other half's rounds over the whole frame, whose spread in a pixel is the
+pixel's variance, and from figures of the whole frame: its samples, its error, the target. So the number of samples of a
+pixel in one half does not depend on the colours of that half, and the mean of rounds, weighted by their samples,
+remains unbiased. (A half that planned its own rectangles would take few samples where its colours happen to be dark.)
 
-A rectangle takes a power of two of samples, as only such blocks are stratified.
+The samples of a rectangle are a power of two, as only such blocks are stratified.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from lookdev.scene import Sampling
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_FIRST_ROUND = 8  # samples of a half in the first round towards a target error
-_WHOLE_ROUNDS = 2  # at least, as their spread is the variance
-_NEAR = 4.0  # times the target: above it the whole frame takes another round
-_AIM = 0.9  # of the target: a round that falls short takes another one
-_LEAST_GROWTH = 0.05  # of a round over rectangles
-_LAST_ROUND = 24  # from which on samples double, so that seeds suffice
-_TILE, _TILES = 16, 32  # pixels along the side of a tile at least; tiles along the side of a frame at most
-_CALL = 1024.0  # samples of pixels of the asset that take as long as a call of the renderer does besides
-_BACKGROUND = 0.1  # of the time of a pixel of the asset, for one that shows none
+_FIRST_ROUND = 8  # samples of a half in the first round, where there is a target error
+_WHOLE_ROUNDS = 2  # the fewest: their spread is the variance
+_NEAR_TARGET = 4.0  # times the target: with an error above this, the next round is over the whole frame
+_AIM = 0.9  # times the target: a round aims lower, as another round costs more
+_LEAST_GROWTH = 0.05  # of a half's samples, in a round over rectangles
+_LAST_ROUND = 24  # from this number on, each round doubles the samples, so that the seeds of a frame suffice
+_TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the fewest pixels along a tile; the most tiles along a frame
+_CALL_COST = 1024.0  # of a call of the renderer, in samples of one pixel of the asset
+_BACKGROUND_COST = 0.1  # of a pixel without the asset, over that of a pixel of the asset
 
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the frame, rows counted from the top, and the samples a pixel that it takes."""
+    """A rectangle of the frame, rows counted from the top, and its samples per pixel."""
 
     rows: slice
     columns: slice
     samples: int
-    whole: bool = False  # of the rounds over the whole frame, by which later ones are planned
+    whole: bool = False  # part of a round over the whole frame, whose spread plans later rounds
 
 
 Round = tuple[tuple[Region, ...], tuple[Region, ...]]
@@ -50,16 +50,16 @@ Round = tuple[tuple[Region, ...], tuple[Region, ...]]
 
 @dataclass
 class Half:
-    """What the rounds of one half have found."""
+    """The sums of the rounds of one half of a frame."""
 
     width: int
     height: int
-    gain: float = 1.0  # of the exposure: errors are relative to what is shown
+    gain: float = 1.0  # of the exposure: errors are relative to exposed colours
     colors: Floats = field(init=False)  # (H, W, 3), sum over samples
     coverage: Floats = field(init=False)  # (H, W), sum over samples
     samples: Floats = field(init=False)  # (H, W)
-    spread: Floats = field(init=False)  # (H, W, 3), squared deviations of whole rounds, by samples
-    parts: dict[str, Floats] = field(default_factory=dict)  # (H, W, 3), of colors
+    spread: Floats = field(init=False)  # (H, W, 3), of whole rounds: squared deviations, weighted by samples
+    parts: dict[str, Floats] = field(default_factory=dict)  # (H, W, 3), sums over samples, as `colors`
     whole_rounds: int = 0
 
     def __post_init__(self) -> None:
@@ -74,18 +74,18 @@ class Half:
         coverage: NDArray[np.float32],
         parts: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
     ) -> None:
-        """Add the mean colour (h, w, 3), coverage (h, w) and parts of the colour of the samples of a region."""
-        part, size = (region.rows, region.columns), region.samples
+        """Add the mean colour (h, w, 3), the mean coverage (h, w) and the parts of the colour of a rendered region."""
+        window, samples = (region.rows, region.columns), region.samples
         if region.whole:
-            if done := float(self.samples[0, 0]):
+            if before := float(self.samples[0, 0]):
                 # Welford 1962, each mean weighted by its samples.
-                self.spread += done * size / (done + size) * (color - self.color) ** 2
+                self.spread += before * samples / (before + samples) * (color - self.color) ** 2
             self.whole_rounds += 1
-        self.colors[part] += size * color.astype(np.float64)
-        self.coverage[part] += size * coverage.astype(np.float64)
-        self.samples[part] += size
-        for name, each in parts.items():
-            self.parts.setdefault(name, np.zeros_like(self.colors))[part] += size * each.astype(np.float64)
+        self.colors[window] += samples * color.astype(np.float64)
+        self.coverage[window] += samples * coverage.astype(np.float64)
+        self.samples[window] += samples
+        for name, part in parts.items():
+            self.parts.setdefault(name, np.zeros_like(self.colors))[window] += samples * part.astype(np.float64)
 
     @property
     def color(self) -> Floats:
@@ -99,78 +99,78 @@ class Half:
 
     @property
     def error(self) -> Floats:
-        """The relative squared error of one sample, (H, W); 0 where no asset is seen."""
-        variance, shown = self.gain**2 * self.spread / (self.whole_rounds - 1), self.gain * self.color
-        reference = reference_of_halves(shown, shown, self.alpha)
+        """The relative squared error of one sample, (H, W); 0 in pixels without the asset."""
+        variance, exposed = self.gain**2 * self.spread / (self.whole_rounds - 1), self.gain * self.color
+        reference = reference_of_halves(exposed, exposed, self.alpha)
         return np.asarray((variance / (reference**2 + EPSILON)).mean(axis=-1) * (self.coverage > 0.0))
 
 
 def mean_samples(halves: Sequence[Half]) -> float:
-    """Return the samples of a half, the mean over the pixels of the asset; of the frame where there is none."""
+    """Return the mean samples of a half per pixel of the asset; per pixel of the frame where no asset is seen."""
     covered = np.any([half.coverage > 0.0 for half in halves], axis=0)
     total = np.mean([half.samples for half in halves], axis=0)
     return float(np.mean(total[covered] if covered.any() else total))
 
 
 def next_round(sampling: Sampling, halves: tuple[Half, Half], number: int, error: float) -> Round:
-    """Return what to render next: no regions where the frame is done.
+    """Return the regions of the next round, none where the frame is done.
 
-    Without a target, the whole frame takes the fewest powers of two that sum up to the samples set. With one, it
-    doubles its samples until the target is near, and rectangles of it follow.
+    Without a target error, the whole frame takes the fewest powers of two that sum up to the samples of the job. With
+    one, rounds over the whole frame double the samples until the target is near; rounds over rectangles follow.
 
-    number : of rounds so far; error : the estimated relMSE of what they rendered, infinite where there is nothing.
+    number : of rounds so far; error : the estimated relMSE of these, infinite before the first.
     """
-    (first, second), target, most = halves, sampling.error, sampling.samples // 2
-    done = mean_samples(halves)
-    if done >= most or (target is not None and error <= target):
+    (first, second), target, limit = halves, sampling.error, sampling.samples // 2
+    current = mean_samples(halves)
+    if current >= limit or (target is not None and error <= target):
         return (), ()
     if target is None:
-        return _whole(most - done, first)
-    if number == first.whole_rounds and (number < _WHOLE_ROUNDS or error > _NEAR * target):
-        return _whole(min(max(_FIRST_ROUND, done), most - done), first)
+        return _whole_frame_round(limit - current, first)
+    if number == first.whole_rounds and (number < _WHOLE_ROUNDS or error > _NEAR_TARGET * target):
+        return _whole_frame_round(min(max(_FIRST_ROUND, current), limit - current), first)
     growth = _LEAST_GROWTH if number < _LAST_ROUND else 1.0
-    wanted = _AIM * target / error, growth * done, most - done
-    return plan_regions(first, second, *wanted), plan_regions(second, first, *wanted)
+    goals = _AIM * target / error, growth * current, limit - current
+    return plan_regions(first, second, *goals), plan_regions(second, first, *goals)
 
 
-def _whole(samples: float, half: Half) -> Round:
-    return (region := _frame(half, _power(samples), whole=True),), (region,)
+def _whole_frame_round(samples: float, half: Half) -> Round:
+    return (region := _whole_frame(half, _power_of_two_below(samples), whole=True),), (region,)
 
 
-def _frame(half: Half, samples: int, *, whole: bool = False) -> Region:
+def _whole_frame(half: Half, samples: int, *, whole: bool = False) -> Region:
     return Region(slice(0, half.height), slice(0, half.width), samples, whole)
 
 
 def plan_regions(half: Half, other: Half, ratio: float, least: float, most: float) -> tuple[Region, ...]:
-    """Return the regions of a half that bring its error, as the other's, to `ratio` of what it is, at the least cost.
+    """Return the regions of a half that bring its error to `ratio` of the present one, at the least cost.
 
-    A price of samples decides: each rectangle takes the samples for which the sum of its error and their price is
-    least, and is split in two where that costs less, calls of the renderer included. The price is the highest for which
-    the error is as wanted and at least `least` samples are taken, the mean over the pixels of the asset, or the lowest
-    for which these are at most `most`.
+    The error of the `other` half stands in for that of `half`. Samples have a price: each rectangle takes the number of
+    samples for which its error plus their price is least, and is split in two where the parts cost less, calls of the
+    renderer included. The price is the highest for which the error reaches the ratio and the mean samples per pixel of
+    the asset are at least `least`; or, if that is higher, the lowest price for which these are at most `most`.
     """
     tree = _Tree(half, other, most)
-    before = tree.left[0, 0]
-    if before <= 0.0:
-        return (_frame(half, _power(min(mean_samples((half,)), most))),)
+    error = tree.left[0, 0]
+    if error <= 0.0:
+        return (_whole_frame(half, _power_of_two_below(min(mean_samples((half,)), most))),)
 
-    def dear(price: float) -> bool:
+    def is_too_high(price: float) -> bool:
         cut = tree.cut(2.0**price)
-        return cut.left > ratio * before or cut.samples < least
+        return cut.left > ratio * error or cut.samples < least
 
-    def affordable(price: float) -> bool:
+    def is_affordable(price: float) -> bool:
         return tree.cut(2.0**price).samples <= most
 
-    # Of the whole frame, the error that the next sample takes away, for the time of a pixel.
-    usual = np.log2(before / (mean_samples((half,)) * tree.time[0]))
-    within = usual - 30.0, usual + 10.0
-    price = max(_boundary(*within, dear)[0], _boundary(*within, affordable)[1])
+    # The fall of the whole frame's error by one more sample per pixel, over the time of that sample.
+    usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
+    price_range = usual_price - 30.0, usual_price + 10.0
+    price = max(_bisect(*price_range, is_too_high)[0], _bisect(*price_range, is_affordable)[1])
     return tree.regions(tree.cut(2.0**price))
 
 
 @dataclass(frozen=True)
 class _Cut:
-    """Nodes of a tree that fill the frame, the samples of each, their mean, and the error that they leave."""
+    """Nodes of a tree that fill the frame, the samples of each, the mean of these, and the error that remains."""
 
     nodes: list[int]
     sizes: list[int]
@@ -179,36 +179,36 @@ class _Cut:
 
 
 class _Tree:
-    """The rectangles of tiles of a half, each cut in two where errors differ most, down to single tiles."""
+    """A binary tree of rectangles of tiles, each split where the errors of its parts differ most, down to one tile."""
 
     def __init__(self, half: Half, other: Half, most: float) -> None:
-        side = max(_TILE, -(-max(half.height, half.width) // _TILES))
-        self._edges = _edges(half.height, side), _edges(half.width, side)
+        side = max(_TILE_SIDE, -(-max(half.height, half.width) // _TILES_PER_SIDE))
+        self._edges = _tile_edges(half.height, side), _tile_edges(half.width, side)
         covered = (other.coverage > 0.0).astype(np.float64)
-        error, area = self._sums(other.error), self._sums(covered)
-        time = area + _BACKGROUND * (self._sums(np.ones_like(covered)) - area)
+        error, area = self._sums_of_tiles(other.error), self._sums_of_tiles(covered)
+        time = area + _BACKGROUND_COST * (self._sums_of_tiles(np.ones_like(covered)) - area)
         samples = half.samples[np.ix_(*(edges[:-1] for edges in self._edges))]
-        self._boxes, self._parts = _cut_in_two(error, time)
+        self._boxes, self._parts = _split_tiles(error, time)
         self._sizes = np.array([0, *(2**power for power in range(int(most).bit_length()))])
-        self.left = self._of_boxes(error[..., None] / (samples[..., None] + self._sizes))
-        self.time = self._of_boxes(time)
-        self._share = self._of_boxes(area) / max(covered.sum(), 1.0)
+        self.left = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
+        self.time = self._sums_of_boxes(time)
+        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)
 
     def cut(self, price: float) -> _Cut:
-        """Return the rectangles for which the sum of what error is left and the price of their time is least."""
-        costs = self.left + price * (self.time[:, None] * self._sizes + _CALL * (self._sizes > 0))
+        """Return the rectangles for which the remaining error plus the price of their time is least."""
+        costs = self.left + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
         choice = costs.argmin(axis=1)
         least = costs[np.arange(len(choice)), choice]
         for node in reversed(range(len(least))):
             if parts := self._parts[node]:
-                apart = least[parts[0]] + least[parts[1]]
-                if apart < least[node]:
-                    least[node], choice[node] = apart, -1
-        nodes, waiting = [], [0]
-        while waiting:
-            node = waiting.pop()
+                split_cost = least[parts[0]] + least[parts[1]]
+                if split_cost < least[node]:
+                    least[node], choice[node] = split_cost, -1
+        nodes, pending = [], [0]
+        while pending:
+            node = pending.pop()
             if choice[node] < 0:
-                waiting += self._parts[node] or ()
+                pending += self._parts[node] or ()
             else:
                 nodes.append(node)
         sizes = self._sizes[choice[nodes]]
@@ -216,7 +216,7 @@ class _Tree:
         return _Cut(nodes, sizes.tolist(), samples, left)
 
     def regions(self, cut: _Cut) -> tuple[Region, ...]:
-        """Return the rectangles of a cut that take samples."""
+        """Return the regions of a cut, without rectangles that take no samples."""
         rows, columns = self._edges
         return tuple(
             Region(slice(int(rows[top]), int(rows[bottom])), slice(int(columns[left]), int(columns[right])), size)
@@ -224,62 +224,62 @@ class _Tree:
             if size
         )
 
-    def _sums(self, values: Floats) -> Floats:
-        """Return the sums over tiles."""
+    def _sums_of_tiles(self, values: Floats) -> Floats:
+        """Return the sums of the pixels of each tile."""
         rows, columns = self._edges
         return np.asarray(np.add.reduceat(np.add.reduceat(values, rows[:-1], axis=0), columns[:-1], axis=1))
 
-    def _of_boxes(self, values: Floats) -> Floats:
-        """Return the sums of values of tiles over all boxes."""
+    def _sums_of_boxes(self, values: Floats) -> Floats:
+        """Return the sums of the tiles of each box, by a summed-area table."""
         sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1, *values.shape[2:]))
         sums[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
         top, bottom, left, right = self._boxes.T
         return np.asarray(sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left])
 
 
-def _edges(size: int, side: int) -> Ints:
-    """Return where tiles begin along a side of the frame, and its end; no tile is less than half as long as others."""
+def _tile_edges(size: int, side: int) -> Ints:
+    """Return the edges of the tiles along a side of the frame; the last tile is at least half as long as the others."""
     return np.asarray([*range(0, size - side // 2, side), size] if size > side // 2 else [0, size])
 
 
-def _cut_in_two(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int] | None]]:
-    """Return boxes (n, 4) of tiles, top, bottom, left, right, and the numbers of the two parts of each, none of a tile.
+def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int] | None]]:
+    """Return boxes (n, 4) of tiles (top, bottom, left, right), and the numbers of each box's parts, None for a tile.
 
-    With any number of samples in each part, the time to an error is least in proportion to the square of the sum of
-    ``sqrt(error * time)``.
+    With the best number of samples in each part, the time to reach an error is proportional to the square of the sum of
+    ``sqrt(error * time)`` over the parts; the split with the least sum is taken.
     """
     boxes: list[tuple[int, int, int, int]] = [(0, error.shape[0], 0, error.shape[1])]
     parts: list[tuple[int, int] | None] = []
-    # The list grows while it is read: parts come after what they are parts of.
+    # The list grows in the loop: the parts of a box come after it.
     for top, bottom, left, right in boxes:
-        best: tuple[float, int, int] | None = None
+        best_split: tuple[float, int, int] | None = None
         for axis in (0, 1):
-            errors, times = (np.cumsum(each[top:bottom, left:right].sum(axis=1 - axis)) for each in (error, time))
+            errors, times = (np.cumsum(values[top:bottom, left:right].sum(axis=1 - axis)) for values in (error, time))
             if len(errors) > 1:
                 first, second = errors[:-1] * times[:-1], (errors[-1] - errors[:-1]) * (times[-1] - times[:-1])
                 work = np.sqrt(first) + np.sqrt(np.maximum(second, 0.0))
-                where = int(work.argmin())
-                best = min(filter(None, (best, (float(work[where]), axis, where + 1))))
-        if best is None:
+                split = int(work.argmin())
+                best_split = min(filter(None, (best_split, (float(work[split]), axis, split + 1))))
+        if best_split is None:
             parts.append(None)
             continue
         parts.append((len(boxes), len(boxes) + 1))
-        _, axis, where = best
+        _, axis, split = best_split
         if axis == 0:
-            boxes += [(top, top + where, left, right), (top + where, bottom, left, right)]
+            boxes += [(top, top + split, left, right), (top + split, bottom, left, right)]
         else:
-            boxes += [(top, bottom, left, left + where), (top, bottom, left + where, right)]
+            boxes += [(top, bottom, left, left + split), (top, bottom, left + split, right)]
     return np.array(boxes), parts
 
 
-def _boundary(low: float, high: float, holds: Callable[[float], bool]) -> tuple[float, float]:
-    """Return, within .05, the last number for which something does not hold, and the first for which it does."""
+def _bisect(low: float, high: float, holds: Callable[[float], bool]) -> tuple[float, float]:
+    """Return two numbers less than .05 apart: `holds` is false at the first and true at the second."""
     while high - low > 0.05:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return low, high
 
 
-def _power(samples: float) -> int:
-    """Return the largest power of two that is at most some samples."""
+def _power_of_two_below(samples: float) -> int:
+    """Return the largest power of two that is at most `samples`."""
     return 1 << (int(samples).bit_length() - 1)

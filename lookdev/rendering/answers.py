@@ -1,6 +1,6 @@
 """The answers of a render worker to its parent: one JSON object per line on standard output.
 
-`lookdev.rendering.results` reads them, and defines the fields of each.
+`lookdev.rendering.results` reads them and defines their fields.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Answers:
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
     def ready(self, renderer: str) -> None:
-        """Report that tasks can be sent, and the name of the renderer."""
+        """Report the name and version of the renderer, and that the worker takes tasks."""
         self.send(type="ready", blender=renderer)
 
     def progress(self, digest: str, samples: int, of: int, relmse: float | None) -> None:
-        """Report samples done, samples planned and the relMSE so far of the frame of a digest."""
+        """Report the samples rendered, the samples planned (`of`) and the relMSE so far of a frame, by its digest."""
         self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
     def done(
@@ -52,8 +52,9 @@ class Answers:
     ) -> None:
         """Report a rendered frame, notes for the user, and the peak memory of this process.
 
-        `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
-        `raw_relmse` is that of the picture before it was denoised, `raw_seconds` the time without what denoising takes.
+        `arrays` is the path that `save_arrays` returns; `samples` and `seconds` are over both halves; `relmse` is the
+        estimate, or nan. Of a denoised frame, `raw_relmse` is the relMSE of the raw picture, and `raw_seconds` the time
+        without denoising.
         """
         if (raw_relmse is None) != (raw_seconds is None):
             raise ValueError("a denoised frame has the error and the seconds of its raw picture")
@@ -63,7 +64,7 @@ class Answers:
         self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
-        """Report why a frame cannot be rendered; an OutputError will meet all other frames too."""
+        """Report why a frame cannot be rendered; an OutputError concerns all frames."""
         if isinstance(error, OutputError):
             self.send(type="failed", digest=digest, message=str(error), unwritable=True)
         else:
@@ -80,18 +81,19 @@ def save_arrays(
 ) -> str:
     """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
 
-    Of a denoised frame, `raw` (H, W, 3) is the picture before. `passes` and `names` are of `RenderedFrame`.
+    Of a denoised frame, `raw` (H, W, 3) is the picture before denoising. `passes` and `names` are those of
+    `RenderedFrame`.
 
-    Raises OutputError where it cannot be written; nothing is left then.
+    Raises OutputError where the file cannot be written, and leaves no part of it.
     """
     arrays = {"a": a, "b": b, "alpha": alpha, **({} if raw is None else {"raw": raw})}
-    arrays |= {f"pass {name}": each for name, each in passes.items()}
+    arrays |= {f"pass {name}": pixels for name, pixels in passes.items()}
     texts = {"names": np.frombuffer(json.dumps(dict(names)).encode(), np.uint8)} if names else {}
     return save_named({**arrays, **texts})
 
 
 def save_named(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Save arrays by their names; otherwise as `save_arrays`."""
+    """Save arrays by name to a file, and return its path, as `save_arrays` does."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     try:
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
@@ -107,7 +109,7 @@ def save_named(arrays: Mapping[str, NDArray[Any]]) -> str:
 
 
 def peak_memory(process: str = "self") -> int:
-    """Return the peak memory of a process, by its number, in bytes; getrusage() includes the parent's."""
+    """Return the peak memory of a process (its number) in bytes; getrusage() would include the parent's."""
     status = Path(f"/proc/{process}/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

@@ -1,4 +1,4 @@
-"""The backends: what a look is translated to, and the worker that renders it."""
+"""The backends: the kind of source that a look is translated to, and the worker that renders it."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from lookdev.material import Look
 
 RENDER_VERSION = 5
-"""Raised when the program renders the same frame task to other pixels than before."""
+"""To be raised when the package renders the same frame task to other pixels than before."""
 
 NODES_VERSION = 1
-"""Raised when backend `nodes` alone does."""
+"""To be raised when backend `nodes` alone does so."""
 
 MITSUBA_VERSION = 5
-"""Raised when `lookdev.mitsuba` does."""
+"""To be raised when `lookdev.mitsuba` does so."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 """The worker of Cycles."""
@@ -40,15 +40,15 @@ def blender_version() -> str:
     return version("bpy")
 
 
-def _of_cycles() -> str:
+def _cycles_version() -> str:
     return f"{blender_version()} {RENDER_VERSION}"
 
 
-def _of_nodes() -> str:
-    return f"{_of_cycles()}.{NODES_VERSION}"
+def _nodes_version() -> str:
+    return f"{_cycles_version()}.{NODES_VERSION}"
 
 
-def _of_mitsuba() -> str:
+def _mitsuba_version() -> str:
     try:
         return f"{version('mitsuba')} {MITSUBA_VERSION}"
     except PackageNotFoundError:
@@ -57,50 +57,50 @@ def _of_mitsuba() -> str:
 
 @dataclass(frozen=True)
 class Backend:
-    """One way to render looks: the source that a look is translated to, and the worker that takes it."""
+    """One way to render looks: the source that a look is translated to, and the worker that renders it."""
 
     name: str
     help: str
     source: type[Source]
     generate: Callable[[Look, SourceSetting], Source]  # raises CodegenError
-    command: tuple[str, ...] = WORKER_COMMAND  # a program that takes tasks of this backend, and its arguments
+    command: tuple[str, ...] = WORKER_COMMAND  # the worker's program and arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
-    cannot_show: Callable[[Look], str | None] = lambda look: None  # the reason, known before a source is generated
-    exact: bool = False  # pictures agree with the published models; otherwise they approximate them
+    cannot_show: Callable[[Look], str | None] = lambda look: None  # returns why, before a source is generated
+    exact: bool = False  # pictures agree with the published models; if not, they approximate them
     in_jobs: bool = False  # a job may name it
     any_light: bool = False  # renders lights of every kind, by OSL
-    cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
-    directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
-    features: bool = False  # renders what a denoiser is guided by
-    spaces: tuple[Space, ...] = (REC709,)  # in which it renders
-    passes: tuple[str, ...] = ("samples",)  # of `PASSES`
+    cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # returns the gaps, without `any_light`
+    directions: bool = False  # uses `Sampling.brdf_samples` and `ibl_samples`
+    features: bool = False  # renders the pictures that guide a denoiser
+    spaces: tuple[Space, ...] = (REC709,)  # working spaces of its light
+    passes: tuple[str, ...] = ("samples",)  # the names of those of `PASSES` that it renders
     catches: bool = False  # renders shadow catchers
     apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
-    ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
-    check_device: Callable[[str], None] = lambda device: None  # raises RenderError if it cannot be had here
-    version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
+    ahead: bool = False  # its worker takes scenes ahead of their frames, as compiling them takes long
+    check_device: Callable[[str], None] = lambda device: None  # raises RenderError if this machine lacks the device
+    version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
 
 
-# Workers read this registry to decode tasks and generate nothing, so generators are imported where they run.
-def _exact(look: Look, setting: SourceSetting) -> Source:
+# Workers read this registry to decode tasks, and do not generate sources: so generators are imported where they run.
+def _generate_exact(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.osl.surface import generate_surface
 
     return generate_surface(look, setting)
 
 
-def _nodes(look: Look, setting: SourceSetting) -> Source:
+def _generate_nodes(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.nodes.look import generate_nodes
 
     return generate_nodes(look, setting.image_file)
 
 
-def _nodes_exact(look: Look, setting: SourceSetting) -> Source:
+def _generate_nodes_exact(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.nodes.exact import generate_nodes_exact
 
     return generate_nodes_exact(look, setting.image_file, bounces=setting.sampling.bounces)
 
 
-def _program(look: Look, setting: SourceSetting) -> Source:
+def _generate_program(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
     return generate_program(
@@ -112,30 +112,30 @@ def _program(look: Look, setting: SourceSetting) -> Source:
     )
 
 
-def _principled(look: Look, setting: SourceSetting) -> Source:
+def _generate_principled(look: Look, setting: SourceSetting) -> Source:
     from lookdev.codegen.principled import generate_principled
 
     return generate_principled(look)
 
 
-def _only_domes(lights: Sequence[Light]) -> Sequence[str]:
-    """Directions drawn from the model pass lamps, and what they pass counts as a portal."""
+def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
+    """Return the gaps: every lamp, as directions sampled from a model pass lamps, which then count as portals."""
     lamps = [
-        f"{called(each, number)}: the rays of this backend find no lamps, only domes"
-        for number, each in enumerate(lights, start=1)
-        if each.kind != "dome"
+        f"{called(light, number)}: the rays of this backend find no lamps, only domes"
+        for number, light in enumerate(lights, start=1)
+        if light.kind != "dome"
     ]
-    domes = [each for each in lights if each.kind == "dome"]
+    domes = [light for light in lights if light.kind == "dome"]
     return [*lamps, *native_gaps(domes)]
 
 
-def _one_dome(lights: Sequence[Light]) -> Sequence[str]:
+def _one_dome_gaps(lights: Sequence[Light]) -> Sequence[str]:
     if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
         return ()
     return ["the bench lights Mitsuba by one dome alone, in its own axes"]
 
 
-def _unlike_principled(look: Look) -> str | None:
+def _principled_gap(look: Look) -> str | None:
     from lookdev.codegen.principled import generate_principled
 
     try:
@@ -145,7 +145,7 @@ def _unlike_principled(look: Look) -> str | None:
     return None
 
 
-_PLACES = ("depth", "position", "uv", "samples")
+_GEOMETRY_PASSES = ("depth", "position", "uv", "samples")
 _ANY_DEVICE = ("cpu", "cuda", "optix", "hip", "metal", "oneapi")
 
 BACKENDS: dict[str, Backend] = {
@@ -155,7 +155,7 @@ BACKENDS: dict[str, Backend] = {
             name="exact",
             help="the models as published, through light integrals in OSL, which Cycles runs on the CPU only",
             source=ShaderSource,
-            generate=_exact,
+            generate=_generate_exact,
             exact=True,
             in_jobs=True,
             any_light=True,
@@ -171,23 +171,23 @@ BACKENDS: dict[str, Backend] = {
             name="nodes",
             help="Cycles' own closures, fitted to the models, as native shader nodes",
             source=NodeSource,
-            generate=_nodes,
+            generate=_generate_nodes,
             devices=_ANY_DEVICE,
             in_jobs=True,
-            version=_of_nodes,
-            passes=tuple(name for name, each in PASSES.items() if not each.light),
+            version=_nodes_version,
+            passes=tuple(name for name, record in PASSES.items() if not record.light),
         ),
         Backend(
             name="nodes-exact",
             help="the models as published, as native shader nodes without OSL; noisier than exact, and not for looks "
             "that can be seen through",
             source=NodeSource,
-            generate=_nodes_exact,
+            generate=_generate_nodes_exact,
             devices=_ANY_DEVICE,
             exact=True,
             in_jobs=True,
-            passes=_PLACES,
-            cannot_light=_only_domes,
+            passes=_GEOMETRY_PASSES,
+            cannot_light=_lamp_gaps,
         ),
         Backend(
             name="mitsuba",
@@ -195,7 +195,7 @@ BACKENDS: dict[str, Backend] = {
             "'lookdev[mitsuba]'",
             command=(sys.executable, "-m", "lookdev.mitsuba"),
             source=ProgramSource,
-            generate=_program,
+            generate=_generate_program,
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
@@ -206,15 +206,15 @@ BACKENDS: dict[str, Backend] = {
             check_device=check_device,
             apart=True,
             spaces=tuple(OCIO_NAMES),
-            version=_of_mitsuba,
+            version=_mitsuba_version,
         ),
         Backend(
             name="principled",
             help="Blender's Principled BSDF, which comes near to the look, under Cycles' own light",
             source=PrincipledSource,
-            generate=_principled,
+            generate=_generate_principled,
             devices=_ANY_DEVICE,
-            cannot_show=_unlike_principled,
+            cannot_show=_principled_gap,
             features=True,
         ),
         Backend(
@@ -222,9 +222,9 @@ BACKENDS: dict[str, Backend] = {
             help="Mitsuba 3's principled in its LLVM variant, if it is installed: pip install 'lookdev[mitsuba]'",
             command=(sys.executable, "-m", "lookdev.bench.mitsuba_worker"),
             source=PrincipledSource,
-            generate=_principled,
-            cannot_show=_unlike_principled,
-            cannot_light=_one_dome,
+            generate=_generate_principled,
+            cannot_show=_principled_gap,
+            cannot_light=_one_dome_gaps,
             features=True,
             version=lambda: version("mitsuba"),
         ),

@@ -1,4 +1,4 @@
-"""The task of the exporter of a .blend: the scenes of a job, as plain data."""
+"""The task of the .blend exporter: the scenes of a job, as plain data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.scene import Pose
 
 @dataclass(frozen=True)
 class BlendRig:
-    """Lights of a job: `strength` multiplies their radiance, `turn` degrees about z are beyond those of the poses."""
+    """The lights of a rig: `strength` multiplies their radiance, `turn` adds degrees about z to those of a pose."""
 
     name: str
     lights: tuple[AnyLight, ...]
@@ -42,16 +42,16 @@ class BlendImage:
 
 @dataclass(frozen=True)
 class BlendTask:
-    """A .blend to be written. Rigs and turntables are in the order of the job, at least one of each."""
+    """The .blend to write. Rigs and turntables are in the order of the job, at least one of each."""
 
     file: Path
-    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, the lights those of the first rig
+    scenes: Mapping[str, SceneTask]  # by the name of the look; with node sources, and the lights of the first rig
     rigs: tuple[BlendRig, ...]
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]
-    pack: bool  # images into the .blend; otherwise they lie at their relative paths
-    view: str  # of the pictures of a job
-    show_light: bool  # behind the asset
+    pack: bool  # whether images go into the .blend; if not, they lie at their relative paths
+    view: str  # the OpenColorIO view of the job's pictures
+    show_light: bool  # whether the light is visible behind the asset
 
 
 BLEND_TASK = TypeAdapter(BlendTask)

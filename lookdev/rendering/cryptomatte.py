@@ -1,4 +1,4 @@
-"""Cryptomatte: the coverage of each of many named things in a pixel.
+"""Cryptomatte: the coverage of named objects, materials or assets in each pixel.
 
 - Friedman, J. and Jones, A. 2015. Fully Automatic ID Mattes with Support for Motion Blur and Transparency. SIGGRAPH
   Posters. The specification, version 1.2, is by Psyop.
@@ -16,43 +16,43 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 
 RANKS = 6
-"""Things of a pixel that are kept, those of most coverage: two of them are the four channels of a layer."""
+"""Names per pixel of a matte, those of most coverage. Two ids and their coverages fill the four channels of a layer."""
 
 
 def matte_samples(samples: int) -> int:
-    """Return how many samples the mattes of a frame take: half of its own, a power of two, 16 to 4096."""
+    """Return the number of samples of a frame's mattes: half of the frame's, a power of two, 16 to 4096."""
     return min(max(16, 1 << (samples // 2 - 1).bit_length()), 4096)
 
 
 def murmur3(text: str) -> int:
-    """Return MurmurHash3_x86_32 of a text's UTF-8, with seed 0 (Appleby 2011)."""
+    """Return MurmurHash3_x86_32 of a text in UTF-8, with seed 0 (Appleby 2011)."""
     data = text.encode()
     whole = len(data) // 4
     value = 0
     for (block,) in struct.iter_unpack("<I", data[: 4 * whole]):
-        value = (_turned(value ^ _mixed(block), 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
-    value ^= _mixed(int.from_bytes(data[4 * whole :], "little")) ^ len(data)
+        value = (_rotate_left(value ^ _mix_block(block), 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
+    value ^= _mix_block(int.from_bytes(data[4 * whole :], "little")) ^ len(data)
     value = ((value ^ value >> 16) * 0x85EBCA6B) & 0xFFFFFFFF
     value = ((value ^ value >> 13) * 0xC2B2AE35) & 0xFFFFFFFF
     return value ^ value >> 16
 
 
-def _mixed(block: int) -> int:
-    return (_turned(block * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593) & 0xFFFFFFFF
+def _mix_block(block: int) -> int:
+    return (_rotate_left(block * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593) & 0xFFFFFFFF
 
 
-def _turned(value: int, by: int) -> int:
-    return (value << by | value >> 32 - by) & 0xFFFFFFFF
+def _rotate_left(value: int, bits: int) -> int:
+    return (value << bits | value >> 32 - bits) & 0xFFFFFFFF
 
 
 def matte_id(name: str) -> int:
-    """Return the bits of the float32 that stands for a name, which is finite and not subnormal."""
+    """Return the id of a name: the bits of a float32 that is finite and not subnormal."""
     value = murmur3(name)
     return value ^ 1 << 23 if value >> 23 & 255 in (0, 255) else value
 
 
 def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
-    """Return the attributes of an EXR that has a matte, and the names in it."""
+    """Return the attributes of an EXR with a matte, with the manifest of its names."""
     key = f"cryptomatte/{murmur3(matte):08x}"[: len("cryptomatte/") + 7]
     manifest = {name: f"{matte_id(name):08x}" for name in sorted(names)}
     return {
@@ -64,9 +64,11 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
 
 
 def renamed(mattes: Floats, names: Mapping[str, str]) -> Floats:
-    """Return mattes with other names, of which several things may have one; other things are left out.
+    """Return mattes whose ids are those of the new names; ids of names that are not in `names` are left out.
 
-    mattes : (H, W, 2 n), the id and the coverage of a pixel's things; returned with `RANKS` of them, the largest first.
+    Several old names may have the same new one: their coverages are summed up.
+
+    mattes : (H, W, 2 n), the ids and coverages of each pixel. Returned as (H, W, 2 `RANKS`), largest coverage first.
     """
     old = np.array([matte_id(name) for name in names], np.uint32)
     new = np.array([matte_id(name) for name in names.values()], np.uint32)
@@ -75,41 +77,43 @@ def renamed(mattes: Floats, names: Mapping[str, str]) -> Floats:
     deepest = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
     bits = np.ascontiguousarray(mattes[..., 0 : 2 * deepest : 2]).view(np.uint32)
     coverage = mattes[..., 1 : 2 * deepest : 2]
-    place = np.minimum(np.searchsorted(old, bits), len(old) - 1)
-    known = (old[place] == bits) & (coverage > 0.0)
-    ids, coverage = np.where(known, new[place], 0), np.where(known, coverage, np.float32(0.0))
-    shown = np.zeros((*known.shape[:2], RANKS, 2), np.float32)
-    # Most pixels show one thing, or none.
-    most = np.argmax(coverage, axis=-1)[..., None]
-    shown[..., 0, 0] = np.take_along_axis(ids, most, -1)[..., 0].view(np.float32)
-    shown[..., 0, 1] = np.take_along_axis(coverage, most, -1)[..., 0]
-    several = np.count_nonzero(known, axis=-1) > 1
-    shown[several] = _summed(ids[several], coverage[several])
-    return shown.reshape(*known.shape[:2], 2 * RANKS)
+    index = np.minimum(np.searchsorted(old, bits), len(old) - 1)
+    listed = (old[index] == bits) & (coverage > 0.0)
+    ids, coverage = np.where(listed, new[index], 0), np.where(listed, coverage, np.float32(0.0))
+    ranked = np.zeros((*listed.shape[:2], RANKS, 2), np.float32)
+    # Most pixels have one id, or none.
+    largest = np.argmax(coverage, axis=-1)[..., None]
+    ranked[..., 0, 0] = np.take_along_axis(ids, largest, -1)[..., 0].view(np.float32)
+    ranked[..., 0, 1] = np.take_along_axis(coverage, largest, -1)[..., 0]
+    several = np.count_nonzero(listed, axis=-1) > 1
+    ranked[several] = _sum_equal_ids(ids[several], coverage[several])
+    return ranked.reshape(*listed.shape[:2], 2 * RANKS)
 
 
-def _summed(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
-    """Return ids and coverages (P, `RANKS`, 2), the largest first, with those of equal ids (P, n) summed up."""
+def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
+    """Return ids and coverages (P, `RANKS`, 2), largest first; coverages (P, n) of equal ids are summed up."""
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
-    # Of equal ids the last has the sum of all.
+    # The sum of equal ids is found at the last of them.
     sums = coverage.cumsum(axis=1, dtype=np.float64)
     last = np.concatenate([ids[:, 1:] != ids[:, :-1], np.ones((len(ids), 1), bool)], axis=1)
     before = np.maximum.accumulate(np.where(last, sums, 0.0), axis=1)
     before = np.concatenate([np.zeros((len(ids), 1)), before[:, :-1]], axis=1)
     total = np.where(last & (ids != 0), sums - before, 0.0)
-    most = np.argsort(-total, axis=1, kind="stable")[:, :RANKS]
-    kept = np.take_along_axis(total, most, 1).astype(np.float32)
-    shown = np.zeros((len(ids), RANKS, 2), np.float32)
-    shown[:, : most.shape[1], 1] = kept
-    shown[:, : most.shape[1], 0] = np.where(kept > 0.0, np.take_along_axis(ids, most, 1), 0).view(np.float32)
-    return shown
+    largest = np.argsort(-total, axis=1, kind="stable")[:, :RANKS]
+    largest_totals = np.take_along_axis(total, largest, 1).astype(np.float32)
+    ranked = np.zeros((len(ids), RANKS, 2), np.float32)
+    ranked[:, : largest.shape[1], 1] = largest_totals
+    ranked[:, : largest.shape[1], 0] = np.where(largest_totals > 0.0, np.take_along_axis(ids, largest, 1), 0).view(
+        np.float32
+    )
+    return ranked
 
 
 def filled(mattes: Floats, alpha: Floats) -> Floats:
-    """Return mattes (H, W, 2 n) of which the coverage of a pixel sums up to its alpha (H, W).
+    """Return mattes (H, W, 2 n) whose coverages sum up to the alpha (H, W) of each pixel.
 
-    A pixel that shows so little that no matte has it takes the things of a neighbour.
+    A pixel with alpha but without ids, where the asset is too small for the samples, takes the ids of a neighbour.
     """
     scaled = mattes.copy()
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):

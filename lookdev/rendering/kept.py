@@ -1,4 +1,4 @@
-"""Sources of looks that are kept in the cache: equal values and images are traced once, not in every run."""
+"""A cache of sources of looks: a look with equal values and images is traced once, not in every run."""
 
 from __future__ import annotations
 
@@ -22,53 +22,55 @@ _ROOM = "sources"
 _SOURCE: TypeAdapter[ShaderSource] = TypeAdapter(ShaderSource)
 
 
-def kept_source(backend: Backend, look: Look, setting: SourceSetting, lit: tuple[object, ...]) -> Source:
-    """Return ``backend.generate(look, setting)``, of the cache where it is known; errors as that.
+def cached_source(backend: Backend, look: Look, setting: SourceSetting, light_code: tuple[object, ...]) -> Source:
+    """Return ``backend.generate(look, setting)``, from the cache if it is there; raises what `generate` raises.
 
-    Only OSL is kept, of looks without expressions, measurements and sets of tiles: it depends on no more than the
-    look's values, the contents of its images, the setting, what `lit` has of the lights, and the code.
+    The cache has OSL alone, of looks without expressions, measurements and sets of tiles: that depends only on the
+    look's values, the contents of its images, the setting, `light_code` (all that it depends on of the lights), and the
+    code of the package.
     """
-    read = None if backend.source is not ShaderSource or setting.resolve is not None else _contents(look)
-    if read is None:
+    image_digests = None if backend.source is not ShaderSource or setting.resolve is not None else _image_digests(look)
+    if image_digests is None:
         return backend.generate(look, setting)
     settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
-    given = replace(look, source=""), *settings
-    # All code: a source contains what many rooms define.
-    key = hashlib.sha256(f"{code_digest()} {backend.name} {given!r} {read} {lit!r}".encode()).hexdigest()
+    inputs = replace(look, source=""), *settings
+    # The code of the whole package: many rooms contribute to a source.
+    text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
+    key = hashlib.sha256(text.encode()).hexdigest()
     if (value := kept(_ROOM, key)) is not None:
         try:
             source = _SOURCE.validate_python(value)
-        except ValidationError:  # of no version of this code
+        except ValidationError:  # not written by this version of the code
             pass
         else:
-            if all(file.is_whole() for file in (*(each.file for each in source.tables), *source.images)):
+            if all(file.is_whole() for file in (*(table.file for table in source.tables), *source.images)):
                 return source
-    made = backend.generate(look, setting)
-    keep(_ROOM, key, _SOURCE.dump_python(made, mode="json"))  # type: ignore[arg-type]
-    return made
+    generated = backend.generate(look, setting)
+    keep(_ROOM, key, _SOURCE.dump_python(generated, mode="json"))  # type: ignore[arg-type]
+    return generated
 
 
-def _contents(look: Look) -> list[str] | None:
-    """Return the digests of a look's images; None where it depends on more than its values and these."""
-    found = []
+def _image_digests(look: Look) -> list[str] | None:
+    """Return the digests of a look's images; None where the look depends on more than its values and images."""
+    digests = []
     for layer in look.layers:
         parameters: Mapping[str, Parameter] = MODELS[layer.model].parameters if layer.model in MODELS else {}
-        if any(each.file is not None for each in parameters.values()):
+        if any(parameter.file is not None for parameter in parameters.values()):
             return None
         for value in (*layer.inputs.values(), layer.mask):
             if isinstance(value, Texture | Bump):
                 texture = value.height if isinstance(value, Bump) else value
-                try:  # one that reaches no pixel may be missing
+                try:  # an image that reaches no pixel may be missing
                     check_file(texture.file, TextureError)
-                    found.append(file_digest(texture.file))
+                    digests.append(file_digest(texture.file))
                 except (TextureError, OSError):
                     return None
             elif not isinstance(value, Primvar) and not all(
-                type(each) in (bool, int, float, str) for each in _parts(value)
+                type(element) in (bool, int, float, str) for element in _elements(value)
             ):
                 return None
-    return found
+    return digests
 
 
-def _parts(value: Any) -> Iterator[Any]:
+def _elements(value: Any) -> Iterator[Any]:
     yield from value if isinstance(value, tuple) else (value,)

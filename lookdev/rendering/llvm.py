@@ -1,4 +1,4 @@
-"""What Dr.Jit compiles Mitsuba's kernels by: LLVM's library for the CPU, the driver of an NVIDIA GPU."""
+"""The libraries by which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ VARIABLE = "DRJIT_LIBLLVM_PATH"
 """Environment variable with the file of the library."""
 
 OLDEST = 16
-"""The first version that fits the processors of today; older ones end the process on some."""
+"""The first version that supports the processors of today: older ones abort on some of them."""
 
 NEWEST_DEBIAN = 19
-"""The newest that Debian 12 and 13 both have, by their package's name."""
+"""The newest version that both Debian 12 and 13 package, by the package's name."""
 
 _FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
 _VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
@@ -32,7 +32,7 @@ def check_device(device: str) -> None:
 
 
 def lacking_gpu() -> str | None:
-    """Return why there is no GPU of NVIDIA, by its driver's own functions; None: there is one."""
+    """Return why no NVIDIA GPU can be used here, or None where one can; asks the driver itself."""
     count = ctypes.c_int(0)
     try:
         driver = ctypes.CDLL("libcuda.so.1")
@@ -44,23 +44,23 @@ def lacking_gpu() -> str | None:
 
 
 def find_llvm(root: Path = Path("/")) -> str:
-    """Return the path of the newest library in the folders of Debian's and Fedora's packages, or the one that is set.
+    """Return the path of LLVM's library: `VARIABLE`, or the newest in the folders of Debian's and Fedora's packages.
 
-    Dr.Jit by itself looks for some of their names. Raises RenderError where Mitsuba or an LLVM is not installed.
+    Dr.Jit's own search misses some of their file names. Raises RenderError where Mitsuba or LLVM is not installed.
     """
     if importlib.util.find_spec("mitsuba") is None:
         raise RenderError("Mitsuba is not installed: pip install 'lookdev[mitsuba]'")
-    if chosen := os.environ.get(VARIABLE):
-        return chosen
-    found = {}
-    for file in (each for pattern in _FILES for each in root.glob(pattern)):
+    if library := os.environ.get(VARIABLE):
+        return library
+    libraries = {}
+    for file in (path for pattern in _FILES for path in root.glob(pattern)):
         if match := _VERSION.search(file.name):
-            found[int(match[1])] = file
-    if not found or max(found) < OLDEST:
-        versions = f"found: version {max(found)}" if found else "found: none"
+            libraries[int(match[1])] = file
+    if not libraries or max(libraries) < OLDEST:
+        versions = f"found: version {max(libraries)}" if libraries else "found: none"
         package = f"libllvm{NEWEST_DEBIAN}"
         raise RenderError(
             f"Mitsuba compiles its kernels by LLVM {OLDEST} or newer, {versions}: install it (on Debian {package}), or "
             f"name the file of its library by {VARIABLE}"
         )
-    return str(found[max(found)])
+    return str(libraries[max(libraries)])

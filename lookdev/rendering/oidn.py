@@ -41,7 +41,7 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
 
 @cache
 def _library() -> tuple[ctypes.CDLL, int]:
-    """Return the library and a device of the processor; raises RenderError where there is none."""
+    """Return the library and its CPU device; raises RenderError where the library cannot be loaded."""
     spec = importlib.util.find_spec("bpy")  # finds the package without importing Blender
     folders = [Path(folder, "lib") for folder in (spec.submodule_search_locations or ()) if spec] if spec else []
     files = [file for folder in folders for file in sorted(folder.glob("libOpenImageDenoise.so*"))]
@@ -59,23 +59,23 @@ def _library() -> tuple[ctypes.CDLL, int]:
     device = library.oidnNewDevice(_CPU)
     if cores() < (os.cpu_count() or 1):
         library.oidnSetDeviceInt(device, b"numThreads", cores())
-        # It would pin them to the first cores of the machine, whichever this process may use.
+        # Otherwise it pins its threads to the first cores of the machine, even if this process may not use these.
         library.oidnSetDeviceBool(device, b"setAffinity", False)
     library.oidnCommitDevice(device)
-    _check(library, device)
+    _raise_error(library, device)
     return library, device
 
 
 def denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[Image], Image]:
     """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
 
-    albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero. `quick`
-    takes 0.4 of the time, and leaves some 6 % more error (relMSE): the library's quality "balanced" instead of "high".
+    albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero.
+    quick : the library's quality "balanced" instead of "high": 0.4 of the time, about 6 % more error (relMSE).
 
     Raises
     ------
     RenderError
-        The library is not there, or refuses the pictures.
+        The library cannot be loaded, or reports an error.
     """
     library, device = _library()
     height, width = albedo.shape[:2]
@@ -94,19 +94,19 @@ def denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[
     if quick:
         library.oidnSetFilterInt(filter_, b"quality", _BALANCED)
     library.oidnCommitFilter(filter_)
-    _check(library, device)
+    _raise_error(library, device)
 
     def denoise(picture: Image) -> Image:
         images[b"color"][...] = picture
         library.oidnExecuteFilter(filter_)
-        _check(library, device)
+        _raise_error(library, device)
         return smooth.copy()
 
     weakref.finalize(denoise, library.oidnReleaseFilter, filter_)
     return denoise
 
 
-def _check(library: ctypes.CDLL, device: int) -> None:
+def _raise_error(library: ctypes.CDLL, device: int) -> None:
     message = _TEXT()
     if library.oidnGetDeviceError(device, ctypes.byref(message)):
         raise RenderError(f"Open Image Denoise: {(message.value or b'unknown error').decode(errors='replace')}")

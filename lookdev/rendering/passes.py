@@ -1,4 +1,4 @@
-"""The passes of a frame: what an EXR can have besides the beauty, and the names of its channels."""
+"""The passes of a frame: the arrays that an EXR can have besides the beauty, and the names of their channels."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from lookdev.rendering.cryptomatte import RANKS
 
 @dataclass(frozen=True)
 class Pass:
-    """What a job asks for by a name: arrays (H, W, channels) by their names, with the EXR's names of the channels.
+    """A pass that a job can name: arrays (H, W, channels), each with the EXR's names of its channels.
 
-    If `light`, they are parts of the beauty, to which exposure applies.
+    With `light`, the arrays are parts of the beauty, and exposure applies to them.
     """
 
     name: str
@@ -24,11 +24,11 @@ class Pass:
     light: bool = False
 
 
-def _layer(name: str, help: str, letters: str) -> Pass:
+def _one_layer(name: str, help: str, letters: str) -> Pass:
     return Pass(name, help, {name: tuple(f"{name}.{letter}" for letter in letters)})
 
 
-def _parts(name: str, help: str, parts: Iterable[str]) -> Pass:
+def _parts_of_light(name: str, help: str, parts: Iterable[str]) -> Pass:
     return Pass(name, help, {part: tuple(f"{part}.{letter}" for letter in "RGB") for part in parts}, light=True)
 
 
@@ -37,20 +37,22 @@ def _matte_channels(name: str) -> tuple[str, ...]:
 
 
 MATTES = {kind: f"Crypto{kind.capitalize()}" for kind in ("object", "material", "asset")}
-"""The names of the mattes by what they tell apart: prims, looks, assets."""
+"""The names of the mattes, whose ids are those of prims, looks, or assets."""
 
 PASSES: dict[str, Pass] = {
-    each.name: each
-    for each in (
-        _layer("depth", "distance along the camera's axis, metres", "Z"),
-        _layer("position", "place in the world, metres", "XYZ"),
-        _layer("normal", "shading normal in the world", "XYZ"),
-        _layer("uv", "texture coordinates of the first UV set", "UV"),
-        _layer("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
-        _layer("samples", "samples of each pixel", "Y"),
-        _parts("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
-        _parts("direct", "light that reaches the surface from lights, and by way of the asset", ("direct", "indirect")),
-        _parts("lights", "light by the light, or the group of lights, that sends it", ()),
+    record.name: record
+    for record in (
+        _one_layer("depth", "distance along the camera's axis, metres", "Z"),
+        _one_layer("position", "place in the world, metres", "XYZ"),
+        _one_layer("normal", "shading normal in the world", "XYZ"),
+        _one_layer("uv", "texture coordinates of the first UV set", "UV"),
+        _one_layer("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
+        _one_layer("samples", "samples of each pixel", "Y"),
+        _parts_of_light("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
+        _parts_of_light(
+            "direct", "light that reaches the surface from lights, and by way of the asset", ("direct", "indirect")
+        ),
+        _parts_of_light("lights", "light by the light, or the group of lights, that sends it", ()),
         Pass(
             "cryptomatte",
             "coverage of each prim, look and asset",
@@ -60,14 +62,14 @@ PASSES: dict[str, Pass] = {
 }
 
 
-CATCHER = _parts("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
-"""What a frame with a shadow catcher has besides, as `lookdev.rendering.catcher` defines it."""
+CATCHER = _parts_of_light("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
+"""The further arrays of a frame with a shadow catcher, as defined by `lookdev.rendering.catcher`."""
 
 IN_EACH_FRAME = ("beauty", "alpha", "error")
-"""What a job may name among its passes, and every frame has."""
+"""Names that a job may list among its passes though every frame has these arrays."""
 
 LIGHTS = "lights"
-"""The pass whose arrays are those of a scene: one for each group of lights."""
+"""The pass whose arrays depend on the scene: one for each group of lights."""
 
 
 def light_layer(group: str) -> str:
@@ -76,22 +78,22 @@ def light_layer(group: str) -> str:
 
 
 def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return the group of each light: that of its emission, and the kind of light where it has none.
+    """Return the group of each light: that of its emission or, without one, its kind.
 
-    What is no letter or digit becomes an underscore: dots would divide the names of layers.
+    Characters other than letters and digits become underscores: dots would divide the names of layers.
     """
-    return tuple(re.sub(r"\W", "_", each.emission.group or each.kind, flags=re.ASCII) for each in lights)
+    return tuple(re.sub(r"\W", "_", light.emission.group or light.kind, flags=re.ASCII) for light in lights)
 
 
 def arrays_of(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
-    """Return the channels of each array of passes, by its name; `groups` are those of the lights."""
-    found = {name: channels for each in passes for name, channels in PASSES[each].arrays.items()}
+    """Return the channels of each array of some passes, by its name; `groups` are the groups of lights."""
+    arrays = {name: channels for key in passes for name, channels in PASSES[key].arrays.items()}
     if LIGHTS in passes:
         for name in map(light_layer, dict.fromkeys(groups)):
-            found[name] = tuple(f"{name}.{letter}" for letter in "RGB")
-    return found
+            arrays[name] = tuple(f"{name}.{letter}" for letter in "RGB")
+    return arrays
 
 
 def parts_of_light(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
-    """Return the names of the arrays that are parts of the beauty, to which exposure applies."""
-    return frozenset(arrays_of([each for each in passes if PASSES[each].light], groups))
+    """Return the names of the arrays of some passes that are parts of the beauty, to which exposure applies."""
+    return frozenset(arrays_of([name for name in passes if PASSES[name].light], groups))

@@ -1,4 +1,4 @@
-"""What a render worker answers, as its parent reads it: messages, and the arrays of a frame, all of them checked.
+"""The answers of a render worker, as its parent reads and checks them: messages, and the arrays of a frame.
 
 `lookdev.rendering.answers` is the worker's side.
 """
@@ -62,37 +62,37 @@ MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """A frame as the worker renders it: independent halves (H, W, 3), premultiplied, without exposure."""
+    """A frame of a worker: independent halves (H, W, 3), premultiplied, without exposure."""
 
     a: NDArray[np.float32]
     b: NDArray[np.float32]
     alpha: NDArray[np.float32]  # (H, W)
-    samples: int  # per pixel over both halves
-    seconds: float  # in the worker
+    samples: int  # per pixel, over both halves
+    seconds: float  # of the worker's time
     relmse: float  # estimated from the halves
     blender: str
     memory: int  # peak of the worker so far, bytes
     notes: tuple[str, ...] = ()  # for the user
-    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
+    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before denoising
     raw_relmse: float | None = None
-    raw_seconds: float | None = None  # without features and denoising
-    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels) by their arrays' names
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # in each matte
+    raw_seconds: float | None = None  # without the denoiser's features and denoising
+    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names in each matte
 
 
-def loaded(done: Done, scene: SceneTask, blender: str) -> Rendered:
-    """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
+def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
+    """Read a result and remove its file; raises WorkerError unless the arrays are finite and of the right shapes."""
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
     passes = scene.arrays
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
-    found, names = arrays_in(done, shapes)
-    shown = {name: found.pop(f"pass {name}") for name in passes}
+    arrays, names = load_arrays(done, shapes)
+    pass_arrays = {name: arrays.pop(f"pass {name}") for name in passes}
     return Rendered(
-        **found,
-        passes=shown,
-        names={name: tuple(each) for name, each in names.items()},
+        **arrays,
+        passes=pass_arrays,
+        names={matte: tuple(listed) for matte, listed in names.items()},
         samples=done.samples,
         seconds=done.seconds,
         relmse=done.relmse,
@@ -104,8 +104,8 @@ def loaded(done: Done, scene: SceneTask, blender: str) -> Rendered:
     )
 
 
-def arrays_in(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
-    """Read and remove the arrays of a result, and the names of mattes; errors as `loaded`."""
+def load_arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
+    """Return the arrays of a result and the names in its mattes, and remove its file; raises as `load_result`."""
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}

@@ -1,4 +1,4 @@
-"""From a scene to the task that a worker renders."""
+"""Generates the task of a scene, which a worker renders."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lookdev.light.emission import WHITE
 from lookdev.light.link import MOST_GROUPS
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
-from lookdev.rendering.kept import kept_source
+from lookdev.rendering.kept import cached_source
 from lookdev.rendering.passes import LIGHTS, light_groups
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -29,26 +29,26 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
 
 
 class SceneTasks:
-    """Makes the tasks of scenes for a backend; a source that several scenes need is generated once."""
+    """Generates the tasks of scenes for a backend; a source that several scenes need is generated once."""
 
     def __init__(self, backend: str = "exact", device: str = "cpu") -> None:
         self._backend = BACKENDS[backend]
         self._device = device
-        # The look is beside its source, so that no other look gets its id.
+        # The look is stored beside its source, so that its id stays in use and no other look gets it.
         self._sources: dict[tuple[object, ...], tuple[Source, Look]] = {}
 
     def task(self, scene: Scene, sampling: Sampling) -> SceneTask:
         """Generate the sources of a scene, and return its task.
 
-        Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless
-        it is closed and a look transmits. Lights that reach nothing are left out.
+        A convex asset is rendered without bounces and shadow rays, as light that it reflects does not hit it again;
+        except a closed one with a look that transmits. Lights that reach nothing are left out.
 
         Raises
         ------
         CodegenError
-            The backend cannot show a look, a catcher, or a look that is seen through under these lights.
+            The backend cannot render a look, a shadow catcher, or a look that can be seen through under these lights.
         EnvironmentMapError
-            The backend cannot show lights, a line each.
+            The backend cannot render some lights; the message has a line for each.
         """
         every_group = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
         scene = scene.without_idle_lights()  # the pass of a light that reaches nothing is black
@@ -57,55 +57,57 @@ class SceneTasks:
         groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
         numbers = tuple(layers.index(group) for group in groups)
-        # Surfaces are many, sets of lights few.
+        # Surfaces are many, sets of lights are few: the code is generated once for each set.
         lights = {surface.lights: tuple(scene.lights[number] for number in surface.lights) for surface in surfaces}
         codes = {
-            numbers_of_lights: _code_of_lights(reaching, self._backend, sampling)
+            numbers_of_lights: _light_code(reaching, self._backend, sampling)
             for numbers_of_lights, reaching in lights.items()
         }
 
         def generate(sampling: Sampling, shadows: bool) -> list[Source]:
             sources = []
             for surface in surfaces:
-                own = tuple(numbers[number] for number in surface.lights) if numbers else ()
+                group_numbers = tuple(numbers[number] for number in surface.lights) if numbers else ()
                 setting = SourceSetting(lights[surface.lights], scene.film.resolution, sampling, shadows)
-                setting = replace(setting, catching=surface.catching, light_groups=own, space=scene.film.space)
+                setting = replace(
+                    setting, catching=surface.catching, light_groups=group_numbers, space=scene.film.space
+                )
                 code = codes[surface.lights]
-                sources.append(self._source(surface.look, setting, (*code, own) if own else code))
+                sources.append(self._source(surface.look, setting, (*code, group_numbers) if group_numbers else code))
             return sources
 
         asset = scene.asset
-        used = replace(sampling, bounces=0) if asset.convex else sampling
-        sources = generate(used, not asset.convex)
+        effective = replace(sampling, bounces=0) if asset.convex else sampling
+        sources = generate(effective, not asset.convex)
         if asset.convex and not asset.sheet and any(source.transmits or source.see_through for source in sources):
-            used = sampling
-            sources = generate(used, True)
+            effective = sampling
+            sources = generate(effective, True)
         for source, surface in zip(sources, surfaces, strict=True):
             _check_shadows(source, lights[surface.lights])
-        # Equal looks of two materials have one source, unless messages name them differently.
+        # Equal looks of two materials share a source, unless their names in messages differ.
         keys = [(source.name, source.digest, surface.lights) for source, surface in zip(sources, surfaces, strict=True)]
-        different = dict(zip(keys, sources, strict=True))
-        order = {key: number for number, key in enumerate(different)}
-        shaders, slots = tuple(different.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
+        sources_by_key = dict(zip(keys, sources, strict=True))
+        order = {key: number for number, key in enumerate(sources_by_key)}
+        shaders, slots = tuple(sources_by_key.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
         return SceneTask(
-            asset=Content.of(save_asset(asset, _directed(asset, [shaders[number] for number in slots]))),
+            asset=Content.of(save_asset(asset, _meshes_with_tangents(asset, [shaders[number] for number in slots]))),
             backend=self._backend.name,
             shaders=shaders,
             worn=slots,
             lights=scene.lights,
-            lit=tuple(lights for _, _, lights in different) if scene.lit else (),
+            lit=tuple(lights for _, _, lights in sources_by_key) if scene.lit else (),
             groups=scene.grouped if scene.groups else (),
             resolution=scene.film.resolution,
             space=scene.film.space,
-            sampling=used,
-            prims=tuple(instance.path for instance in asset.instances) if "cryptomatte" in used.passes else (),
+            sampling=effective,
+            prims=tuple(instance.path for instance in asset.instances) if "cryptomatte" in effective.passes else (),
             light_groups=(*groups, *(group for group in every_group if group not in groups)),
             camera=scene.camera,
             device=self._device,
         )
 
     def _check(self, scene: Scene) -> None:
-        """Raise the errors of `task` that are known before a source is generated."""
+        """Raise those errors of `task` that do not depend on generated sources."""
         backend = self._backend
         if scene.catchers and not backend.catches:
             raise CodegenError(f"backend '{backend.name}' renders no shadow catcher: 'exact' does")
@@ -122,17 +124,17 @@ class SceneTasks:
             )
 
     def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> Source:
-        """Return the source of a look; `code` is all of the lights that it depends on."""
-        own = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
-        key = (id(look), *code, *own)
+        """Return the source of a look; `code` is all that the source depends on of the lights."""
+        settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
+        key = (id(look), *code, *settings)
         if key not in self._sources:
-            self._sources[key] = kept_source(self._backend, look, setting, code), look
+            self._sources[key] = cached_source(self._backend, look, setting, code), look
         return self._sources[key][0]
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """A look, and the numbers of the lights that reach the slots with this look."""
+    """A look, the numbers of the lights that reach its slots, and its part in a scene with a shadow catcher."""
 
     look: Look
     lights: tuple[int, ...]
@@ -140,19 +142,19 @@ class _Surface:
 
 
 def _surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
-    """Return the different surfaces of a scene, and the number of that of each slot."""
-    caught = {id(scene.wears[path]) for path in scene.catchers}
+    """Return the different surfaces of a scene, and the number of each slot's surface."""
+    catching_looks = {id(scene.wears[path]) for path in scene.catchers}
     surfaces: dict[tuple[int, tuple[int, ...]], _Surface] = {}
     keys = [(id(look), lights) for look, lights in zip(scene.looks, scene.lit_by, strict=True)]
     for key, look in zip(keys, scene.looks, strict=True):
-        catching: Catching = "" if not caught else "ground" if key[0] in caught else "asset"
+        catching: Catching = "" if not catching_looks else "ground" if key[0] in catching_looks else "asset"
         surfaces[key] = _Surface(look, key[1], catching)
     numbers = {key: number for number, key in enumerate(surfaces)}
     return list(surfaces.values()), [numbers[key] for key in keys]
 
 
-def _code_of_lights(lights: Sequence[Light], backend: Backend, sampling: Sampling) -> tuple[object, ...]:
-    """Return all of lights that a source depends on: their kinds and sizes; their files are values that it is given."""
+def _light_code(lights: Sequence[Light], backend: Backend, sampling: Sampling) -> tuple[object, ...]:
+    """Return all that a source depends on of its lights: kinds and sizes, not files, which are inputs of the source."""
     kinds = tuple((light.kind, light.constant) for light in lights)
     if not backend.any_light:
         return kinds, ()
@@ -161,17 +163,19 @@ def _code_of_lights(lights: Sequence[Light], backend: Backend, sampling: Samplin
 
 
 def _check_shadows(source: Source, lights: Sequence[Light]) -> None:
-    """Raise CodegenError where a look can be seen through under lights whose shadows are not plainly black."""
+    """Raise CodegenError where a look can be seen through and a light casts other shadows than plain black ones."""
     emissions = [light.emission for light in lights]
-    if source.see_through and any(each.shadow != WHITE.shadow or each.spared for each in emissions):
+    if source.see_through and any(emission.shadow != WHITE.shadow or emission.spared for emission in emissions):
         raise CodegenError(
             f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
             "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"
         )
 
 
-def _directed(asset: Asset, sources: Sequence[Source]) -> Iterator[int]:
-    """Yield the numbers of meshes with a slot whose source, of `sources` by slot, reads tangents."""
-    reading = np.array([any(attribute.attribute == TANGENT for attribute in source.attributes) for source in sources])
-    if reading.any():
-        yield from (number for number, mesh in enumerate(asset.meshes) if reading[mesh.face_slots].any())
+def _meshes_with_tangents(asset: Asset, sources: Sequence[Source]) -> Iterator[int]:
+    """Yield the numbers of the meshes that need tangents: `sources`, by slot, reads them on one of their slots."""
+    reads_tangents = np.array(
+        [any(attribute.attribute == TANGENT for attribute in source.attributes) for source in sources]
+    )
+    if reads_tangents.any():
+        yield from (number for number, mesh in enumerate(asset.meshes) if reads_tangents[mesh.face_slots].any())

@@ -1,4 +1,4 @@
-"""Pictures with derivatives: what a fit asks a worker of backend `mitsuba` for."""
+"""The task of a picture with derivatives, which a fit sends to a worker of backend `mitsuba`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from lookdev.scene import Pose
 class SlopeTask:
     """Two independent halves of a picture, and of its derivatives.
 
-    `values` are of the live inputs of the scene's looks, by the parameters of their attributes; `symbols` are those of
-    their numbers by which the picture is derived. `samples`, a power of two, are of a half's pixel.
+    `values` has the numbers of the live inputs of the scene's looks, by the parameters of their attributes; `symbols`
+    names the numbers with respect to which the picture is differentiated. A pixel of a half takes `samples` samples, a
+    power of two.
     """
 
     scene: SceneTask
@@ -30,12 +31,12 @@ class SlopeTask:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """It is written to none."""
+        """No file: the worker answers with arrays."""
         return ()
 
 
 def live_inputs(scene: SceneTask) -> dict[str, AttributeBinding]:
     """Return the live inputs that the looks of a scene read, by their keys."""
     prefix = len(live_primvar(""))
-    found = (each for source in scene.shaders for each in source.attributes if is_live(each.attribute))
-    return {each.attribute[prefix:]: each for each in found}
+    bindings = (binding for source in scene.shaders for binding in source.attributes if is_live(binding.attribute))
+    return {binding.attribute[prefix:]: binding for binding in bindings}

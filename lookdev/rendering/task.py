@@ -1,4 +1,4 @@
-"""What a worker renders: one scene, then frames of it. Plain data that names its files by their content."""
+"""The tasks of a worker: a scene, and frames of it. Plain data, with files named by their content."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _read_sources(given: list[Any], info: ValidationInfo) -> tuple[Source, ...]:
+def _read_sources(values: list[Any], info: ValidationInfo) -> tuple[Source, ...]:
     name = info.data.get("backend")
     if name not in BACKENDS:
         raise ValueError(f"no backend '{name}' is registered here")
-    return tuple(_adapter(BACKENDS[name].source).validate_python(each) for each in given)
+    return tuple(_adapter(BACKENDS[name].source).validate_python(value) for value in values)
 
 
-# JSON has no types: those of sources are found by the backend's record.
+# JSON has no types: the backend determines the type of the sources.
 Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
 
 
@@ -39,9 +39,9 @@ Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
 class SceneTask:
     """All that stays the same over a sequence: geometry, sources, lights, resolution.
 
-    `shaders` are the different sources, and `worn` is the number of each slot's among them. Of the sampling,
-    `brdf_samples` and `ibl_samples` may be in the sources already. Raises ValueError where there is no source, one of
-    another type than the backend's, or a number of none.
+    `shaders` has each source once; `worn` has the number of the source of each slot. The sources may have
+    `brdf_samples` and `ibl_samples` of the sampling built in. Raises ValueError where there is no source, where one is
+    not of the backend's type, and where a number of `worn` is not that of a source.
     """
 
     asset: Content
@@ -53,62 +53,65 @@ class SceneTask:
     sampling: Sampling
     camera: Camera
     device: str = "cpu"
-    lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): of each all
-    groups: tuple[int, ...] = ()  # the group of each slot, as `Emission.spared` has them; (): of each 0
-
-    prims: tuple[str, ...] = ()  # the path of each instance, where a pass has them
-    space: Space = REC709  # of the light
-    # The group of each light, where a pass has them, and then those of lights that reach nothing.
+    lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): all lights, for each
+    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.spared`; (): 0, for each
+    prims: tuple[str, ...] = ()  # the path of each instance, if a pass needs them
+    space: Space = REC709  # the colour space of the light
+    # The group of each light, if a pass needs them; after these, the groups of lights that reach nothing.
     light_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
-        # Both backends of nodes have one type of source, with a field for whether it is exact.
+        # Both backends of nodes have the same type of source, whose field `exact` tells them apart.
         if not self.shaders or not all(
             isinstance(source, record.source) and getattr(source, "exact", record.exact) == record.exact
             for source in self.shaders
         ):
-            kinds = {type(each).__name__ + " that is exact" * getattr(each, "exact", False) for each in self.shaders}
-            found = ", ".join(sorted(kinds)) or "none"
+            types = {
+                type(source).__name__ + " that is exact" * getattr(source, "exact", False) for source in self.shaders
+            }
+            names = ", ".join(sorted(types)) or "none"
             raise ValueError(
-                f"backend '{self.backend}' takes a {record.source.__name__} for every slot, found: {found}"
+                f"backend '{self.backend}' takes a {record.source.__name__} for every slot, found: {names}"
             )
         if not self.worn or min(self.worn) < 0 or max(self.worn) >= len(self.shaders):
-            raise ValueError(f"every slot wears one of {len(self.shaders)} sources, found: {sorted(set(self.worn))}")
+            raise ValueError(
+                f"sources of slots are numbers from 0 to {len(self.shaders) - 1}, found: {sorted(set(self.worn))}"
+            )
 
     def lights_of(self, shader: int) -> tuple[Light, ...]:
-        """Return the lights that light what wears a source, by its number."""
+        """Return the lights that reach the slots of a source, by the number of the source."""
         return tuple(self.lights[number] for number in self.lit[shader]) if self.lit else self.lights
 
     @property
     def catches(self) -> bool:
-        """Whether it has a shadow catcher."""
-        return any(isinstance(each, ShaderSource) and bool(each.catching) for each in self.shaders)
+        """Whether the scene has a shadow catcher."""
+        return any(isinstance(source, ShaderSource) and bool(source.catching) for source in self.shaders)
 
     @property
     def arrays(self) -> dict[str, tuple[str, ...]]:
-        """What its frames have besides colour and alpha: the channels of each array by its name."""
+        """The further arrays of a frame besides colour and alpha: the channels of each array, by its name."""
         return {**arrays_of(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
 
     @property
     def names_of_light(self) -> tuple[str, ...]:
-        """The names of the groups of lights, each once, where a pass has them."""
+        """The names of the groups of lights, each once, if a pass needs them."""
         return tuple(dict.fromkeys(self.light_groups))
 
     @property
     def constant_light(self) -> bool:
-        """Whether all lights are the same from every direction at every place."""
+        """Whether the radiance of every light is the same in all directions and at all positions."""
         return all(light.constant for light in self.lights)
 
     @property
     def light_stays(self) -> bool:
-        """Whether no light changes in the lighting rotation."""
+        """Whether the lighting rotation changes no light."""
         return all(light.constant or not light.emission.turns for light in self.lights)
 
 
 @dataclass(frozen=True)
 class FrameTask:
-    """One frame. `files` are all its paths on disk; turntables may share a pose."""
+    """One frame. `files` are all its paths on disk: turntables with the same pose share a frame."""
 
     scene: SceneTask
     pose: Pose
@@ -119,12 +122,12 @@ class FrameTask:
 
 
 def one_frame(scene: SceneTask, pose: Pose, name: str, **sampling: Any) -> FrameTask:
-    """Return a frame that is written to no file; `name` stands for its digest, `sampling` replaces the scene's."""
+    """Return a frame without files; `name` is its digest, `sampling` replaces fields of the scene's sampling."""
     return FrameTask(replace(scene, sampling=replace(scene.sampling, **sampling)), pose, 0.0, name, (), {})
 
 
 def contents(task: object) -> set[Content]:
-    """Return the files that a task names: all that another machine needs besides the task itself."""
+    """Return the files of a task: all that another machine needs besides the task itself."""
     return set(_contents(task))
 
 
@@ -135,5 +138,5 @@ def _contents(value: object) -> Iterator[Content]:
         for field in fields(value):
             yield from _contents(getattr(value, field.name))
     elif isinstance(value, tuple | Mapping):
-        for each in value.values() if isinstance(value, Mapping) else value:
-            yield from _contents(each)
+        for element in value.values() if isinstance(value, Mapping) else value:
+            yield from _contents(element)

@@ -1,6 +1,6 @@
-"""Which cores a render process computes on: by its affinity, which all libraries in it go by.
+"""The cores of a render process, set by its CPU affinity, which all libraries in it respect.
 
-A limit of Cycles' threads is none of TBB's pool: a thread of it that may not work yields for ever, at up to a core.
+A limit of Cycles' threads does not limit the pool of TBB, whose idle threads then spin on up to a core each.
 """
 
 from __future__ import annotations
@@ -11,23 +11,23 @@ from contextlib import contextmanager
 
 
 def cores() -> int:
-    """Return the cores that this thread, and what it starts, may run on."""
+    """Return the number of cores that this thread, and the processes it starts, may run on."""
     return len(os.sched_getaffinity(0))
 
 
-def share_of_cores(number: int, of: int) -> frozenset[int]:
-    """Return the cores of worker `number`, from 0, `of` so many on this machine: like parts, of at least one core."""
-    each = sorted(os.sched_getaffinity(0))
-    if of >= len(each):
-        return frozenset({each[number % len(each)]})
-    return frozenset(each[number * len(each) // of : (number + 1) * len(each) // of])
+def share_of_cores(number: int, workers: int) -> frozenset[int]:
+    """Return the cores of worker `number` (from 0) of `workers` on this machine: equal shares, at least one."""
+    allowed = sorted(os.sched_getaffinity(0))
+    if workers >= len(allowed):
+        return frozenset({allowed[number % len(allowed)]})
+    return frozenset(allowed[number * len(allowed) // workers : (number + 1) * len(allowed) // workers])
 
 
 @contextmanager
-def on_cores(chosen: frozenset[int]) -> Iterator[None]:
-    """Let processes that this thread starts in the block run on some cores only."""
+def pin_to_cores(allowed: frozenset[int]) -> Iterator[None]:
+    """Restrict the processes that this thread starts in the block to the `allowed` cores."""
     before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, chosen)
+    os.sched_setaffinity(0, allowed)
     try:
         yield
     finally:

@@ -1,5 +1,7 @@
-"""Tasks as lines of JSON, the input of a worker process: frames, and to some workers scenes ahead of their frames, or
-pictures with derivatives."""
+"""The input of a worker process: tasks as lines of JSON.
+
+All workers take frames; some take scenes ahead of their frames, or pictures with derivatives.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,11 @@ _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
 
 _CANCEL = "cancel "
-"""Begins a line that is no task: the digest of the frame that is to end follows."""
+"""Begins a line that is not a task: the digest of the frame to cancel follows."""
 
 _LONGEST_WAIT = 1.0  # seconds
 
-_KINDS = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
+_TASK_NAMES = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
 
 
 def encode(task: Request) -> str:
@@ -32,15 +34,17 @@ def encode(task: Request) -> str:
 
 
 def decode(line: str) -> FrameTask:
-    """Return the frame task of a line that `encode` made; WorkerError as `decode_request`, and for another task."""
+    """Return the frame task of a line of `encode`; raises WorkerError as `decode_request`, and for another task."""
     task = decode_request(line)
     if not isinstance(task, FrameTask):
-        raise WorkerError(f"the line is a {_KINDS[type(task)]}, not a frame task: the worker's backend is not sent any")
+        raise WorkerError(
+            f"the line is a {_TASK_NAMES[type(task)]}, not a frame task: the worker's backend is not sent any"
+        )
     return task
 
 
 def decode_request(line: str) -> Request:
-    """Return the task of a line that `encode` made; raises WorkerError with every wrong field of another line."""
+    """Return the task of a line of `encode`; raises WorkerError, which lists the wrong fields, for other lines."""
     try:
         return _REQUEST.validate_json(line)
     except ValidationError as error:
@@ -48,23 +52,23 @@ def decode_request(line: str) -> Request:
 
 
 class Cancelled(RenderError):
-    """The frame is not wanted any more."""
+    """The frame was cancelled."""
 
 
 def encode_cancel(digest: str) -> bytes:
-    """Return the line that ends a frame."""
+    """Return the line that cancels a frame, by its digest."""
     return f"{_CANCEL}{digest}\n".encode()
 
 
 class Requests:
-    """The lines of a worker's input: tasks in their order, and which frame is to end, known at once."""
+    """The lines of a worker's input: a queue of tasks, and the frame to cancel, which is known at once."""
 
     def __init__(self) -> None:
         self._tasks: queue.Queue[str] = queue.Queue()
         self._cancelled = ""
 
     def read(self, lines: Iterable[str]) -> None:
-        """Take all lines, in a thread of its own."""
+        """Read all lines; runs in a thread of its own."""
         for line in lines:
             if line.startswith(_CANCEL):
                 self._cancelled = line.removeprefix(_CANCEL).strip()
@@ -72,13 +76,13 @@ class Requests:
                 self._tasks.put(line)
 
     def next(self) -> Request:
-        """Wait for the next task; errors as `decode_request`."""
-        # A signal that comes just before a wait does not end it, and is seen only after it: so no wait is long.
+        """Return the next task, after waiting for it; raises as `decode_request`."""
+        # A signal that arrives just before a wait is handled only after it: so each wait is short.
         while True:
             with suppress(queue.Empty):
                 return decode_request(self._tasks.get(timeout=_LONGEST_WAIT))
 
     def check(self, digest: str) -> None:
-        """Raise Cancelled where the frame of a digest is to end."""
+        """Raise Cancelled if the frame of a digest was cancelled."""
         if digest == self._cancelled:
             raise Cancelled("cancelled")

@@ -1,8 +1,8 @@
 """Supervision of a render worker: one process, one frame at a time; every answer is checked.
 
-The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; while it starts it can be sent
-that of a scene, which it prepares without an answer. All other output of it and of Blender goes to a log file. It ends
-when stdin ends, also after a crash of this process.
+The worker reads one JSON line per frame from stdin, and answers in JSON lines on stdout. While it starts, this process
+can send it the line of a scene, which it prepares without an answer. All other output, of Blender too, goes to a log
+file. The worker ends when stdin ends, also after a crash of this process.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from lookdev.rendering.results import (
     Progress,
     Ready,
     Rendered,
-    arrays_in,
-    loaded,
+    load_arrays,
+    load_result,
 )
 from lookdev.rendering.slopes import SlopeTask
 from lookdev.rendering.task import FrameTask, SceneTask
-from lookdev.rendering.threads import on_cores
+from lookdev.rendering.threads import pin_to_cores
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
 
-_FRAME = "lookdev: frame "
-"""Begins the line of a log before what a worker writes of a frame: its digest and file follow."""
+_FRAME_LINE = "lookdev: frame "
+"""Begins the line of a log that precedes the output of a frame: the frame's digest and file follow."""
 
 LONGEST_MESSAGE = 1 << 20
-"""Bytes; a longer line is refused, so that it does not fill the memory."""
+"""Bytes of a line; a longer one is an error, so that it cannot fill the memory."""
 
 
 class Worker:
@@ -57,7 +57,7 @@ class Worker:
     command
         The program and its arguments.
     log
-        The file of its stderr, emptied here; every start appends to it.
+        The file of its stderr, emptied here. Every start appends to it.
     scratch
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
@@ -65,7 +65,7 @@ class Worker:
     variables
         Variables of its environment besides those of this process.
     cores
-        Those that it may run on; None: as this process.
+        The cores it may run on. By default, those of this process.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Worker:
         self.log = log
         self._command = tuple(command)
         self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
-        # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
+        # Blender would read its colour spaces from the studio's OCIO config, which is for viewing, not for rendering.
         self._environment.pop("OCIO", None)
         self._patience = patience
         self._cores = cores
@@ -98,14 +98,14 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """The number of the process; None where there is none."""
+        """The id of the process; None where none runs."""
         return None if self._process is None else self._process.pid
 
     def launch(self) -> None:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
         if self._process is not None:
             return
-        with self.log.open("ab") as log, nullcontext() if self._cores is None else on_cores(self._cores):
+        with self.log.open("ab") as log, nullcontext() if self._cores is None else pin_to_cores(self._cores):
             try:
                 # In a session of its own, Ctrl-C in the terminal interrupts this process only.
                 self._process = subprocess.Popen(
@@ -122,7 +122,7 @@ class Worker:
     def prepare(self, scene: SceneTask) -> None:
         """Send a scene to a process that was launched and is not ready yet, so that frames of its looks start sooner.
 
-        Nothing is sent to another process, and only the first scene.
+        Does nothing if the process is ready or not launched, or if a scene was sent already.
         """
         process = self._process
         if process is None or self._ready or self._sending is not None:
@@ -132,7 +132,7 @@ class Worker:
             with suppress(WorkerError):  # the first frame reports it
                 self._send(process, wire.encode(scene))
 
-        # A pipe holds less than some shaders until the process reads it.
+        # Some shaders are larger than the pipe's buffer, so that writing waits until the process reads.
         self._sending = threading.Thread(target=send, daemon=True)
         self._sending.start()
 
@@ -142,7 +142,7 @@ class Worker:
         if self._ready:
             return
         assert self._process is not None
-        with self._killed_on_error():
+        with self._kill_on_error():
             message = self._receive(self._process)
             if not isinstance(message, Ready):
                 raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
@@ -153,38 +153,38 @@ class Worker:
     def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
         """Render one frame on a started worker.
 
-        Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
-        or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
+        Raises RenderError where the worker cannot render the frame (it keeps running), WorkerError where it died, hung
+        or sent an invalid answer (it was killed), and OutputError where it cannot write a file, as on a full disk.
         """
-        with self._killed_on_error():
-            return loaded(self._finish(task, progress), task.scene, self._blender)
+        with self._kill_on_error():
+            return load_result(self._exchange(task, progress), task.scene, self._blender)
 
     def cancel(self, digest: str) -> None:
-        """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError, and all else stays.
+        """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError.
 
-        A frame that has ended already, or that the process never gets, is not concerned.
+        The process keeps running. Does nothing if the frame has ended already, or is never sent.
         """
         process = self._process
         if process is None or process.stdin is None:
             return
-        with suppress(OSError, ValueError):  # it has died, which who waits for the frame reports
+        with suppress(OSError, ValueError):  # the process has died: the thread that waits for the frame reports that
             process.stdin.write(wire.encode_cancel(digest))
             process.stdin.flush()
 
     def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
-        """Return halves of radiance and coverage, and of P derivatives: (2, 1 + P, H, W, 4); errors as `render`."""
+        """Return halves of a picture and its P derivatives, (2, 1 + P, H, W, 4), RGB and alpha; raises as `render`."""
         width, height = task.scene.resolution
         shape = (2, 1 + len(task.symbols), height, width, 4)
-        with self._killed_on_error():
-            return arrays_in(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
+        with self._kill_on_error():
+            return load_arrays(self._exchange(task, progress), {"slopes": shape})[0]["slopes"]
 
-    def _finish(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
-        """Send a task, and return the answer that ends it."""
+    def _exchange(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
+        """Send a task, and return its final answer."""
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
         with self.log.open("a") as log:
-            log.write(f"{_FRAME}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
-        with self._killed_on_error():
+            log.write(f"{_FRAME_LINE}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
+        with self._kill_on_error():
             self._send(self._process, wire.encode(task))
             while isinstance(message := self._receive(self._process), Progress):
                 self._check_digest(message.digest, task)
@@ -197,7 +197,7 @@ class Worker:
             return message
 
     def stop(self) -> None:
-        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        """Kill the process and its children, from any thread; a thread that waits for a frame gets an error."""
         process = self._process
         if process is not None and process.returncode is None:
             _kill_group(process)
@@ -218,8 +218,8 @@ class Worker:
                     pipe.close()
 
     @contextmanager
-    def _killed_on_error(self) -> Iterator[None]:
-        """Kill the worker after an error: its next line could belong to the frame before."""
+    def _kill_on_error(self) -> Iterator[None]:
+        """Kill the worker after an error: its next line could belong to the failed frame."""
         try:
             yield
         except (RenderError, OutputError):
@@ -229,8 +229,8 @@ class Worker:
             raise
 
     @contextmanager
-    def _watched(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
-        """Kill the process when the block exceeds the patience; blocked pipe calls then return."""
+    def _kill_when_silent(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
+        """Kill the process if the block takes longer than the patience; blocked pipe calls then return."""
         hung = threading.Event()
 
         def give_up() -> None:
@@ -244,31 +244,31 @@ class Worker:
             yield hung
         finally:
             timer.cancel()
-            timer.join()  # otherwise it could kill a later process group of the same id
+            timer.join()  # otherwise it could kill a later process group with the same id
 
     def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
         assert process.stdin is not None
-        with self._watched(process) as hung:
+        with self._kill_when_silent(process) as hung:
             try:
                 process.stdin.write(line.encode() + b"\n")
                 process.stdin.flush()
             except BrokenPipeError:
-                raise WorkerError(self._ending(process, hung)) from None
+                raise WorkerError(self._end_of_process(process, hung)) from None
 
     def _receive(self, process: subprocess.Popen[bytes]) -> Message:
         assert process.stdout is not None
-        with self._watched(process) as hung:
+        with self._kill_when_silent(process) as hung:
             line = process.stdout.readline(LONGEST_MESSAGE)
             if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
-                raise WorkerError(self._ending(process, hung))
+                raise WorkerError(self._end_of_process(process, hung))
         try:
             return MESSAGES.validate_json(line)
         except ValidationError:
-            shown = line[:80].decode(errors="replace").strip()
-            raise WorkerError(f"the render worker sent an invalid message: {shown!r}") from None
+            excerpt = line[:80].decode(errors="replace").strip()
+            raise WorkerError(f"the render worker sent an invalid message: {excerpt!r}") from None
 
-    def _ending(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
-        """Return how the process ended."""
+    def _end_of_process(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
+        """Return a description of how the process ended."""
         if hung.is_set():
             return f"the render worker was silent for {self._patience:g} s and was killed"
         try:
@@ -290,7 +290,7 @@ class Worker:
 def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
-    It raises what `Worker.start` and `Worker.render` raise; an error of the worker has the last line of its log.
+    The function raises as `Worker.start` and `Worker.render`; a WorkerError includes the last line of the log.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
@@ -312,13 +312,13 @@ def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rende
 
 
 def last_line(log: Path) -> str:
-    """Return the last line with text of a worker in a log file, or an empty string."""
+    """Return the last line of a worker in a log file that is not blank, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
+    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME_LINE)), "")
 
 
 def explained(error: Exception, log: Path) -> str:
-    """Return an error in words, with the last line of a worker's log file where they lack it."""
+    """Return the message of an error, with the last line of a worker's log file appended unless it is there already."""
     line = last_line(log)
     return str(error) if line in str(error) else f"{error}: {line}"
 

@@ -22,7 +22,7 @@ from lookdev.material import Layer, Look
 from lookdev.material.translate.preview_surface import PREVIEW_SURFACE
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.rendering.catcher import remaining
+from lookdev.rendering.catcher import remaining_share
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
@@ -66,7 +66,7 @@ def ground_pixels(scene: Scene) -> Arrays:
 
 def on_own_ground(frame: Rendered) -> np.ndarray:
     """Return a frame with a catcher over the ground that it was rendered with."""
-    kept = remaining(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
+    kept = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
     return (frame.a.astype(float) + frame.b) / 2.0 + kept[..., None] * frame.passes["bare"]
 
 
@@ -188,7 +188,7 @@ def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]
     bare = np.mean([frame.passes["bare"] for frame in frames], axis=0)
     shown = []
     for frame in frames:
-        kept = remaining(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
+        kept = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
         shown.append((frame.a.astype(float) + frame.b) / 2.0 + kept[..., None] * bare)
     measured = np.var(shown, axis=0, ddof=1).mean()
     claimed = np.mean([((frame.a.astype(float) - frame.b) / 2.0) ** 2 for frame in frames])

@@ -92,7 +92,7 @@ def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch
     def plant(patch: pytest.MonkeyPatch) -> None:
         # Sources in the cache are of the code as it is in its files.
         patch.setattr(
-            "lookdev.rendering.scene.kept_source", lambda backend, look, setting, _: backend.generate(look, setting)
+            "lookdev.rendering.scene.cached_source", lambda backend, look, setting, _: backend.generate(look, setting)
         )
         for module in ("points", "osl.surface"):
             patch.setattr(f"lookdev.codegen.{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))

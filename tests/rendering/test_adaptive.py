@@ -97,9 +97,9 @@ def test_a_half_plans_by_what_the_other_half_saw() -> None:
 @pytest.mark.parametrize("own", [False, True])
 def test_no_pixel_drifts_unless_a_half_chooses_for_itself(own: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     # Small tiles and rare bright samples, so that a choice is nearly that of a pixel.
-    monkeypatch.setattr(adaptive, "_TILE", 4)
-    monkeypatch.setattr(adaptive, "_TILES", SIDE)
-    monkeypatch.setattr(adaptive, "_CALL", 0.0)
+    monkeypatch.setattr(adaptive, "_TILE_SIDE", 4)
+    monkeypatch.setattr(adaptive, "_TILES_PER_SIDE", SIDE)
+    monkeypatch.setattr(adaptive, "_CALL_COST", 0.0)
     found = []
     for rng in np.random.default_rng(21).spawn(200):
         frame = Simulated(rng, np.where(NOISY, 0.004, 2.0))
@@ -187,7 +187,7 @@ def test_the_error_of_a_sample_is_its_variance_over_the_square_of_what_is_shown(
 
 @pytest.mark.parametrize(("size", "side"), [(1, 16), (8, 16), (9, 16), (24, 16), (25, 16), (50, 16), (130, 16), (7, 4)])
 def test_no_tile_is_less_than_half_as_long_as_others(size: int, side: int) -> None:
-    edges = adaptive._edges(size, side)
+    edges = adaptive._tile_edges(size, side)
     lengths = np.diff(edges)
     assert (edges[0], edges[-1]) == (0, size)
     assert (lengths[:-1] == side).all()
@@ -197,7 +197,7 @@ def test_no_tile_is_less_than_half_as_long_as_others(size: int, side: int) -> No
 @pytest.mark.parametrize("seed", range(5))
 def test_a_box_is_cut_where_both_parts_together_take_the_least_time(seed: int) -> None:
     error, time = np.random.default_rng(seed).random((2, 1, 7)) ** 3
-    boxes, parts = adaptive._cut_in_two(error, time)
+    boxes, parts = adaptive._split_tiles(error, time)
     cuts = [(slice(0, cut), slice(cut, 7)) for cut in range(1, 7)]
     works = [sum(np.sqrt(error[0, part].sum() * time[0, part].sum()) for part in cut) for cut in cuts]
     least = np.argmin(works) + 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lookdev.rendering.adaptive import Half, Region
-from lookdev.rendering.catcher import caught_pictures, remaining
+from lookdev.rendering.catcher import caught_pictures, remaining_share
 
 SIZE = (6, 5)
 
@@ -49,4 +49,4 @@ def test_what_remains_is_the_least_of_all_channels() -> None:
         ((0.3, 0.3, 0.3), (0.0, 0.0, 0.0), 1.0),
         ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0),
     ):
-        assert remaining(np.array(ground), np.array(bare)) == share, (ground, bare)
+        assert remaining_share(np.array(ground), np.array(bare)) == share, (ground, bare)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from lookdev.metrics import relmse, relmse_of_halves
-from lookdev.rendering.denoise import denoised
+from lookdev.rendering.denoise import denoise_halves
 from lookdev.rendering.oidn import denoiser
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def test_the_error_of_the_mixture_is_measured(sigma: float, most: float, radius:
     measured, true, raw = [], [], []
     for _ in range(12):
         a, b = halves(truth, sigma, rng)
-        found = denoised(a, b, alpha, blurred(radius))
+        found = denoise_halves(a, b, alpha, blurred(radius))
         measured.append(found.relmse)
         true.append(relmse(0.5 * (found.a + found.b), truth, alpha))
         raw.append(relmse(0.5 * (a + b), truth, alpha))
@@ -56,7 +56,7 @@ def test_the_error_of_the_mixture_is_measured(sigma: float, most: float, radius:
 def test_a_filter_that_ruins_the_picture_is_not_used() -> None:
     truth, alpha = picture()
     a, b = halves(truth, 0.2, np.random.default_rng(2))
-    found = denoised(a, b, alpha, lambda image: np.full_like(image, 0.9))
+    found = denoise_halves(a, b, alpha, lambda image: np.full_like(image, 0.9))
     assert relmse(0.5 * (found.a + found.b), truth, alpha) < 1.02 * relmse(0.5 * (a + b), truth, alpha)
     assert found.relmse == pytest.approx(relmse_of_halves(a, b, alpha), rel=0.3)
 
@@ -64,7 +64,7 @@ def test_a_filter_that_ruins_the_picture_is_not_used() -> None:
 def test_halves_without_noise_and_those_without_the_asset_stay_as_they_are() -> None:
     truth, alpha = picture()
     for color, covered in ((truth, alpha), (0.0 * truth, 0.0 * alpha)):
-        found = denoised(color, color, covered, blurred(2.0))
+        found = denoise_halves(color, color, covered, blurred(2.0))
         np.testing.assert_array_equal(found.a, color)
         assert found.relmse == 0.0
 

@@ -18,7 +18,7 @@ from lookdev.material import Layer, Look, Texture
 from lookdev.material.expression import parse
 from lookdev.material.look import Bump, Coordinates, Formula, Primvar
 from lookdev.rendering.backends import BACKENDS, Backend
-from lookdev.rendering.kept import kept_source
+from lookdev.rendering.kept import cached_source
 from lookdev.scene import Sampling
 
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.1 + 0.2, "baseColor": (0.1, 1 / 3, 2e-7)}),))
@@ -65,7 +65,7 @@ def test_a_kept_source_is_the_generated_one(model: str, light: Dome, counted: Co
     bumpy = Layer("Bumpy", "disney", {"roughness": map_, "normal": Bump(map_, 0.1)}, mask=map_)
     look, setting = Look("any", (*layers, bumpy)), setting_of(light)
     expected = BACKENDS["exact"].generate(look, setting)
-    first, second = (kept_source(backend, look, setting, ()) for _ in range(2))
+    first, second = (cached_source(backend, look, setting, ()) for _ in range(2))
     assert first == second == expected
     assert hash(second) == hash(expected)
     assert made == ["any"] * (2 if any(each.file is not None for each in MODELS[model].parameters.values()) else 1)
@@ -83,8 +83,8 @@ def test_what_a_source_depends_on_makes_another(light: Dome, counted: Counted) -
     settings = [setting_of(light), setting_of(light, bounces=3), replace(setting_of(light), shadows=False)]
     settings.append(replace(settings[0], resolution=(8, 9)))
     for look, setting, lit in itertools.product(looks, settings, ((), ("another kind",))):
-        kept_source(backend, look, setting, lit)
-    kept_source(backend, replace(GREY, source="elsewhere.usda"), settings[0], ())
+        cached_source(backend, look, setting, lit)
+    cached_source(backend, replace(GREY, source="elsewhere.usda"), settings[0], ())
     assert len(made) == len(looks) * len(settings) * 2
 
 
@@ -95,7 +95,7 @@ def test_the_content_of_an_image_decides(light: Dome, counted: Counted, tmp_path
     look = Look("mapped", (Layer("Base", "disney", {"roughness": Texture(file, "r", "raw")}),))
 
     def source() -> ShaderSource:
-        found = kept_source(backend, look, setting, ())
+        found = cached_source(backend, look, setting, ())
         assert isinstance(found, ShaderSource)
         return found
 
@@ -127,14 +127,14 @@ def test_what_more_may_affect_is_generated_anew(light: Dome, counted: Counted, t
         Look("tiles", (Layer("Tiles", "disney", {"roughness": tiles}),)),
     ]
     for look in (*looks, *looks):
-        kept_source(backend, look, setting, ())
+        cached_source(backend, look, setting, ())
     assert made == [look.name for look in looks] * 2
 
 
 def test_a_damaged_record_is_made_again(light: Dome, counted: Counted, tmp_path: Path) -> None:
     backend, made = counted
-    first = kept_source(backend, GREY, setting_of(light), ())
+    first = cached_source(backend, GREY, setting_of(light), ())
     (record,) = (tmp_path / "cache" / "sources").iterdir()
     record.write_text(record.read_text().replace("0.3333333333333333", "0.4333333333333333"))
-    assert kept_source(backend, GREY, setting_of(light), ()) == first
+    assert cached_source(backend, GREY, setting_of(light), ()) == first
     assert made == ["grey"] * 2

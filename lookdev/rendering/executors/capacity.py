@@ -1,4 +1,4 @@
-"""What of this machine its workers leave unused: cores and memory, by proc(5) and cgroups(7)."""
+"""The cores and the memory of this machine that its workers leave unused, by proc(5) and cgroups(7)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pathlib import Path
 from lookdev.rendering.threads import cores
 
 _TICKS = os.sysconf("SC_CLK_TCK")
-_RESERVE = 0.1  # of the memory, which is left to others
-_GAIN = 0.5  # of the cores that a worker uses: with fewer another one gains little
-_START = 30.0  # seconds of work: a worker starts, and compiles, in some
-_GROWTH = 1.5  # times the peak of a worker so far
+_RESERVE = 0.1  # of the memory: left to other processes
+_LEAST_GAIN = 0.5  # idle cores over those that a worker uses: with fewer, another worker gains little
+_START = 30.0  # seconds of remaining work: starting a worker and compiling take some
+_GROWTH = 1.5  # times the peak memory of a worker so far
 
 
 @dataclass(frozen=True)
 class Use:
-    """Seconds on the clock, and those of cores that some processes, and all, have used until then."""
+    """The seconds of a clock, and the core seconds used until then: by some processes (`own`), and by all."""
 
     clock: float
     own: float
@@ -28,33 +28,34 @@ class Use:
 
     @classmethod
     def of(cls, processes: Iterable[int]) -> Use:
-        """Return the use of running processes, this one included."""
-        own = sum(map(_seconds, {os.getpid(), *processes}))
+        """Return the use of some running processes and of this one."""
+        own = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())
-        # user, nice, system, then idle and waiting; interrupts and what a hypervisor took count as used.
+        # In a row: user, nice, system, idle, waiting, interrupts (2), hypervisor. All but idle and waiting are use.
         busy = sum(sum(map(int, row[1:4])) + sum(map(int, row[6:9])) for row in rows if row[0] in allowed)
         return cls(time.monotonic(), own, busy / _TICKS)
 
 
 def idle_cores(before: Use, now: Use) -> float:
-    """Return how many cores nothing used, the mean over a time."""
+    """Return the mean number of idle cores between two measurements."""
     seconds = now.clock - before.clock
     used = max(now.own - before.own, now.machine - before.machine)
     return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
 
 
-def worth_another(workers: int, idle: float, left: float, each: int, free: int) -> bool:
+def worth_another(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
     """Return whether one more worker gains more than it costs.
 
-    workers : that there are; idle : cores; left : seconds of work for each; each, free : bytes of a worker, and left.
+    workers : running now; idle : unused cores; left : remaining seconds of work for each worker; memory : bytes that a
+    worker takes; free : bytes that are free.
     """
     used = (cores() - idle) / workers
-    return idle > 0.0 and idle >= _GAIN * used and left > _START and free > _GROWTH * each
+    return idle > 0.0 and idle >= _LEAST_GAIN * used and left > _START and free > _GROWTH * memory
 
 
 def free_memory() -> int:
-    """Return the bytes that more processes can take, within the limit of a container, if there is one."""
+    """Return the bytes that more processes can take, within the limit of a container if there is one."""
     rows = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
     total, free = (1024 * int(rows[key].split()[0]) for key in ("MemTotal", "MemAvailable"))
     with suppress(OSError, ValueError):  # no limit, or no such cgroup
@@ -64,9 +65,9 @@ def free_memory() -> int:
     return max(int(free - _RESERVE * total), 0)
 
 
-def _seconds(process: int) -> float:
+def _cpu_seconds(process: int) -> float:
     try:
         times = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
-    except OSError:  # it has ended
+    except OSError:  # the process has ended
         return 0.0
     return sum(map(int, times)) / _TICKS

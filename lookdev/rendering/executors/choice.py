@@ -1,4 +1,4 @@
-"""Which executor a user chooses, and where it is."""
+"""The executor that a user chooses, and its address."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from lookdev.rendering.executors.protocol import Executor, Place, Store
 
 @dataclass(frozen=True)
 class Choice:
-    """What renders, as of the command line.
+    """The options of the command line that determine the executor.
 
     Attributes
     ----------
     kind, address
-        One of `EXECUTORS`, and where it is, if that has a place.
+        One of `EXECUTORS`, and its address, if that kind has one.
     workers
-        How many; None: as many as the executor finds worth it.
+        The number of workers. None leaves it to the executor.
     device
-        The kind of device, instead of that of the job.
+        The kind of device, which overrides that of the job.
     numbers
-        Of the devices of that kind that are used, by the count of their maker's tools; (): all.
+        The numbers of the devices of that kind to use, as the vendor's tools count them; () means all.
     stored
-        Whether workers write the files of frames themselves, to a file system that they share with this machine.
+        Whether workers write the files of frames, to a file system that they share with this machine.
     """
 
     kind: str = "local"
@@ -40,7 +40,7 @@ class Choice:
 
     @property
     def here(self) -> bool:
-        """Whether workers start on this machine: at an address, some that others started have devices of their own."""
+        """Whether workers start on this machine. Those at an address run already, with devices of their own."""
         return not self.address
 
 
@@ -49,18 +49,18 @@ LOCAL = Choice()
 
 @dataclass(frozen=True)
 class ExecutorKind:
-    """A kind of executor: what it is for the user, the form of its address ("" for none), how it is opened."""
+    """A kind of executor: its help text, the form of its address ("" for none), the function that opens it."""
 
     help: str
     address: str
     open: Callable[[Choice, Place, Store], Executor]
     needs_address: bool = False
-    counts: bool = False  # whether it starts as many workers as a user wants
-    storing: bool = False  # whether its workers can write files of frames
+    counts: bool = False  # whether the user sets the number of its workers
+    storing: bool = False  # whether its workers can write the files of frames
 
 
-# What shows a process some of the devices of this machine only, by kind of device.
-_VISIBLE = {
+# Environment variables that restrict a process to some devices of this machine, by kind of device.
+_VISIBLE_DEVICES = {
     "cuda": "CUDA_VISIBLE_DEVICES",
     "optix": "CUDA_VISIBLE_DEVICES",
     "hip": "HIP_VISIBLE_DEVICES",
@@ -68,11 +68,11 @@ _VISIBLE = {
 }
 
 
-def _local(choice: Choice, place: Place, store: Store) -> Executor:
+def _open_local(choice: Choice, place: Place, store: Store) -> Executor:
     return LocalExecutor(place, choice.workers, devices_of(choice))
 
 
-def _dask(choice: Choice, place: Place, store: Store) -> Executor:
+def _open_dask(choice: Choice, place: Place, store: Store) -> Executor:
     from lookdev.rendering.executors.dask import DaskExecutor
 
     if choice.address and choice.workers is not None:
@@ -80,34 +80,36 @@ def _dask(choice: Choice, place: Place, store: Store) -> Executor:
     return DaskExecutor(place, choice.address, choice.workers, store if choice.stored else None)
 
 
-def _warm(choice: Choice, place: Place, store: Store) -> Executor:
+def _open_warm(choice: Choice, place: Place, store: Store) -> Executor:
     from lookdev.rendering.executors.warm import WarmExecutor
 
     return WarmExecutor(place, Path(choice.address))
 
 
 EXECUTORS: dict[str, ExecutorKind] = {
-    "local": ExecutorKind("workers of this machine", "", _local, counts=True),
+    "local": ExecutorKind("workers of this machine", "", _open_local, counts=True),
     "dask": ExecutorKind(
         "workers of Dask, on a cluster that is started here, or on that of a scheduler",
         "tcp://HOST:8786",
-        _dask,
+        _open_dask,
         counts=True,
         storing=True,
     ),
-    "warm": ExecutorKind("the worker that 'lookdev warm start' keeps at a socket", "SOCKET", _warm, needs_address=True),
+    "warm": ExecutorKind(
+        "the worker that 'lookdev warm start' keeps at a socket", "SOCKET", _open_warm, needs_address=True
+    ),
 }
 
 
 def opened(choice: Choice, place: Place, store: Store) -> Executor:
-    """Return the executor of a choice, to be entered; raises LookdevError where the choice cannot be."""
+    """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
     return EXECUTORS[choice.kind].open(choice, place, store)
 
 
 def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> Choice:
-    """Return the choice that options of the command line are: ``dask:tcp://host:8786``, ``cuda:0,1``.
+    """Return the choice of options of the command line, such as ``dask:tcp://host:8786`` and ``cuda:0,1``.
 
-    Raises LookdevError where an option is wrong, or does not go with the executor.
+    Raises LookdevError where an option is wrong, or does not fit the executor.
     """
     kind, _, address = executor.partition(":")
     record = EXECUTORS.get(kind)
@@ -123,21 +125,21 @@ def choose(executor: str, *, workers: int | None, device: str | None, stored: bo
         raise LookdevError(
             f"--shared: workers of executor '{kind}' are on this machine, whose output they need not share"
         )
-    name, numbers = _device(device) if device is not None else (None, ())
+    name, numbers = _parse_device(device) if device is not None else (None, ())
     if numbers and kind != "local":
         raise LookdevError(f"--device: executor '{kind}' has devices of its own: write --device {name}")
     return Choice(kind, address, workers, name, numbers, stored)
 
 
-def _device(text: str) -> tuple[str, tuple[int, ...]]:
-    """Return kind and numbers of devices."""
+def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
+    """Return the kind and the numbers of the devices that an option names."""
     kind, _, numbers = text.partition(":")
-    known = list(dict.fromkeys(device for each in BACKENDS.values() for device in each.devices))
-    if kind not in known:
-        raise LookdevError(f"--device: unknown device '{kind}' ({nearest_hint(kind, known)})")
+    kinds = list(dict.fromkeys(device for backend in BACKENDS.values() for device in backend.devices))
+    if kind not in kinds:
+        raise LookdevError(f"--device: unknown device '{kind}' ({nearest_hint(kind, kinds)})")
     if not numbers and text == kind:
         return kind, ()
-    if kind not in _VISIBLE:
+    if kind not in _VISIBLE_DEVICES:
         raise LookdevError(f"--device: devices of kind '{kind}' cannot be chosen by number: write --device {kind}")
     if not re.fullmatch(r"\d{1,3}(,\d{1,3})*", numbers):
         raise LookdevError(f"--device: '{text}' should be as {kind}:0 or {kind}:0,1")
@@ -145,14 +147,14 @@ def _device(text: str) -> tuple[str, tuple[int, ...]]:
 
 
 def devices_of(choice: Choice) -> tuple[Mapping[str, str], ...]:
-    """Return variables of the environment that show a worker its devices, for each in turn.
+    """Return the environment variables that give workers their devices; workers take turns with the entries.
 
-    With several devices and workers, each worker has its own; one worker has all of them.
+    With several devices and workers, an entry has one device; a single worker has all of them.
     """
     if choice.device is None or not choice.numbers:
         return ({},)
-    variable, prefix = _VISIBLE[choice.device], "level_zero:" if choice.device == "oneapi" else ""
-    shown = [f"{prefix}{number}" for number in choice.numbers]
+    variable, prefix = _VISIBLE_DEVICES[choice.device], "level_zero:" if choice.device == "oneapi" else ""
+    names = [f"{prefix}{number}" for number in choice.numbers]
     if choice.workers is None or choice.workers == 1:
         return ({variable: prefix + ",".join(map(str, choice.numbers))},)
-    return tuple({variable: each} for each in shown)
+    return tuple({variable: name} for name in names)

@@ -1,10 +1,10 @@
-"""Workers of a Dask cluster: one of this machine, or of a scheduler that the user runs.
+"""Workers of a Dask cluster, which starts on this machine or belongs to a scheduler that the user runs.
 
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
-A task of Dask is a chunk: frames of one scene, for about 15 seconds (`shares`). Each worker is given two, of the scene
-that it renders; so an adaptive scheduler sees more work than it has workers for, and adds some. Chunks of workers
-that are lost go to others. Files go to a worker that lacks them, once.
+A task of Dask is a chunk: frames of one scene, for about 15 seconds (`shares`). Each worker has two chunks of the scene
+that it renders; so an adaptive scheduler sees more work than its workers can do, and starts more. The chunks of a lost
+worker go to others. A worker that lacks files is sent them, once.
 """
 
 from __future__ import annotations
@@ -58,39 +58,39 @@ from lookdev.rendering.threads import cores
 
 _CONNECT = 10.0  # seconds
 _PIECE = 32 << 20  # bytes of a file in a message
-_AHEAD = 2  # chunks of a worker: it renders one while the other is on its way
-_LOOK = 1.0  # seconds between looks at the cluster
-_LONELY = 15.0  # seconds without a worker until the user is told
-_EACH = 4  # cores for a worker of a cluster of this machine
-_MEMORY = 2 << 30  # bytes for one
+_CHUNKS_PER_WORKER = 2  # a worker renders one while the next is on its way
+_POLL = 1.0  # seconds between checks of the cluster
+_NO_WORKER_NOTE = 15.0  # seconds without a worker until a note says so
+_CORES_PER_WORKER = 4  # of a cluster on this machine
+_MEMORY_PER_WORKER = 2 << 30  # bytes, of a cluster on this machine
 
 
 @dataclass(eq=False)
 class _Chunk:
-    """Frames that were given to Dask together, and whose future that is."""
+    """Frames that Dask got as one task, and its future."""
 
     tasks: list[FrameTask]
-    worker: str = ""  # that it was given to
+    worker: str = ""  # to which it is assigned; "" leaves the choice to Dask
     future: Any = None
-    losses: int = 0  # of workers that rendered it
-    sent: set[str] = field(default_factory=set)  # workers that were sent its files
+    losses: int = 0  # number of workers that were lost while they rendered it
+    sent: set[str] = field(default_factory=set)  # the workers to which its files were sent
 
 
 class DaskExecutor:
-    """Workers of Dask, on a cluster that is started here, or at the address of its scheduler.
+    """Renders on workers of Dask: of a cluster that it starts, or of a scheduler at an address.
 
     Parameters
     ----------
     place
-        Of scratch in the output folder, and the patience of workers. Its command counts for `command`.
+        The scratch folder, in the output folder, and the patience of workers. Its command is not used: see `command`.
     address
-        Of the scheduler; "": a cluster of this machine.
+        That of the scheduler; "" starts a cluster on this machine.
     workers
-        Of the cluster of this machine; None: one for each `_EACH` cores, as memory allows.
+        Their number on this machine's cluster. None starts one for each `_CORES_PER_WORKER` cores, as memory allows.
     store
-        Has workers write frames; None: frames are written by who asks for them.
+        The function by which workers write frames. None returns the pixels to the caller, who writes them.
     command
-        That of workers, instead of their backend's.
+        The command of workers. None takes that of their backend.
     """
 
     def __init__(
@@ -105,13 +105,13 @@ class DaskExecutor:
         self._store, self._command = store, command
         self._run = secrets.token_hex(4)
         self._stack = ExitStack()
-        self._arrived: queue.SimpleQueue[_Chunk | Happening] = queue.SimpleQueue()
+        self._incoming: queue.SimpleQueue[_Chunk | Happening] = queue.SimpleQueue()
         self._by_digest: dict[str, FrameTask] = {}
-        self._started: set[str] = set()  # digests of frames that went to a renderer
+        self._started: set[str] = set()  # digests of the frames that a renderer has started
         self._in_flight: set[_Chunk] = set()
         self._unfit: dict[str, str] = {}
-        self._sharing = 1  # workers that share the cores of this machine
-        self._known: set[str] = set()
+        self._sharing = 1  # the number of workers that share the cores of this machine
+        self._workers: set[str] = set()
         self._number = 0
 
     def __enter__(self) -> DaskExecutor:
@@ -121,12 +121,12 @@ class DaskExecutor:
             raise LookdevError("executor 'dask' needs Dask's distributed: pip install 'lookdev[farm]'") from None
 
         for name in ("distributed", "tornado.application", "bokeh"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what it reports of lost workers is reported here
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # notes of this executor report lost workers
         with ExitStack() as stack, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of versions, which are compared here, and of ports
+            warnings.simplefilter("ignore")  # on versions, which this executor compares, and on ports
             target: Any = self._address
             if not self._address:
-                count = self._count or max(min(cores() // _EACH, free_memory() // _MEMORY), 1)
+                count = self._count or max(min(cores() // _CORES_PER_WORKER, free_memory() // _MEMORY_PER_WORKER), 1)
                 self._sharing = count
                 cluster = LocalCluster(
                     n_workers=count,
@@ -137,10 +137,10 @@ class DaskExecutor:
                 )
                 target = stack.enter_context(cluster)
             try:
-                # A client that fails to connect is closed when it is collected, which waits for ever where another
-                # one starts meanwhile.
+                # A client that cannot connect is closed when it is garbage-collected, and hangs in that where another
+                # client starts meanwhile: so the connection is tried first.
                 if self._address:
-                    asyncio.run(_reach(self._address))
+                    asyncio.run(_connect_once(self._address))
                 client = Client(target, timeout=_CONNECT, set_as_default=False, name="lookdev")
             except ValueError as error:
                 raise LookdevError(
@@ -153,7 +153,7 @@ class DaskExecutor:
                     ", and workers with 'dask worker ADDRESS --nthreads 1', or check address and firewall"
                 ) from None
             self._client = stack.enter_context(client)
-            self._client.subscribe_topic(self._topic, self._heard)
+            self._client.subscribe_topic(self._topic, self._on_event)
             stack.callback(self._cancel)
             self._stack = stack.pop_all()
         return self
@@ -166,10 +166,10 @@ class DaskExecutor:
         """Do nothing: workers start with their first chunk."""
 
     def prepare(self, scene: SceneTask) -> None:
-        """Do nothing: no worker is known to render the scene."""
+        """Do nothing: the worker of the scene is not known yet."""
 
     def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
-        """Render tasks, as the protocol has it."""
+        """Render tasks, as `Executor.render`."""
         backend = tasks[0].scene.backend
         self._check_versions(backend)
         self._waiting = ChunkShares(tasks, wanted, answered=self._store is None)
@@ -185,45 +185,47 @@ class DaskExecutor:
             self._command,
             self._sharing,
         )
-        met, looked = time.monotonic(), -math.inf
+        last_worker, last_poll = time.monotonic(), -math.inf
         while True:
-            if time.monotonic() > looked + _LOOK:
-                looked = time.monotonic()
-                crowd = self._crowd()
-                met = looked if crowd else met
-                if looked > met + _LONELY:
-                    met = looked
-                    yield Remarked(f"{self._where} has no worker: frames wait for one")
-                gone, self._known = self._known - set(crowd), set(crowd)
-                for worker in gone:
-                    self._waiting.leave(worker)
-                # By itself the scheduler keeps them for a worker of the same address, if no other is there.
-                for chunk in [each for each in self._in_flight if each.worker in gone]:
+            if time.monotonic() > last_poll + _POLL:
+                last_poll = time.monotonic()
+                workers = self._fit_workers()
+                last_worker = last_poll if workers else last_worker
+                if last_poll > last_worker + _NO_WORKER_NOTE:
+                    last_worker = last_poll
+                    yield Remarked(f"{self._cluster} has no worker: frames wait for one")
+                lost, self._workers = self._workers - set(workers), set(workers)
+                for worker in lost:
+                    self._waiting.remove_worker(worker)
+                # If no other worker is there, the scheduler would keep them for a worker with the same address.
+                for chunk in [chunk for chunk in self._in_flight if chunk.worker in lost]:
                     self._in_flight.discard(chunk)
                     chunk.future.cancel(force=True)
-                    yield from self._rendered_again(chunk, f"worker {chunk.worker} was lost")
-            self._feed(crowd)
+                    yield from self._render_again(chunk, f"worker {chunk.worker} was lost")
+            self._fill(workers)
             if not self._in_flight:
                 return
             try:
-                arrived = self._arrived.get(timeout=_LOOK)
+                item = self._incoming.get(timeout=_POLL)
             except queue.Empty:
                 continue
-            if not isinstance(arrived, _Chunk):
-                yield arrived
-            elif arrived in self._in_flight:
-                self._in_flight.discard(arrived)
-                yield from self._take(arrived)
+            if not isinstance(item, _Chunk):
+                yield item
+            elif item in self._in_flight:
+                self._in_flight.discard(item)
+                yield from self._handle_result(item)
 
-    def _feed(self, crowd: Sequence[str]) -> None:
-        """Give each worker chunks until it has enough; without a worker, let one wait for the first."""
-        given = Counter(chunk.worker for chunk in self._in_flight)
-        for worker in crowd:
-            while given[worker] < _AHEAD and (frames := self._waiting.chunk(worker, len(crowd))):
+    def _fill(self, workers: Sequence[str]) -> None:
+        """Submit chunks for each worker until it has enough; without workers, submit one for the first that comes."""
+        chunk_counts = Counter(chunk.worker for chunk in self._in_flight)
+        for worker in workers:
+            while chunk_counts[worker] < _CHUNKS_PER_WORKER and (
+                frames := self._waiting.next_chunk(worker, len(workers))
+            ):
                 self._submit(_Chunk(frames, worker))
-                given[worker] += 1
-        if not crowd and not self._in_flight and (frames := self._waiting.chunk("", 1)):
-            self._waiting.leave("")
+                chunk_counts[worker] += 1
+        if not workers and not self._in_flight and (frames := self._waiting.next_chunk("", 1)):
+            self._waiting.remove_worker("")
             self._submit(_Chunk(frames))
 
     @property
@@ -231,7 +233,7 @@ class DaskExecutor:
         return f"lookdev-{self._run}"
 
     def _shared_mark(self) -> Path | None:
-        """Return a file in the output folder, by which workers know that they have the same."""
+        """Create and return a file in the output folder, by which workers check that they see the same folder."""
         if self._store is None:
             return None
         mark = self._place.scratch / f"shared-{self._run}"
@@ -249,17 +251,17 @@ class DaskExecutor:
             pure=False,
         )
         self._in_flight.add(chunk)
-        chunk.future.add_done_callback(lambda _: self._arrived.put(chunk))
+        chunk.future.add_done_callback(lambda _: self._incoming.put(chunk))
 
-    def _take(self, chunk: _Chunk) -> Iterator[Happening]:
-        """Take what came of a chunk."""
+    def _handle_result(self, chunk: _Chunk) -> Iterator[Happening]:
+        """Handle the result of a chunk, and yield the events of its frames."""
         if chunk.future.status in ("cancelled", "lost"):
-            raise WorkerError(f"{self._where} has dropped the run; run the same command again to continue")
+            raise WorkerError(f"{self._cluster} has dropped the run; run the same command again to continue")
         result: Any
         try:
             result = self._result_of(chunk)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
-            yield from self._rendered_again(chunk, _brief(error))
+            yield from self._render_again(chunk, _brief(error))
             return
         match result:
             case Lacks(worker, files):
@@ -273,40 +275,40 @@ class DaskExecutor:
                 yield from self._leave_out(worker, reason)
                 fit = sorted(set(self._addresses()) - self._unfit.keys())
                 if not fit:
-                    raise WorkerError(f"no worker of {self._where} can render: {reason}")
+                    raise WorkerError(f"no worker of {self._cluster} can render: {reason}")
                 chunk.worker = fit[self._number % len(fit)]
                 self._submit(chunk)
             case Unwritable(reason):
                 raise OutputError(reason)
             case Answers(worker, answers):
-                self._feed(sorted(self._known - self._unfit.keys()))
+                self._fill(sorted(self._workers - self._unfit.keys()))
                 for answer in answers:
                     task = chunk.tasks[answer.number]
                     if isinstance(answer.made, str):
                         yield GivenUp(task, answer.made, None)
                     else:
-                        self._waiting.measured(task, answer.seconds, worker)
+                        self._waiting.record_time(task, answer.seconds, worker)
                         yield Finished(task, answer.made, answer.seconds)
 
     def _result_of(self, chunk: _Chunk) -> Any:
-        """Return the result of a chunk; raises TimeoutError where it does not come, soon where its worker is lost."""
+        """Return the result of a chunk; raises TimeoutError where it does not arrive, soon if its worker is lost."""
         deadline = time.monotonic() + _CONNECT
         while True:
             try:
-                return chunk.future.result(timeout=_LOOK)
+                return chunk.future.result(timeout=_POLL)
             except TimeoutError:
-                # Where Dask chose the worker, nobody here knows which.
+                # Where Dask chose the worker, its address is not known here.
                 if chunk.worker and chunk.worker not in self._addresses():
                     raise TimeoutError(f"worker {chunk.worker} was lost with its result") from None
                 if time.monotonic() > deadline:
-                    raise TimeoutError(f"{chunk.worker or self._where} does not send a result") from None
+                    raise TimeoutError(f"{chunk.worker or self._cluster} does not send a result") from None
 
-    def _rendered_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
-        """Render the frames of a chunk that was lost, each by itself if one was at work; give up those lost often."""
-        at_work = any(task.digest in self._started for task in chunk.tasks)
+    def _render_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
+        """Submit the frames of a lost chunk again, singly if one was started; give up any lost `CRASH_TRIES` times."""
+        started = any(task.digest in self._started for task in chunk.tasks)
         yield Remarked(f"{len(chunk.tasks)} frames go to another worker: {reason}")
-        apart = [[task] for task in chunk.tasks] if at_work else [chunk.tasks]
-        for tasks in apart:
+        groups = [[task] for task in chunk.tasks] if started else [chunk.tasks]
+        for tasks in groups:
             losses = chunk.losses + any(task.digest in self._started for task in tasks)
             self._started.difference_update(task.digest for task in tasks)
             if losses >= CRASH_TRIES:
@@ -315,13 +317,13 @@ class DaskExecutor:
                 self._submit(_Chunk(tasks, losses=losses))
 
     def _leave_out(self, worker: str, reason: str) -> Iterator[Happening]:
-        """Give nothing more to a worker."""
+        """Assign nothing more to a worker."""
         if worker not in self._unfit:
             self._unfit[worker] = reason
             yield Remarked(f"left out: {reason}")
 
     def _send(self, worker: str, files: Sequence[Content]) -> None:
-        """Send files to the content store of a worker, in pieces; raises OutputError where it cannot keep them."""
+        """Send files to the content store of a worker, in pieces; raises OutputError where it cannot store them."""
         for file in files:
             size = file.path.stat().st_size
             with file.path.open("rb") as stream:
@@ -333,28 +335,28 @@ class DaskExecutor:
                         raise OutputError(f"worker {worker} cannot keep a file: {answers[worker]}")
 
     def _check_versions(self, backend: str) -> None:
-        """Raise WorkerError where workers that are there have other versions than this process."""
+        """Raise WorkerError where the versions of a connected worker differ from those of this process."""
         try:
-            found = self._client.run(worker_versions, backend, on_error="return")
+            by_worker = self._client.run(worker_versions, backend, on_error="return")
         except Exception as error:
-            raise WorkerError(f"{self._where} does not answer: {_brief(error)}") from error
+            raise WorkerError(f"{self._cluster} does not answer: {_brief(error)}") from error
         problems = []
-        for worker, theirs in found.items():
-            if isinstance(theirs, Exception):
+        for worker, remote in by_worker.items():
+            if isinstance(remote, Exception):
                 problems.append(
-                    f"worker {worker} has no lookdev of this version: {_brief(theirs)}; install it in the environment "
+                    f"worker {worker} has no lookdev of this version: {_brief(remote)}; install it in the environment "
                     "of all workers: pip install 'lookdev[farm]'"
                 )
-            elif problem := mismatch(versions(backend), theirs, f"worker {worker}"):
+            elif problem := mismatch(versions(backend), remote, f"worker {worker}"):
                 problems.append(problem)
         if problems:
             raise WorkerError("\n".join(problems))
 
-    def _crowd(self) -> list[str]:
-        """Return the workers that are fit; raises WorkerError where the scheduler has gone."""
+    def _fit_workers(self) -> list[str]:
+        """Return the workers that can render; raises WorkerError where the scheduler has gone."""
         if self._client.status != "running":
             raise WorkerError(
-                f"the connection to {self._where} is lost; frames that are done are kept: run the same command again"
+                f"the connection to {self._cluster} is lost; frames that are done are kept: run the same command again"
             )
         return [address for address in self._addresses() if address not in self._unfit]
 
@@ -362,28 +364,30 @@ class DaskExecutor:
         try:
             return list(self._client.nthreads())
         except Exception as error:
-            raise WorkerError(f"{self._where} does not answer: {_brief(error)}; run the same command again") from error
+            raise WorkerError(
+                f"{self._cluster} does not answer: {_brief(error)}; run the same command again"
+            ) from error
 
     @property
-    def _where(self) -> str:
+    def _cluster(self) -> str:
         return f"the scheduler {self._address}" if self._address else "the cluster of Dask on this machine"
 
-    def _heard(self, event: tuple[float, Any]) -> None:
-        """Take an event that a worker sends while it renders."""
-        what = {key: value for key, value in event[1].items() if key != "worker"}  # which Dask adds
-        task = self._by_digest.get(what.pop("digest", ""))
+    def _on_event(self, event: tuple[float, Any]) -> None:
+        """Queue an event that a worker logs while it renders."""
+        fields = {key: value for key, value in event[1].items() if key != "worker"}  # Dask adds this key
+        task = self._by_digest.get(fields.pop("digest", ""))
         if task is None:
             return
-        if "started" in what:
+        if "started" in fields:
             self._started.add(task.digest)
-            self._arrived.put(Started(task))
-        elif "reason" in what:
-            self._arrived.put(Retried(task, **what))
+            self._incoming.put(Started(task))
+        elif "reason" in fields:
+            self._incoming.put(Retried(task, **fields))
         else:
-            self._arrived.put(Progressed(task, Progress(type="progress", digest=task.digest, **what)))
+            self._incoming.put(Progressed(task, Progress(type="progress", digest=task.digest, **fields)))
 
     def _cancel(self) -> None:
-        """Cancel what is in flight: workers stop their renderers when they see it."""
+        """Cancel the chunks in flight; workers then stop their renderers."""
         futures = [chunk.future for chunk in self._in_flight]
         self._in_flight.clear()
         if futures:
@@ -391,8 +395,8 @@ class DaskExecutor:
                 self._client.cancel(futures, force=True)
 
 
-async def _reach(address: str) -> None:
-    """Raise ValueError where an address is malformed, OSError where no scheduler answers there."""
+async def _connect_once(address: str) -> None:
+    """Raise ValueError where an address is malformed, OSError where no scheduler answers at it."""
     from distributed.comm import connect
     from distributed.security import Security
 

@@ -1,7 +1,7 @@
-"""What runs on the workers of Dask: a renderer each, kept from chunk to chunk, and files by their content.
+"""The functions that run on workers of Dask: a renderer that stays alive between chunks, and a content store.
 
-`lookdev.rendering.executors.dask` calls these functions on other machines. A chunk is bytes until it is known that
-both have the same versions. It answers for each of its frames, or why it renders none.
+`lookdev.rendering.executors.dask` calls these functions on other machines. A chunk is pickled, and unpickled only after
+the versions are known to be equal. Its result has an answer for each frame, or the reason why none was rendered.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lookdev.cache import Content, cache_dir
 from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors.protocol import GivenUp, Retried, Store, Stored
-from lookdev.rendering.executors.tries import rendered_in_tries
+from lookdev.rendering.executors.tries import render_with_retries
 from lookdev.rendering.executors.versions import mismatch, versions
 from lookdev.rendering.results import Progress, Rendered
 from lookdev.rendering.task import FrameTask, contents
@@ -30,18 +30,18 @@ from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
 
 IDLE = 300.0
-"""Seconds without a chunk after which a renderer is ended: its memory serves others."""
+"""Seconds without a chunk after which a renderer is ended, so that others can use its memory."""
 
-_LOOK = 0.5  # seconds between looks at whether the chunk is still wanted, and between reports
-_APPEARS = 5.0  # seconds until a new file is seen on shared file systems
+_POLL = 0.5  # seconds between checks that the chunk is not cancelled, and between progress reports
+_APPEARANCE_TIMEOUT = 5.0  # seconds until a new file is visible on a shared file system
 
 
 @dataclass(frozen=True)
 class Order:
     """A chunk of frames of one scene, pickled, and how to render it.
 
-    `store` writes frames to the shared output, whose mark is the file `shared`; None: pixels are the answer. `command`
-    replaces that of the backend, in tests. `sharing` workers, whose names are numbers, divide the cores of a machine.
+    `store` writes frames to the shared output, in which the file `shared` is a mark; without it, answers have pixels.
+    `command` replaces that of the backend, in tests. `sharing` workers, named by numbers, share the cores of a machine.
     """
 
     frames: bytes
@@ -57,16 +57,16 @@ class Order:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a frame, by its number in the chunk, and its seconds."""
+    """The result of a frame, by its number in the chunk, and its seconds."""
 
     number: int
-    made: Rendered | Stored | str  # a reason where it failed
+    made: Rendered | Stored | str  # a reason if the frame failed
     seconds: float
 
 
 @dataclass(frozen=True)
 class Answers:
-    """What came of the frames of a chunk."""
+    """The results of the frames of a chunk."""
 
     worker: str
     frames: list[Answer]
@@ -74,7 +74,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Lacks:
-    """Files that the worker lacks."""
+    """A worker renders nothing until it is sent these files."""
 
     worker: str
     files: tuple[Content, ...]
@@ -82,7 +82,7 @@ class Lacks:
 
 @dataclass(frozen=True)
 class Unfit:
-    """Why the worker renders nothing."""
+    """A worker cannot render, for this reason."""
 
     worker: str
     reason: str
@@ -90,7 +90,7 @@ class Unfit:
 
 @dataclass(frozen=True)
 class Unwritable:
-    """A file that the worker cannot write."""
+    """A worker cannot write a file, for this reason."""
 
     reason: str
 
@@ -99,33 +99,35 @@ Result = Answers | Lacks | Unfit | Unwritable
 
 
 def render_order(order: Order) -> Result:
-    """Render a chunk, on a worker of Dask."""
+    """Render a chunk on this worker of Dask."""
     from distributed import get_worker
 
-    me: Any = get_worker()
-    if problem := mismatch(order.versions, versions(order.backend), f"worker {me.address}"):
-        return Unfit(me.address, problem)
+    host: Any = get_worker()
+    if problem := mismatch(order.versions, versions(order.backend), f"worker {host.address}"):
+        return Unfit(host.address, problem)
     tasks: list[FrameTask] = pickle.loads(order.frames)
-    if order.shared is not None and not _appears(order.shared):
+    if order.shared is not None and not _wait_for_file(order.shared):
         return Unfit(
-            me.address,
-            f"worker {me.address} does not see {order.shared.parent}: mount the output folder there under the same "
+            host.address,
+            f"worker {host.address} does not see {order.shared.parent}: mount the output folder there under the same "
             "path, or leave out --shared",
         )
     try:
-        if lacking := tuple(each for each in sorted(contents(tasks[0].scene), key=str) if not each.is_whole()):
-            return Lacks(me.address, lacking)
-        with _RENDERERS.lent(order, me) as worker, _wanted(me, worker) as ended:
-            frames = [_render(order, number, task, worker, me, ended) for number, task in enumerate(tasks)]
-            return Answers(me.address, frames)
+        if missing := tuple(file for file in sorted(contents(tasks[0].scene), key=str) if not file.is_whole()):
+            return Lacks(host.address, missing)
+        with _RENDERER.borrow(order, host) as worker, _stop_if_cancelled(host, worker) as is_cancelled:
+            frames = [
+                _render_frame(order, number, task, worker, host, is_cancelled) for number, task in enumerate(tasks)
+            ]
+            return Answers(host.address, frames)
     except OutputError as error:
-        return Unwritable(f"worker {me.address}: {error}")
+        return Unwritable(f"worker {host.address}: {error}")
     except WorkerError as error:
-        return Unfit(me.address, f"worker {me.address}: {error}")
+        return Unfit(host.address, f"worker {host.address}: {error}")
 
 
 def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str:
-    """Take a part of a file of the content store; with the `last`, check it. Return what is wrong, or ""."""
+    """Append a part to a file of the content store, and check it after the `last`. Return what is wrong, or ""."""
     part = cache_dir("content") / f".{name}.{os.getpid()}.part"  # workers of one machine share the folder
     try:
         with part.open("r+b" if offset else "wb") as stream:
@@ -135,65 +137,67 @@ def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str
             return ""
         suffix = Path(name).suffix
         try:
-            made = Content.written(suffix, lambda path: shutil.move(part, path))
+            content = Content.written(suffix, lambda path: shutil.move(part, path))
         finally:
             part.unlink(missing_ok=True)
     except (OSError, LookdevError) as error:
         return str(error)
-    return "" if made.digest == digest else f"{name}: what arrived has another content"
+    return "" if content.digest == digest else f"{name}: what arrived has another content"
 
 
 def worker_versions(backend: str) -> dict[str, str]:
-    """Return `versions`."""
+    """Return the versions of a backend on this worker."""
     return versions(backend)
 
 
-def _appears(file: Path) -> bool:
-    until = time.monotonic() + _APPEARS
+def _wait_for_file(file: Path) -> bool:
+    deadline = time.monotonic() + _APPEARANCE_TIMEOUT
     while not file.exists():
-        if time.monotonic() > until:
+        if time.monotonic() > deadline:
             return False
         time.sleep(0.1)
     return True
 
 
-def _render(order: Order, number: int, task: FrameTask, worker: Worker, me: Any, ended: Callable[[], bool]) -> Answer:
-    started, reported = time.monotonic(), [0.0]
+def _render_frame(
+    order: Order, number: int, task: FrameTask, worker: Worker, host: Any, is_cancelled: Callable[[], bool]
+) -> Answer:
+    started, last_report = time.monotonic(), [0.0]
 
-    def tell(**what: object) -> None:
-        me.log_event(order.topic, {"digest": task.digest, **what})
+    def log_event(**fields: object) -> None:
+        host.log_event(order.topic, {"digest": task.digest, **fields})
 
-    def progressed(progress: Progress) -> None:
-        if time.monotonic() > reported[0] + _LOOK:
-            reported[0] = time.monotonic()
-            tell(samples=progress.samples, of=progress.of, relmse=progress.relmse)
+    def on_progress(progress: Progress) -> None:
+        if time.monotonic() > last_report[0] + _POLL:
+            last_report[0] = time.monotonic()
+            log_event(samples=progress.samples, of=progress.of, relmse=progress.relmse)
 
-    def retried(each: Retried) -> None:
-        tell(reason=each.reason, attempt=each.attempt, attempts=each.attempts)
+    def on_retry(retry: Retried) -> None:
+        log_event(reason=retry.reason, attempt=retry.attempt, attempts=retry.attempts)
 
-    if ended():
+    if is_cancelled():
         return Answer(number, "cancelled", 0.0)
-    tell(started=True)
-    made = rendered_in_tries(worker, task, progressed, retried, ended)
+    log_event(started=True)
+    rendered = render_with_retries(worker, task, on_progress, on_retry, is_cancelled)
     seconds = time.monotonic() - started
-    if isinstance(made, GivenUp):
-        return Answer(number, f"{made.reason} (on {me.address}, log: {made.log})", seconds)
-    return Answer(number, made if order.store is None else order.store(task, made), seconds)
+    if isinstance(rendered, GivenUp):
+        return Answer(number, f"{rendered.reason} (on {host.address}, log: {rendered.log})", seconds)
+    return Answer(number, rendered if order.store is None else order.store(task, rendered), seconds)
 
 
 @contextmanager
-def _wanted(me: Any, worker: Worker) -> Iterator[Callable[[], bool]]:
-    """Yield whether the chunk in this thread was cancelled; the renderer is stopped when it is."""
-    key, over, cancelled = me.get_current_task(), threading.Event(), threading.Event()
+def _stop_if_cancelled(host: Any, worker: Worker) -> Iterator[Callable[[], bool]]:
+    """Yield a function that tells whether this thread's chunk was cancelled; stop the renderer when it is."""
+    key, over, cancelled = host.get_current_task(), threading.Event(), threading.Event()
 
-    def look() -> None:
-        while not over.wait(_LOOK):
-            task = me.state.tasks.get(key)
+    def poll() -> None:
+        while not over.wait(_POLL):
+            task = host.state.tasks.get(key)
             if task is None or task.state not in ("executing", "long-running"):
                 cancelled.set()
                 worker.stop()
 
-    thread = threading.Thread(target=look, daemon=True)
+    thread = threading.Thread(target=poll, daemon=True)
     thread.start()
     try:
         yield cancelled.is_set
@@ -202,31 +206,31 @@ def _wanted(me: Any, worker: Worker) -> Iterator[Callable[[], bool]]:
         thread.join()
 
 
-class _Renderers:
-    """The renderer of this process: one, whoever asks, ended when nobody has asked for long."""
+class _Renderer:
+    """The one renderer of this process, which ends after `IDLE` seconds without use."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._worker: Worker | None = None
-        self._made_by: object = None
+        self._settings: object = None
         self._idle: threading.Timer | None = None
 
     @contextmanager
-    def lent(self, order: Order, me: Any) -> Iterator[Worker]:
-        """Yield the renderer to one thread at a time."""
+    def borrow(self, order: Order, host: Any) -> Iterator[Worker]:
+        """Yield the renderer, to one thread at a time."""
         command = order.command or BACKENDS[order.backend].command
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
-            cores = share_of_cores(int(me.name), order.sharing) if order.sharing > 1 else None
-            made_by = (command, cores, order.patience)
-            if self._worker is None or self._made_by != made_by:
-                self._end()
-                # Dask removes its folder when the worker ends, even long after it was killed.
-                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=me.local_directory))
+            cores = share_of_cores(int(host.name), order.sharing) if order.sharing > 1 else None
+            settings = (command, cores, order.patience)
+            if self._worker is None or self._settings != settings:
+                self._end_renderer()
+                # Dask removes the folder when its worker ends, even long after a kill.
+                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=host.local_directory))
                 log = scratch / "worker.log"
                 self._worker = Worker(command, log, scratch, order.patience, cores=cores)
-                self._made_by = made_by
+                self._settings = settings
             try:
                 yield self._worker
             finally:
@@ -237,15 +241,15 @@ class _Renderers:
     def _end_if_idle(self) -> None:
         if self._lock.acquire(blocking=False):
             try:
-                self._end()
+                self._end_renderer()
             finally:
                 self._lock.release()
 
-    def _end(self) -> None:
+    def _end_renderer(self) -> None:
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.kill()
             shutil.rmtree(worker.log.parent, ignore_errors=True)
 
 
-_RENDERERS = _Renderers()
+_RENDERER = _Renderer()

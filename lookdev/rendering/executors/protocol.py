@@ -1,4 +1,4 @@
-"""What an executor is: it renders frame tasks somewhere, and reports what happens to each."""
+"""The protocol of executors, which render frame tasks somewhere, and the events that they report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.worker import PATIENCE
 
 CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""
+"""Tries of a frame whose worker dies, hangs or sends an invalid answer: the previous frame may be the cause."""
 
 CLEAN_TRIES = 2
 """Tries of a frame that the worker reports as failed: most such errors recur."""
@@ -46,7 +46,7 @@ class Retried:
 
 @dataclass(frozen=True)
 class Stored:
-    """What is known of a frame whose file its worker has written."""
+    """The figures of a frame whose file its worker has written."""
 
     samples: int
     relmse: float
@@ -55,7 +55,7 @@ class Stored:
 
 @dataclass(frozen=True)
 class Finished:
-    """A frame is rendered, `seconds` of wall time after it first went to a worker: pixels, or what is known of them."""
+    """A frame is rendered, `seconds` of wall time after it first went to a worker: pixels, or figures of a file."""
 
     task: FrameTask
     rendered: Rendered | Stored
@@ -64,7 +64,7 @@ class Finished:
 
 @dataclass(frozen=True)
 class GivenUp:
-    """A frame failed in all its tries; `log` has the details, if there is one on this machine."""
+    """A frame failed in all its tries; `log` is the file with the details, if it is on this machine."""
 
     task: FrameTask
     reason: str
@@ -73,7 +73,7 @@ class GivenUp:
 
 @dataclass(frozen=True)
 class Remarked:
-    """A note on the execution for the user, as on a worker that was lost."""
+    """A note for the user on the execution, such as the loss of a worker."""
 
     text: str
 
@@ -81,33 +81,33 @@ class Remarked:
 Happening = Started | Progressed | Retried | Finished | GivenUp | Remarked
 Wanted = Callable[[FrameTask], bool]
 Store = Callable[[FrameTask, Rendered], Stored]
-"""Writes the file of a frame; a function of a module, so that other machines find it."""
+"""Writes the file of a frame. A function of a module, so that it can be pickled to other machines."""
 
 
 class Executor(AbstractContextManager["Executor"], Protocol):
-    """Renders frames somewhere; what it started ends with its context."""
+    """Renders frames somewhere; the workers that it starts end with its context."""
 
     def launch(self) -> None:
-        """Start what renders, if that serves, without waiting for it."""
+        """Start workers without waiting for them, if the executor can."""
 
     def prepare(self, scene: SceneTask) -> None:
-        """Take a scene ahead of its frames, if that serves, so that frames of its looks start sooner."""
+        """Take a scene ahead of its frames, so that frames of its looks start sooner, if the executor can."""
 
     def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
-        """Render tasks, of one backend, in an order of its own, and yield what happens.
+        """Render tasks of one backend, in any order, and yield events.
 
-        `wanted` is asked in this thread just before a frame is given away; one that is not wanted any more is left
-        out. Ending the iteration early cancels what is not finished.
+        `wanted` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
+        left out. Ending the iteration early cancels the frames that are not finished.
 
-        Raises WorkerError where nothing renders, OutputError where a worker cannot write.
+        Raises WorkerError where no worker can render, OutputError where a worker cannot write.
         """
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an executor keeps its files on this machine, and what describes its workers."""
+    """The files of an executor on this machine, and the command and the patience of its workers."""
 
-    scratch: Path  # an existing folder, which the caller removes
-    log: Callable[[str], Path]  # the file of a log, by the name of what it is of
+    scratch: Path  # an existing folder; the caller removes it
+    log: Callable[[str], Path]  # returns the file of a log, by its name
     command: tuple[str, ...]
     patience: float = PATIENCE

@@ -1,4 +1,4 @@
-"""Which frames a worker renders next: those of a scene stay with a worker, as a change of scene takes seconds."""
+"""The order in which workers get frames: a worker stays with its scene, as a change of scene takes seconds."""
 
 from __future__ import annotations
 
@@ -9,63 +9,63 @@ from lookdev.rendering.executors.protocol import Wanted
 from lookdev.rendering.task import FrameTask, SceneTask
 
 _CHANGE = 2.0
-"""Seconds that a change of scene takes until one was measured: a shader is compiled."""
+"""Assumed seconds of a change of scene, which compiles a shader, until one is measured."""
 
-_CHUNK = 15.0  # seconds of frames in a chunk
-_PIXELS = 64 << 20  # bytes of pixels that a chunk answers, about
+_CHUNK_SECONDS = 15.0  # seconds of frames in a chunk
+_CHUNK_BYTES = 64 << 20  # bytes of pixels in the answer of a chunk, about
 
 
 class Shares:
-    """Frames that wait, by scene, and who renders which scene.
+    """Waiting frames by scene, and the scene of each worker.
 
-    A worker goes on with its scene, then with the first scene that nobody renders, then with the scene of most frames
-    for each of its workers, if its part of them takes longer than a change of scene.
+    A worker stays with its scene while that has frames. Then it takes the first scene that no worker renders, or else
+    the scene with the most frames per worker, if its share of these takes longer than a change of scene.
     """
 
     def __init__(self, tasks: Iterable[FrameTask]) -> None:
         self._waiting: dict[int, deque[FrameTask]] = {}
         for task in tasks:
-            # Frames of a scene share its task; equal ones are not worth a comparison.
+            # The frames of a scene share its task, so that its id identifies it without a slow comparison.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
         self._scene_of: dict[Hashable, int] = {}
-        self._seconds: dict[int, float] = {}  # of a frame of each scene, not its first
+        self._seconds: dict[int, float] = {}  # of the latest frame of each scene that was not a worker's first
         self._change = _CHANGE
 
     def __len__(self) -> int:
         return sum(map(len, self._waiting.values()))
 
     def next_for(self, worker: Hashable) -> FrameTask | None:
-        """Return a frame that waits no longer; None where the others are better left to other workers."""
-        scene = self._choice(worker)
+        """Remove and return a worker's next frame; None where the waiting frames are better left to other workers."""
+        scene = self._next_scene(worker)
         if scene is None:
             return None
         self._scene_of[worker] = scene
         return self._waiting[scene].popleft()
 
     def give_back(self, task: FrameTask) -> None:
-        """Let a frame wait again."""
+        """Put a frame back in front of the waiting ones."""
         self._waiting[id(task.scene)].appendleft(task)
 
-    def leave(self, worker: Hashable) -> None:
-        """Forget a worker."""
+    def remove_worker(self, worker: Hashable) -> None:
+        """Remove a worker, and the claim on its scene."""
         self._scene_of.pop(worker, None)
 
     def seconds_of(self, task: FrameTask) -> float | None:
-        """Return what a frame of the scene of this one takes, once that is known."""
+        """Return the seconds of a frame of the same scene as `task`; None until one is measured."""
         return self._seconds.get(id(task.scene))
 
-    def measured(self, task: FrameTask, seconds: float, *, first: bool) -> None:
-        """Note what a frame took, `first` of its scene on its worker or not."""
+    def record_time(self, task: FrameTask, seconds: float, *, first: bool) -> None:
+        """Record the seconds of a frame; `first` says whether it was the first of its scene on its worker."""
         usual = self._seconds.get(id(task.scene))
         if not first:
             self._seconds[id(task.scene)] = seconds
         elif usual is not None:
             self._change = max(seconds - usual, 0.0)
 
-    def _choice(self, worker: Hashable) -> int | None:
-        own = self._scene_of.get(worker)
-        if own is not None and self._waiting[own]:
-            return own
+    def _next_scene(self, worker: Hashable) -> int | None:
+        current = self._scene_of.get(worker)
+        if current is not None and self._waiting[current]:
+            return current
         others = [scene for other, scene in self._scene_of.items() if other != worker]
         waiting = [scene for scene, tasks in self._waiting.items() if tasks]
         if free := [scene for scene in waiting if scene not in others]:
@@ -79,45 +79,46 @@ class Shares:
 
 
 class ChunkShares:
-    """Frames that wait, given away in chunks of one scene.
+    """Waiting frames, which workers get in chunks of one scene.
 
-    `wanted` is asked before a frame is given away; `answered` chunks come back with pixels, whose size is bounded.
+    `wanted` is called before a frame goes to a worker. With `answered`, the answers of chunks contain pixels, so that
+    the number of pixels in a chunk is limited.
     """
 
     def __init__(self, tasks: Iterable[FrameTask], wanted: Wanted, *, answered: bool) -> None:
         self._shares = Shares(tasks)
         self._wanted = wanted
         self._answered = answered
-        self._before: dict[str, SceneTask] = {}
+        self._scene_before: dict[str, SceneTask] = {}
 
-    def measured(self, task: FrameTask, seconds: float, worker: str) -> None:
-        """Note what a frame took on a worker."""
-        first = self._before.get(worker) is not task.scene
-        self._before[worker] = task.scene
-        self._shares.measured(task, seconds, first=first)
+    def record_time(self, task: FrameTask, seconds: float, worker: str) -> None:
+        """Record the seconds of a frame on a worker."""
+        first = self._scene_before.get(worker) is not task.scene
+        self._scene_before[worker] = task.scene
+        self._shares.record_time(task, seconds, first=first)
 
-    def leave(self, worker: str) -> None:
+    def remove_worker(self, worker: str) -> None:
         """Forget a worker."""
-        self._shares.leave(worker)
+        self._shares.remove_worker(worker)
 
-    def chunk(self, worker: str, workers: int) -> list[FrameTask]:
-        """Return frames of a scene for a worker; none where none waits that is worth a change of its scene."""
-        chosen: list[FrameTask] = []
+    def next_chunk(self, worker: str, workers: int) -> list[FrameTask]:
+        """Return frames of one scene for a worker; none where no waiting frames are worth a change of scene."""
+        frames: list[FrameTask] = []
         while (task := self._shares.next_for(worker)) is not None:
-            if chosen and chosen[0].scene is not task.scene:
+            if frames and frames[0].scene is not task.scene:
                 self._shares.give_back(task)
                 break
-            chosen += [task] if self._wanted(task) else []
-            if chosen and len(chosen) >= self._size(task, workers):
+            frames += [task] if self._wanted(task) else []
+            if frames and len(frames) >= self._chunk_size(task, workers):
                 break
-        return chosen
+        return frames
 
-    def _size(self, task: FrameTask, workers: int) -> int:
-        """Return how many frames make a chunk: one until it is known how long they take."""
+    def _chunk_size(self, task: FrameTask, workers: int) -> int:
+        """Return the number of frames in a chunk: one until the time of a frame is measured."""
         seconds = self._shares.seconds_of(task)
         if seconds is None:
             return 1
         width, height = task.scene.resolution
-        bound = max(_PIXELS // (width * height * 32), 1) if self._answered else len(self._shares)
-        # At the end chunks are small, so that all workers end at once.
-        return max(min(int(_CHUNK / max(seconds, 1e-3)), -(-len(self._shares) // (2 * workers)), bound), 1)
+        bound = max(_CHUNK_BYTES // (width * height * 32), 1) if self._answered else len(self._shares)
+        # Towards the end chunks get smaller, so that all workers finish together.
+        return max(min(int(_CHUNK_SECONDS / max(seconds, 1e-3)), -(-len(self._shares) // (2 * workers)), bound), 1)

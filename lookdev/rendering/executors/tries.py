@@ -11,14 +11,14 @@ from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker, last_line
 
 
-def rendered_in_tries(
+def render_with_retries(
     worker: Worker,
     task: FrameTask,
     progressed: Callable[[Progress], None],
     retried: Callable[[Retried], None],
     ended: Callable[[], bool] = lambda: False,
 ) -> Rendered | GivenUp:
-    """Render a frame, again where its worker dies or fails, until somebody has ended the run.
+    """Render a frame, with further tries where its worker dies or fails, unless `ended` says that the run has ended.
 
     Raises WorkerError where the worker does not start, OutputError where it cannot write.
     """
@@ -43,9 +43,9 @@ def start(worker: Worker) -> None:
         except WorkerError as error:
             if attempt == CRASH_TRIES - 1:
                 line = last_line(worker.log)
-                logged = f"; its last line: {line}" if line and line not in str(error) else ""
+                log_note = f"; its last line: {line}" if line and line not in str(error) else ""
                 raise WorkerError(
-                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
+                    f"{error}{log_note}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
                     "'lookdev doctor' lists what this machine lacks"
                 ) from error
         else:

@@ -1,4 +1,4 @@
-"""What has to be the same on the machines of a run, so that a frame is the same on each."""
+"""The versions that have to be equal on all machines of a run, so that a frame is the same on each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from lookdev.rendering.backends import BACKENDS
 
 
 def versions(backend: str) -> dict[str, str]:
-    """Return the versions of what renders frames of a backend here, by name."""
+    """Return the versions of the packages that render frames of a backend on this machine, by name."""
     try:
         renderer = BACKENDS[backend].version()
-    except RenderError as error:  # it is not installed
+    except RenderError as error:  # the renderer is not installed
         renderer = f"none ({error})"
     return {
         "lookdev": lookdev.__version__,
@@ -29,13 +29,13 @@ def versions(backend: str) -> dict[str, str]:
 
 
 def mismatch(here: Mapping[str, str], there: Mapping[str, str], worker: str) -> str:
-    """Return how a worker's versions differ from those here, and what to do; "" where they do not."""
-    differing = [
+    """Return how a worker's versions differ from those here, and the remedy; "" where they are equal."""
+    differences = [
         f"{name} {there.get(name, 'none')}, here {value}" for name, value in here.items() if there.get(name) != value
     ]
-    if not differing:
+    if not differences:
         return ""
     return (
-        f"{worker} has {'; '.join(differing)}: its frames would differ. Install the same versions in the environment "
+        f"{worker} has {'; '.join(differences)}: its frames would differ. Install the same versions in the environment "
         "of all workers, or start the run from theirs"
     )

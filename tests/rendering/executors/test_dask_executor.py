@@ -187,7 +187,7 @@ def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
         monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
         # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
         executor._client.run(
-            exec, "from lookdev.rendering.executors import dask_worker; dask_worker._APPEARS = 0.2", {}
+            exec, "from lookdev.rendering.executors import dask_worker; dask_worker._APPEARANCE_TIMEOUT = 0.2", {}
         )
         with pytest.raises(
             WorkerError, match=r"does not see /nowhere: mount the output folder.* or leave out --shared"
@@ -256,8 +256,8 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed import LocalCluster
 
-    monkeypatch.setattr("lookdev.rendering.executors.dask._LONELY", 0.2)
-    monkeypatch.setattr("lookdev.rendering.executors.dask._LOOK", 0.1)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._NO_WORKER_NOTE", 0.2)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._POLL", 0.1)
     with LocalCluster(n_workers=0, **LOOPBACK) as cluster, make(cluster.scheduler_address, tmp_path) as executor:
         found = []
         for each in render(executor, plan):

@@ -38,9 +38,9 @@ def test_a_scene_is_shared_where_that_takes_less_than_a_change_of_scene(seconds:
     tasks = frames(5)
     shares = Shares(tasks)
     shares.next_for(1)
-    shares.measured(tasks[0], seconds + 3.0, first=True)
-    shares.measured(tasks[1], seconds, first=False)
-    shares.measured(tasks[0], seconds + 3.0, first=True)  # so that a change takes 3 s
+    shares.record_time(tasks[0], seconds + 3.0, first=True)
+    shares.record_time(tasks[1], seconds, first=False)
+    shares.record_time(tasks[0], seconds + 3.0, first=True)  # so that a change takes 3 s
     assert (shares.next_for(2) is not None) == shared
 
 
@@ -48,11 +48,11 @@ def test_frames_of_a_worker_that_has_gone_are_anyones() -> None:
     tasks = frames(3)
     shares = Shares(tasks)
     first = shares.next_for(1)
-    shares.measured(tasks[0], 0.01, first=False)
+    shares.record_time(tasks[0], 0.01, first=False)
     assert shares.next_for(2) is None
     assert first is not None
     shares.give_back(first)
-    shares.leave(1)
+    shares.remove_worker(1)
     assert name(shares.next_for(2)) == "a0"
 
 

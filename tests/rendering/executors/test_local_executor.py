@@ -98,7 +98,7 @@ def test_without_a_number_workers_are_added_while_cores_are_idle(
 ) -> None:
     module = "lookdev.rendering.executors"
     monkeypatch.setattr(f"{module}.local.idle_cores", lambda before, now: idle if len(executor._slots) == 1 else 0.0)
-    monkeypatch.setattr(f"{module}.local._WATCHED", 0.0)
+    monkeypatch.setattr(f"{module}.local._MEASURED_SECONDS", 0.0)
     monkeypatch.setattr(f"{module}.capacity._START", 0.0)
     monkeypatch.setattr(f"{module}.capacity.cores", lambda: 2)
     slow_down(tmp_path, tasks)
@@ -113,7 +113,7 @@ def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkey
     devices = devices_of(Choice(workers=3, device="cuda", numbers=(0, 2)))
     with LocalExecutor(place(tmp_path), 3, devices) as executor:
         for _ in range(2):
-            executor._slots.append(executor._slot())
+            executor._slots.append(executor._new_slot())
         workers = [slot.worker for slot in executor._slots]
     assert [worker._environment["CUDA_VISIBLE_DEVICES"] for worker in workers] == ["0", "2", "0"]
     assert [sorted(worker._cores or ()) for worker in workers] == [[0, 1], [2, 3, 4], [5, 6, 7]]

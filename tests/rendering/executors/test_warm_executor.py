@@ -21,7 +21,7 @@ def tasks(tmp_path: Path) -> list[FrameTask]:
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Serve a fake renderer at a socket, in a thread, until it is told to stop or the socket has gone."""
-    monkeypatch.setattr("lookdev.rendering.executors.warm._LOOK", 0.05)
+    monkeypatch.setattr("lookdev.rendering.executors.warm._POLL", 0.05)
     (tmp_path / "scratch").mkdir()
     server = Server(tmp_path / "s", case.command(tmp_path), 60.0, tmp_path / "scratch")
     thread = threading.Thread(target=server.serve, daemon=True)
