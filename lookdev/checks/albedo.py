@@ -1,8 +1,8 @@
 """Directional albedo of a look over the angle of view, computed in three ways.
 
-By quadrature and by importance sampling in NumPy (`lookdev.reference.albedo`), and by Cycles: a card with the look,
-under light from its front, then from its back. A look that varies over a surface is taken at a few random points, as
-the constant look that it is there: its own shader with numbers for textures.
+They are quadrature and importance sampling in NumPy (`lookdev.reference.albedo`), and Cycles, which renders a card with
+the look, lit from its front, then from its back. A look that varies over a surface is evaluated at a few random points,
+as the constant look there: the same shader with numbers in place of textures.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from scipy import stats
 from lookdev.asset import load_asset
 from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.frames import Alter, Render, altered, unaltered
-from lookdev.checks.samples import case_layer, constant, constant_looks, tokens
+from lookdev.checks.frames import Alter, Render, alter_shaders, keep_shader
+from lookdev.checks.samples import case_layer, constant_looks, constant_numbers, layer_tokens
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
@@ -39,25 +39,25 @@ FALSE_ALARM = 1e-3
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 """Angles of view, degrees from the normal."""
 
-# Relative and absolute. Of exact backends: float32 rounding, as at points, and the blurred edge of the light at the
-# card's horizon. Of others: the error of their fits.
+# Relative and absolute tolerance. Exact backends: float32 rounding, as at points, and the blurred edge of the light at
+# the card's horizon. Other backends: the error of their fits.
 _EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
 _SIDE = 16
 _SIZE = (_SIDE, _SIDE)
 _SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)
 _SCRAMBLES, _POINTS = 32, 512
-# The narrowest of Blender's cameras: the albedo is nearly constant over it.
+# The narrowest field of view of Blender's cameras: the albedo is nearly constant over it.
 _FOV, _DISTANCE = 0.4, 6.0
-# A half of the sphere depends on longitude only; a fine edge keeps light from the other side of the card.
+# Half of the sphere depends on longitude only; a fine edge keeps its light off the other side of the card.
 _LIGHT_SIZE = (16384, 2)
 _SIDES = ("reflected", "transmitted")
-_WAYS = ("NumPy's samples", "Cycles")
+_ESTIMATORS = ("NumPy's samples", "Cycles")
 _WORST = 5
 
 
 @dataclass(frozen=True, eq=False)
 class _Curves:
-    """One sample point: quadrature, sampling and Cycles over the views, value and error (views, 2, 3)."""
+    """The albedo at a sample point by quadrature, sampling and Cycles; value and error have the shape (views, 2, 3)."""
 
     look: Look
     azimuth: float
@@ -75,58 +75,66 @@ def check_albedo(
     angles: tuple[float, ...] = ANGLES,
     seed: int = 0,
     backend: str = "exact",
-    alter: Alter = unaltered,
+    alter: Alter = keep_shader,
 ) -> Finding:
-    """Compare the albedo curves of a look.
+    """Compare the albedo curves of a look by quadrature with those by sampling and by Cycles.
 
     Parameters
     ----------
-    look, render
-        Its textures are read, and it is rendered in Cycles.
+    look
+        The look, whose textures are read.
+    render
+        Renders it in Cycles.
     points
-        Random points of the surface at which a look that varies over it is taken; any other has a single curve.
+        The number of random points at which a look that varies over the surface is evaluated. Other looks have a single
+        curve.
     angles
         Views, degrees from the normal, below 90.
     seed
-        Chooses the points, the azimuths of the views and all samples.
+        Seed of the points, the azimuths of the views and all samples.
     backend
-        Renders the look. One that is not exact may be off by 1 %, the error of its fits.
+        Name of the backend that renders the look. One that is not exact may deviate by 1 %, the error of its fits.
     alter
         Alters the text of the shader.
 
     Raises
     ------
     CodegenError, RenderError, WorkerError
-        The backend cannot show the look, or Cycles failed.
+        The backend cannot show the look, or Cycles fails.
     """
     rng = np.random.default_rng(seed)
     looks = constant_looks(look, points, rng)
     varies = len(looks) > 1
-    curves = [_measure(each, render, angles, rng, backend, alter) for each in looks]
-    transmits = any(each.transmits for each in curves)
+    curves = [_measure(constant_look, render, angles, rng, backend, alter) for constant_look in looks]
+    transmits = any(curve.transmits for curve in curves)
     excess = _excess(curves, transmits, _EXACT if BACKENDS[backend].exact else _FITTED)
     worst = np.unravel_index(int(np.argmax(excess)), excess.shape)
     largest = float(excess[worst])
-    point, way, view, side, _ = (int(index) for index in worst)
-    at = f" of point {point}" if varies else ""
-    places = f"{len(curves)} random point{'s' * (len(curves) > 1)}" if varies else "a constant look"
+    point, estimator, view, side, _ = (int(index) for index in worst)
+    point_text = f" of point {point}" if varies else ""
+    points_text = f"{len(curves)} random point{'s' * (len(curves) > 1)}" if varies else "a constant look"
     return Finding(
         check="albedo",
         subject=look.name,
         passed=largest <= 1.0,
         summary=(
-            f"{places}, {len(angles)} views; largest "
-            f"deviation {largest:.2f} of its band: {_WAYS[way]}, {_SIDES[side]}{at} at {angles[view]:g} degrees"
+            f"{points_text}, {len(angles)} views; largest "
+            f"deviation {largest:.2f} of its band: {_ESTIMATORS[estimator]}, {_SIDES[side]}{point_text} "
+            f"at {angles[view]:g} degrees"
         ),
         figures={
             "largest_deviation": largest,
             "curves": float(len(curves)),
             "cycles_error": _cycles_error(curves),
-            "largest_albedo": float(max(each.quadrature.value.sum(axis=1).max() for each in curves)),
+            "largest_albedo": float(max(curve.quadrature.value.sum(axis=1).max() for curve in curves)),
         },
-        details=tuple(_line(curves, angles, excess, int(index)) for index in np.argsort(-excess.ravel())[:_WORST]),
+        details=tuple(
+            _describe_case(curves, angles, excess, int(index)) for index in np.argsort(-excess.ravel())[:_WORST]
+        ),
         plots=tuple(
-            plot for number, each in enumerate(curves) for plot in _plots(each, angles, f", point {number}" * varies)
+            plot
+            for number, curve in enumerate(curves)
+            for plot in _plot_curves(curve, angles, f", point {number}" * varies)
         ),
         skipped="" if transmits else "no light passes through: no curve of transmission",
     )
@@ -137,19 +145,19 @@ def _measure(
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
     views = _views(angles, azimuth)
-    bsdfs = [look_bsdf(look, _Seen(wo[2])) for wo in views]
-    seen = list(zip(bsdfs, views, strict=True))
-    quadrature = _stacked([integrate_albedo(bsdf, wo) for bsdf, wo in seen])
-    sampled = _stacked([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in seen])
+    bsdfs = [look_bsdf(look, _ConstantPoint(wo[2])) for wo in views]
+    surfaces = list(zip(bsdfs, views, strict=True))
+    quadrature = _stack_albedos([integrate_albedo(bsdf, wo) for bsdf, wo in surfaces])
+    sampled = _stack_albedos([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in surfaces])
     transmits = any(map(_transmits, bsdfs))
     seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
-    rendered = _rendered(look, render, views, transmits, seed, backend, alter)
+    rendered = _render_albedo(look, render, views, transmits, seed, backend, alter)
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
 
 
 @dataclass(frozen=True)
-class _Seen(ImagePoints):
-    """A point of a constant look, which reads its handedness and view only."""
+class _ConstantPoint(ImagePoints):
+    """A point of a constant look, of which only handedness and view are read."""
 
     cosine: float
 
@@ -172,29 +180,31 @@ def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
 
 
-def _stacked(albedos: list[Albedo]) -> Albedo:
-    return Albedo(np.stack([each.value for each in albedos]), np.stack([each.error for each in albedos]))
+def _stack_albedos(albedos: list[Albedo]) -> Albedo:
+    return Albedo(np.stack([albedo.value for albedo in albedos]), np.stack([albedo.error for albedo in albedos]))
 
 
 def _transmits(bsdf: Bsdf) -> bool:
     view = np.array([0.0, 0.0, 1.0])
     deltas = bsdf.deltas(view, np.asarray(False))
-    return any(each.transmits for each in deltas) or any(
+    return any(delta.transmits for delta in deltas) or any(
         lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view)
     )
 
 
-def _rendered(
+def _render_albedo(
     look: Look, render: Render, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
 ) -> Albedo:
-    """Render the views; pixels are scrambled independently, so their spread gives the error of their mean."""
-    # Not convex, so that the shader has bounces and shadow rays as for any asset.
+    """Render the views. Pixels are scrambled independently, so their spread gives the error of their mean."""
+    # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
     card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
-    for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (_white(),)):
-        scene = altered(scene_task(Scene.of_look(card, look, light, _SIZE), _SAMPLING, backend), alter)
+    for side, light in enumerate(
+        (_half_light(front=True), _half_light(front=False)) if transmits else (_white_light(),)
+    ):
+        scene = alter_shaders(scene_task(Scene.of_look(card, look, light, _SIZE), _SAMPLING, backend), alter)
         for number, wo in enumerate(views):
-            camera, pose = _standpoint(wo)
+            camera, pose = _camera_and_pose(wo)
             name = f"albedo {look.name} {seed} {side} {number}"
             halves = render(one_frame(replace(scene, camera=camera), pose, name, seed=seed))
             pixels = ((halves.a.astype(np.float64) + halves.b) / 2.0).reshape(-1, 3)
@@ -203,87 +213,90 @@ def _rendered(
     return Albedo(value, error)
 
 
-def _standpoint(wo: Floats) -> tuple[Camera, Pose]:
-    """Return camera and pose of the view `wo`, whose x, y, z are the world's x, z, -y; the light is fixed."""
+def _camera_and_pose(wo: Floats) -> tuple[Camera, Pose]:
+    """Return camera and pose for the view `wo`, whose x, y, z are the world's x, z, -y; the light stands still."""
     x, y, z = wo
     element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
     camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
     return camera, Pose(element % 360.0, element % 360.0)
 
 
-def _white() -> Dome:
+def _white_light() -> Dome:
     return prepare_light(load_environment(builtin="white"))
 
 
 def _half_light(*, front: bool) -> Dome:
-    """Return light of radiance 1 from the half of the world before the card's front, or behind it."""
+    """Return light of radiance 1 from the half of the world in front of the card, or behind it."""
     width, height = _LIGHT_SIZE
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
-    lit = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
-    # No directions are drawn of it: the tables of these would take seconds.
-    return prepare_light(make_environment("half", np.repeat(lit[..., None], 3, axis=-1)), sampled=False)
+    is_bright = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
+    # Its directions are not sampled: the tables for sampling would take seconds.
+    return prepare_light(make_environment("half", np.repeat(is_bright[..., None], 3, axis=-1)), sampled=False)
 
 
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:
-    """Return deviations from the quadrature over noise and rounding: (points, ways, views, sides, 3)."""
+    """Return deviations from the quadrature, relative to noise and rounding: (points, estimators, views, sides, 3)."""
     sides = 2 if transmits else 1
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
-    # Šidák: over all comparisons together, the probability of one beyond the limit is FALSE_ALARM.
+    # Šidák: the probability that any of all comparisons is beyond the limit is FALSE_ALARM.
     quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM) ** (1.0 / count)) / 2.0
     limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIDE * _SIDE - 1)]
     excess = []
-    for each in curves:
-        exact = each.quadrature
-        for way, limit, (relative, absolute) in zip((each.sampled, each.cycles), limits, (_EXACT, band), strict=True):
+    for curve in curves:
+        exact = curve.quadrature
+        estimates = curve.sampled, curve.cycles
+        for estimate, limit, (relative, absolute) in zip(estimates, limits, (_EXACT, band), strict=True):
             floor = exact.error + relative * exact.value + absolute
-            excess.append(np.abs(way.value - exact.value) / (limit * way.error + floor))
+            excess.append(np.abs(estimate.value - exact.value) / (limit * estimate.error + floor))
     stacked: Floats = np.stack(excess)[:, :, :sides].reshape(len(curves), 2, -1, sides, 3)
     return stacked
 
 
 def _cycles_error(curves: list[_Curves]) -> float:
-    """Return the largest deviation of Cycles, over the value and 0.1."""
+    """Return the largest deviation of Cycles, divided by the value plus 0.1."""
     return max(
-        float((np.abs(each.cycles.value - each.quadrature.value) / (each.quadrature.value + 0.1)).max())
-        for each in curves
+        float((np.abs(curve.cycles.value - curve.quadrature.value) / (curve.quadrature.value + 0.1)).max())
+        for curve in curves
     )
 
 
-def _line(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, index: int) -> str:
-    point, way, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
-    each = curves[point]
-    found = (each.sampled, each.cycles)[way]
-    wo = _views(angles, each.azimuth)[view]
-    layers = look_layers(each.look, _Seen(wo[2]))
+def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, index: int) -> str:
+    point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
+    curve = curves[point]
+    estimate = (curve.sampled, curve.cycles)[estimator]
+    wo = _views(angles, curve.azimuth)[view]
+    layers = look_layers(curve.look, _ConstantPoint(wo[2]))
     case = {
-        "deviation": float(excess[point, way, view, side, channel]),
-        "by": _WAYS[way],
+        "deviation": float(excess[point, estimator, view, side, channel]),
+        "by": _ESTIMATORS[estimator],
         "side": _SIDES[side],
         "channel": "rgb"[channel],
         "angle": angles[view],
         "wo": wo.tolist(),
-        "quadrature": float(each.quadrature.value[view, side, channel]),
-        "found": float(found.value[view, side, channel]),
-        "standard_error": float(found.error[view, side, channel]),
-        "layers": [case_layer(layer.model, tokens(layer) | constant(layer), layer.mode) for layer in layers],
+        "quadrature": float(curve.quadrature.value[view, side, channel]),
+        "found": float(estimate.value[view, side, channel]),
+        "standard_error": float(estimate.error[view, side, channel]),
+        "layers": [
+            case_layer(layer.model, layer_tokens(layer) | constant_numbers(layer), layer.mode) for layer in layers
+        ],
     }
     return json.dumps(case)
 
 
-def _plots(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[Plot, Plot]:
-    """Return plots of the curves, and of their differences, which are too small to see there."""
+def _plot_curves(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[Plot, Plot]:
+    """Return a plot of the curves and one of their differences, which are too small to see in the first."""
     x = np.array(angles)
-    whole, apart = [], []
+    albedos, differences = [], []
     for side, name in enumerate(_SIDES[: 1 + curves.transmits]):
         exact = curves.quadrature.value[:, side].mean(axis=-1)
-        whole.append(Series(f"{name}, quadrature", x, exact))
-        for way, found in zip(_WAYS, (curves.sampled, curves.cycles), strict=True):
-            y, band = found.value[:, side].mean(axis=-1), 3.0 * found.error[:, side].mean(axis=-1)
-            whole.append(Series(f"{name}, {way}", x, y, y - band, y + band, "points"))
+        albedos.append(Series(f"{name}, quadrature", x, exact))
+        for estimator, estimate in zip(_ESTIMATORS, (curves.sampled, curves.cycles), strict=True):
+            y, band = estimate.value[:, side].mean(axis=-1), 3.0 * estimate.error[:, side].mean(axis=-1)
+            albedos.append(Series(f"{name}, {estimator}", x, y, y - band, y + band, "points"))
             y = y - exact
-            apart.append(Series(f"{name}, {way}", x, y, y - band, y + band))
-    x_label, what = "angle of view, degrees", "mean of the channels, three standard errors"
+            differences.append(Series(f"{name}, {estimator}", x, y, y - band, y + band))
+    x_label, note = "angle of view, degrees", "mean of the channels, three standard errors"
     return (
-        Plot(f"Albedo{suffix}: {what}", x_label, "albedo", tuple(whole)),
-        Plot(f"Minus the quadrature{suffix}: {what}", x_label, "difference", tuple(apart)),
+        Plot(f"Albedo{suffix}: {note}", x_label, "albedo", tuple(albedos)),
+        Plot(f"Minus the quadrature{suffix}: {note}", x_label, "difference", tuple(differences)),
     )

@@ -1,4 +1,4 @@
-"""`lookdev check`: every check of a job or of a look."""
+"""`lookdev check`: all checks of a job or of a look."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.brdf import CONTINUOUS
 from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Alter, Halves, Render, altered, unaltered
+from lookdev.checks.frames import Alter, Halves, Render, alter_shaders, keep_shader
 from lookdev.checks.gap import check_gap
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
@@ -44,13 +44,13 @@ DepthName = Literal["quick", "default", "full"]
 
 @dataclass(frozen=True)
 class Depth:
-    """How much is compared."""
+    """Numbers of cases, points, pixels and samples that checks compare."""
 
     cases: int  # of the check of points
-    places: int  # where the albedo of a varying look is taken
+    places: int  # points at which the albedo of a varying look is computed
     angles: tuple[float, ...]  # of the albedo
     pixels: int  # of a frame, compared with the reference
-    side: int  # the most pixels of a frame's longer side
+    side: int  # the largest number of pixels of a frame's longer side
     samples: int  # of each render of a frame
     reference: int  # of each of the reference's sets
     converged: int  # samples for FLIP, or 0
@@ -63,7 +63,7 @@ DEPTHS: dict[DepthName, Depth] = {
 }
 
 _RENDERS = 4  # of a frame, two halves each
-_POSES = 8  # that are tried until light arrives at one
+_POSES = 8  # to try until light arrives in one
 # For a look without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
@@ -78,40 +78,44 @@ def check_file(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
     backend: str | None = None,
-    alter: Alter = unaltered,
+    alter: Alter = keep_shader,
 ) -> Iterator[Finding]:
     """Check every look of a job, or one look.
 
     Parameters
     ----------
     file
-        A job (.toml), or a USD file with a look, to be checked on the shaderball under ``city``. None means every
-        model, for ``"stability"`` only.
-    only, depth
-        Names of `CHECKS`, none means `USUAL`; and of `DEPTHS`.
+        A job (.toml), or a USD file with a look, which is checked on the shaderball under ``city``. Without a file
+        every model is checked, by ``"stability"`` only.
+    only
+        Names of `CHECKS`. Empty: `DEFAULT_CHECKS`.
+    depth
+        A name of `DEPTHS`.
     seed
-        Chooses cases, places, pixels and samples.
-    prim, variants, backend
-        Of a look's file: its material, the variant of each set, and its backend, ``"exact"`` where it is None.
+        Seed of cases, points, pixels and samples.
+    prim, variants
+        Material and variants of a look's file.
+    backend
+        Backend of a look's file; ``"exact"`` by default.
     alter
         Alters the text of every shader.
 
     Raises
     ------
     LookdevError
-        There is no such check or backend, the file is missing, or a backend is given for a job.
+        A check or the backend is unknown, the file is missing, or a backend is passed for a job.
     FaultsError
-        The job, or the look, is wrong.
+        The job or the look is wrong.
     RenderError, WorkerError
-        Cycles failed.
+        Cycles fails.
     """
     for name in only:
         if name not in CHECKS:
             raise LookdevError(f"there is no check '{name}' ({nearest_hint(name, list(CHECKS))})")
-    names = [name for name in CHECKS if name in (only or USUAL)]
+    names = [name for name in CHECKS if name in (only or DEFAULT_CHECKS)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
-    setups, turns = _read(file, prim, variants or {}, backend) if file else ((), Turns((_TURNTABLE,), Path()))
+    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else ((), Turns((_TURNTABLE,), Path()))
     with renderer() as render:
         subject = _Subject(setups, turns, render, depth, seed, alter)
         for name in names:
@@ -119,34 +123,34 @@ def check_file(
 
 
 def parse_only(text: str) -> tuple[str, ...]:
-    """Return the names in a text, separated by commas."""
+    """Return the names in a comma-separated text."""
     return tuple(name for part in text.split(",") if (name := part.strip()))
 
 
-def _read(
+def _read_setups(
     file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None
 ) -> tuple[tuple[Setup, ...], Turns]:
-    """Return the setups of a job or a look, and their turntables."""
+    """Return the setups of a job or of a look's file, and their turntables."""
     if file.suffix.lower() not in MATERIAL_SUFFIXES:
         if backend is not None:
             raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
-        made = read_setups(file)
-        return made.setups, made.turns
-    known = list(job_backends())
-    if backend is not None and backend not in known:
-        raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, known)})")
+        job_setups = read_setups(file)
+        return job_setups.setups, job_setups.turns
+    backends = list(job_backends())
+    if backend is not None and backend not in backends:
+        raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, backends)})")
     asset, light = load_asset(builtin=_ASSET), prepare_light(load_environment(builtin=_LIGHT))
     stem = "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
     setups, tasks = [], SceneTasks(backend or "exact")
-    for name, chosen in expand_material(stem, file, prim, variants):
-        scene = Scene.of_look(asset, read_any_look(file, prim, chosen, name).look, light, _RESOLUTION)
+    for name, selection in expand_material(stem, file, prim, variants):
+        scene = Scene.of_look(asset, read_any_look(file, prim, selection, name).look, light, _RESOLUTION)
         setups.append(make_setup(name, _LIGHT, scene, Sampling(), tasks))
     return tuple(setups), Turns((_TURNTABLE,), Path())
 
 
 @dataclass(frozen=True)
 class _Subject:
-    """What is checked, how, and how much."""
+    """The arguments of a check: the setups to check, and how."""
 
     setups: tuple[Setup, ...]
     turns: Turns
@@ -160,19 +164,19 @@ class _Subject:
         return BACKENDS[self.setups[0].task.backend]
 
     def looks(self) -> list[Look]:
-        """Return each look of the scenes once."""
-        seen: list[Look] = []
+        """Return the distinct looks of the scenes."""
+        looks: list[Look] = []
         for look in chain.from_iterable(setup.scene.looks for setup in self.setups):
-            if look not in seen:
-                seen.append(look)
-        return seen
+            if look not in looks:
+                looks.append(look)
+        return looks
 
 
 def _check_points(subject: _Subject) -> Iterator[Finding]:
     for look in subject.looks():
         if subject.backend.source is not ShaderSource:
-            why = f"backend {subject.backend.name}: only OSL can be evaluated at points"
-            yield Finding("points", look.name, True, "", skipped=why)
+            reason = f"backend {subject.backend.name}: only OSL can be evaluated at points"
+            yield Finding("points", look.name, True, "", skipped=reason)
             continue
         yield check_points(look, count=DEPTHS[subject.depth].cases, seed=subject.seed, alter=subject.alter)
 
@@ -192,23 +196,25 @@ def _check_albedo(subject: _Subject) -> Iterator[Finding]:
 
 
 def _check_images(subject: _Subject) -> Iterator[Finding]:
-    """Check one frame, at a random pose in which light arrives, of each look under each light."""
+    """Check one frame of each look under each light, at a random pose in which light arrives."""
     rng = np.random.default_rng(subject.seed)
     for setup in subject.setups:
         poses = subject.turns.poses(setup)
         first = int(rng.integers(len(poses)))
-        tried = (_check_image(subject, setup, poses[(first + n) % len(poses)]) for n in range(min(len(poses), _POSES)))
-        why = "no light arrives at the poses that were tried: nothing is compared"
-        dark = Finding("image", f"{setup.look}, {setup.ibl}", True, "", skipped=why)
-        yield next((found for found in tried if found is not None), dark)
+        findings = (
+            _check_image(subject, setup, poses[(first + n) % len(poses)]) for n in range(min(len(poses), _POSES))
+        )
+        reason = "no light arrives at the poses that were tried: nothing is compared"
+        dark = Finding("image", f"{setup.look}, {setup.ibl}", True, "", skipped=reason)
+        yield next((finding for finding in findings if finding is not None), dark)
 
 
 def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
-    """Check a frame; None where it is black."""
+    """Check a frame; return None if it is black."""
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
     width, height = (max(1, round(shrink * pixels)) for pixels in task.resolution)
-    small = replace(altered(task, subject.alter), resolution=(width, height))
+    small = replace(alter_shaders(task, subject.alter), resolution=(width, height))
 
     def render(number: int, samples: int, small: SceneTask = small) -> Halves:
         # Seeds differ from those of the job's frames and of each other; a shader takes less than 2^18.
@@ -222,7 +228,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
     if not subject.backend.exact:
         exact = scene_task(replace(setup.scene, film=Film((width, height))), task.sampling)
         expected = [render(_RENDERS + number, depth.samples, exact) for number in range(_RENDERS)]
-        return check_gap(name, _halves(expected), _halves(frames), alpha)
+        return check_gap(name, _mean_halves(expected), _mean_halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
         MeshScene(setup.scene.asset, setup.scene.looks, setup.scene.lit_by, setup.scene.grouped),
@@ -237,13 +243,13 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
     )
     converged = None
     if depth.converged:
-        whole = render(_RENDERS, depth.converged)
-        converged = (whole.a + whole.b) / 2.0
+        converged_frame = render(_RENDERS, depth.converged)
+        converged = (converged_frame.a + converged_frame.b) / 2.0
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     return check_frame(name, halves, alpha, _RENDERS * depth.samples, pixels, reference, converged)
 
 
-def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
+def _mean_halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 
@@ -257,7 +263,7 @@ CHECKS: dict[str, Callable[[_Subject], Iterator[Finding]]] = {
     "image": _check_images,
     "stability": _check_stability,
 }
-"""Every check by its name, in order of execution."""
+"""All checks by name, in the order in which they run."""
 
-USUAL = ("points", "albedo", "image")
-"""The checks that run by default; stability takes minutes, and depends mostly on the models."""
+DEFAULT_CHECKS = ("points", "albedo", "image")
+"""The checks that run by default. Stability takes minutes and depends mostly on the models."""

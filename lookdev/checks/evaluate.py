@@ -1,4 +1,4 @@
-"""`lookdev eval`: models at listed points, in NumPy or inside Cycles, JSON lines in and out."""
+"""`lookdev eval`: models evaluated at points, in NumPy or inside Cycles; JSON lines in and out."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _FRESNEL = "fresnel"
 class Batch:
     """Cases of stacks that differ in numbers only: wo, wi (n, 3); layers, base first.
 
-    `numbers` has for each layer those of its parameters, (n,) or (n, 3), and its ``"mask"``, (n,), that are not among
-    its constants.
+    `numbers` has a dictionary for each layer. Its values are parameters, (n,) or (n, 3), and the ``"mask"``, (n,), if
+    these are not constants of the layer.
     """
 
     layers: tuple[PointLayer, ...]
@@ -50,20 +50,20 @@ class Batch:
 
     def bsdf(self) -> Bsdf:
         """Build the stacks."""
-        return _stack(self.layers, self.numbers, self.wo)
+        return _build_stack(self.layers, self.numbers, self.wo)
 
-    def rounded(self) -> Batch:
-        """Return the cases with all numbers as float32 has them: what code in float32 is given."""
-        numbers = tuple({name: _rounded(values) for name, values in each.items()} for each in self.numbers)
-        return Batch(self.layers, _rounded(self.wo), _rounded(self.wi), numbers)
+    def round_to_float32(self) -> Batch:
+        """Return the cases with all numbers rounded to float32, as code in float32 reads them."""
+        numbers = tuple({name: _round(values) for name, values in layer.items()} for layer in self.numbers)
+        return Batch(self.layers, _round(self.wo), _round(self.wi), numbers)
 
 
-def _rounded(values: Floats) -> Floats:
+def _round(values: Floats) -> Floats:
     return values.astype(np.float32).astype(np.float64)
 
 
-def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]], wo: Array) -> Bsdf:
-    # From behind, the normal faces the viewer.
+def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]], wo: Array) -> Bsdf:
+    # Seen from behind, the normal faces the viewer.
     view = np.abs(wo[..., 2])
     return stack_bsdf([layer.at(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
 
@@ -75,26 +75,26 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     ----------
     lines
         One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
-        layers ``{"model", "params", "mask", "mode"}``, base first; or ``{"model": "fresnel", "params", "cosTheta"}``.
-        Other keys and blank lines are kept. A number may be the text of an expression of the view.
+        layers ``{"model", "params", "mask", "mode"}``, base first, or ``{"model": "fresnel", "params", "cosTheta"}``.
+        Other keys and blank lines are preserved. A number may be the text of an expression of the view.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
     Yields
     ------
     str
-        The same lines in the same order, with `f` (three numbers, 1/sr) and `pdf` (1/sr), or of Fresnel's equations
-        `F`.
+        The same lines in the same order, with `f` (three numbers, 1/sr) and `pdf` (1/sr), or with `F` for Fresnel's
+        equations.
 
     Raises
     ------
     ModelError
-        A line is not a case, or not one of the backend; the message has its number.
+        A line is not a case, or the backend cannot evaluate it; the message has the number of the line.
     """
-    cases = [_parse(number, line, backend) for number, line in enumerate(lines, start=1)]
+    cases = [_parse_case(number, line, backend) for number, line in enumerate(lines, start=1)]
     run = {"numpy": evaluate_numpy, "cycles": evaluate_cycles}[backend]
     results: dict[int, tuple[list[float], float]] = {}
-    for members, batch in _batches(cases):
+    for members, batch in _group_cases(cases):
         rows, densities = (array.tolist() for array in run(batch))
         results |= {index: (f, density) for index, f, density in zip(members, rows, densities, strict=True)}
     for index, case in enumerate(cases):
@@ -107,9 +107,9 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
             yield json.dumps(case.line | {"f": f, "pdf": density})
 
 
-def batches_of(lines: Iterable[str]) -> Iterator[Batch]:
-    """Yield the cases of `evaluate_lines`, but those of Fresnel's equations, in groups that differ in numbers only."""
-    for _, batch in _batches([_parse(number, line, "numpy") for number, line in enumerate(lines, start=1)]):
+def parse_batches(lines: Iterable[str]) -> Iterator[Batch]:
+    """Parse lines of `evaluate_lines`, but not of ``fresnel``; yield groups of cases that differ in numbers only."""
+    for _, batch in _group_cases([_parse_case(number, line, "numpy") for number, line in enumerate(lines, start=1)]):
         yield batch
 
 
@@ -124,14 +124,16 @@ def evaluate_cycles(
 ) -> tuple[Floats, Floats]:
     """Evaluate the generated OSL inside Cycles, in a separate process; values are float32.
 
-    `lobes` restricts the stack to some of its lobes; `alter` takes the shader's text and returns the one to run. Raises
-    WorkerError with the last lines of the process where it fails.
+    `lobes` restricts the stack to some of its lobes. `alter` takes the shader's text and returns the text to run. If
+    the process fails, a WorkerError has the last lines of its error stream.
     """
     table = point_table(batch)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
         source = generate_points(batch.layers, lobes)
-        tables = json.dumps([(each.parameter, each.file.digest, each.file.suffix) for each in source.tables])
+        tables = json.dumps(
+            [(binding.parameter, binding.file.digest, binding.file.suffix) for binding in source.tables]
+        )
         osl = np.array(alter(source.osl))
         np.savez(request, osl=osl, tables=np.array(tables), cells=point_cells(batch.layers), table=table)
         command = [sys.executable, "-m", "lookdev.cycles", "--points", str(request)]
@@ -145,14 +147,14 @@ def evaluate_cycles(
 
 
 def point_table(batch: Batch) -> NDArray[np.float32]:
-    """Return the numbers of a batch by `lookdev.codegen.points.point_columns`, (n, columns)."""
+    """Return the numbers of a batch in the columns of `lookdev.codegen.points.point_columns`, (n, columns)."""
     columns: dict[str, Floats] = {}
     for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
         columns |= {f"{prefix}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
     for number, numbers in enumerate(batch.numbers):
         for name, values in numbers.items():
-            place = f"layer{number}_{name}"
-            columns |= {f"{place}_{i}": values[:, i] for i in range(3)} if values.ndim == 2 else {place: values}
+            column = f"layer{number}_{name}"
+            columns |= {f"{column}_{i}": values[:, i] for i in range(3)} if values.ndim == 2 else {column: values}
     return np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
 
 
@@ -171,7 +173,7 @@ class _Reflectance:
     value: float
 
 
-def _parse(number: int, line: str, backend: Backend) -> _Case | _Reflectance | None:
+def _parse_case(number: int, line: str, backend: Backend) -> _Case | _Reflectance | None:
     if not line.strip():
         return None
     try:
@@ -188,21 +190,21 @@ def _parse(number: int, line: str, backend: Backend) -> _Case | _Reflectance | N
         raise ModelError(f"line {number}: {', '.join(missing)} missing; {', '.join(needed)} are needed")
     try:
         if case["model"] == _FRESNEL:
-            return _reflectance(case, backend)
+            return _parse_fresnel(case, backend)
         if case["model"] == "stack":
             layers, numbers = _parse_stack(case["layers"])
         else:
             layer, values = _parse_layer(case["model"], case["params"])
             layers, numbers = (layer,), (values,)
-        return _Case(case, layers, numbers, _direction("wo", case["wo"]), _direction("wi", case["wi"]))
+        return _Case(case, layers, numbers, _parse_direction("wo", case["wo"]), _parse_direction("wi", case["wi"]))
     except LookdevError as error:
         raise ModelError(f"line {number}: {error}") from error
 
 
-def _reflectance(case: dict[str, Any], backend: Backend) -> _Reflectance:
+def _parse_fresnel(case: dict[str, Any], backend: Backend) -> _Reflectance:
     if backend != "numpy":
-        raise ModelError(f"'{_FRESNEL}' is no surface that Cycles could render; --backend numpy would be right")
-    values = complete(_FRESNEL, INTERFACE, _object(case["params"]))
+        raise ModelError(f"'{_FRESNEL}' is not a surface, so Cycles cannot render it; --backend numpy would be right")
+    values = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))
     cosine = as_numbers(case["cosTheta"])
     if cosine is None or cosine.shape or not 0.0 <= cosine <= 1.0:
         raise ModelError(f"cosTheta is {case['cosTheta']!r}; a number from 0 to 1 would be right")
@@ -210,49 +212,51 @@ def _reflectance(case: dict[str, Any], backend: Backend) -> _Reflectance:
     return _Reflectance(case, float(np.asarray(conductor_fresnel(cosine, *arguments))))
 
 
-def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Any], ...]]:
-    if not isinstance(given, list) or not given:
+def _parse_stack(stack: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Any], ...]]:
+    if not isinstance(stack, list) or not stack:
         raise ModelError("layers must be a list of at least one layer, the base first")
     layers, numbers = [], []
-    for place, each in enumerate(given):
+    for number, layer_object in enumerate(stack):
         try:
-            if not isinstance(each, dict) or "model" not in each:
+            if not isinstance(layer_object, dict) or "model" not in layer_object:
                 raise ModelError("an object with model, params, mask and mode would be right")
-            for key in each:
+            for key in layer_object:
                 if key not in _LAYER_KEYS:
                     raise ModelError(f"unknown key '{key}' ({nearest_hint(key, list(_LAYER_KEYS))})")
-            mask, mode = each.get("mask", 1.0), each.get("mode", "over")
+            mask, mode = layer_object.get("mask", 1.0), layer_object.get("mode", "over")
             if not isinstance(mask, str) and (
                 isinstance(mask, bool) or not isinstance(mask, int | float) or not 0.0 <= mask <= 1.0
             ):
                 raise ModelError(f"mask is {mask!r}; a number from 0 to 1 would be right")
             if mode not in get_args(Mode):
                 raise ModelError(f"mode is {mode!r}; one of {', '.join(get_args(Mode))} would be right")
-            layer, values = _parse_layer(each["model"], each.get("params", {}), mode, mask)
+            layer, values = _parse_layer(layer_object["model"], layer_object.get("params", {}), mode, mask)
         except ModelError as error:
-            raise ModelError(f"layer {place}: {error}") from error
+            raise ModelError(f"layer {number}: {error}") from error
         layers.append(layer)
         numbers.append(values)
-    _stack(layers, numbers, ZENITH)  # raises ModelError where the layers do not combine
+    _build_stack(layers, numbers, ZENITH)  # raises ModelError if the layers do not combine
     return tuple(layers), tuple(numbers)
 
 
 def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -> tuple[PointLayer, dict[str, Any]]:
-    """Return a layer, and its numbers with its mask."""
+    """Return a layer, and its numbers including the mask."""
     if not isinstance(model, str) or model not in MODELS:
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack', _FRESNEL])})")
-    params, known = _object(params), MODELS[model].parameters
+    params, declared = _parse_object(params), MODELS[model].parameters
     formulas = {
         name: value
-        for name, value in with_followers(known, params).items()
-        if isinstance(value, str) and name in known and known[name].kind != "token"
+        for name, value in with_followers(declared, params).items()
+        if isinstance(value, str) and name in declared and declared[name].kind != "token"
     }
-    spelled_out(model, known, params)  # or an expression could take the place of what a token stands for
+    spelled_out(model, declared, params)  # so that an expression cannot replace a parameter that a token sets
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
-    # At its default, an optional number folds: the code is that of looks without it.
-    usual = MODELS[model].options_left_out()
-    folds = {name: each for name, each in usual.items() if parameters[name] == each and name not in formulas}
+    # An optional number folds at its default: the code is that of looks without it.
+    defaults = MODELS[model].options_left_out()
+    folds = {
+        name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas
+    }
     numbers = {name: value for name, value in parameters.items() if name not in {*tokens, *folds, *formulas}}
     if isinstance(mask, str):
         formulas["mask"] = mask
@@ -260,39 +264,39 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
         numbers["mask"] = np.asarray(mask, dtype=np.float64)
     for name, text in formulas.items():
         try:
-            seen(text, MASK if name == "mask" else known[name], ZENITH[2])
+            seen(text, MASK if name == "mask" else declared[name], ZENITH[2])
         except ExpressionError as error:
             raise ModelError(
-                f"{model}.{name} is {shortened(text, 40)!r}, no expression of the view: {error}"
+                f"{model}.{name} is {shortened(text, 40)!r}, which is not an expression of the view: {error}"
             ) from error
     return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
 
 
-def _object(params: Any) -> dict[str, Any]:
+def _parse_object(params: Any) -> dict[str, Any]:
     if not isinstance(params, dict):
         raise ModelError("params must be an object of names and values")
     return params
 
 
-def _direction(name: str, value: Any) -> Floats:
+def _parse_direction(name: str, value: Any) -> Floats:
     vector = as_numbers(value)
     if vector is None or vector.shape != (3,) or not abs(float(np.linalg.norm(vector)) - 1.0) < _UNIT_TOLERANCE:
         raise ModelError(f"{name} is {value!r}; a unit vector of three numbers would be right")
     return vector
 
 
-def _batches(cases: Sequence[_Case | _Reflectance | None]) -> Iterator[tuple[list[int], Batch]]:
-    """Group cases by all but their numbers: each group is one array evaluation, or one shader."""
+def _group_cases(cases: Sequence[_Case | _Reflectance | None]) -> Iterator[tuple[list[int], Batch]]:
+    """Group cases that differ in numbers only: a group is evaluated as arrays at once, or by one shader."""
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         if isinstance(case, _Case):
             groups.setdefault(repr(case.layers), []).append(index)
     for members in groups.values():
-        chosen = [case for index in members if isinstance(case := cases[index], _Case)]
-        first = chosen[0]
+        group = [case for index in members if isinstance(case := cases[index], _Case)]
+        first = group[0]
         numbers = tuple(
-            {name: np.stack([case.numbers[place][name] for case in chosen]) for name in first.numbers[place]}
-            for place in range(len(first.layers))
+            {name: np.stack([case.numbers[i][name] for case in group]) for name in first.numbers[i]}
+            for i in range(len(first.layers))
         )
-        wo, wi = np.stack([case.wo for case in chosen]), np.stack([case.wi for case in chosen])
+        wo, wi = np.stack([case.wo for case in group]), np.stack([case.wi for case in group])
         yield members, Batch(first.layers, wo, wi, numbers)

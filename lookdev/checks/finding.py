@@ -1,4 +1,4 @@
-"""Findings of checks as plain data, which `lookdev.checks.report` shows."""
+"""Findings of checks as plain data, which `lookdev.checks.report` prints and writes."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class Finding:
     passed: bool  # the two sides agree, or the check was skipped
     summary: str  # one line with the figures
     figures: dict[str, float] = field(default_factory=dict)
-    details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` takes those of points
+    details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` reads those of points
     plots: tuple[Plot, ...] = ()
-    skipped: str = ""  # why the check, or a part of it, was not run
+    skipped: str = ""  # the reason why the check, or a part of it, was not run
 
     @property
     def headline(self) -> str:
-        """One line: what was checked, and whether it agrees."""
+        """One line with the check, the subject, and whether it agrees."""
         return f"{self.check}: {self.subject}: {'agrees' if self.passed else 'DISAGREES'}"

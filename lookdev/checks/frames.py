@@ -1,4 +1,4 @@
-"""Frames of checks: their task, and the function that renders them."""
+"""Types of the frames that checks render, and changes of their shaders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.rendering.task import FrameTask, SceneTask
 
 Image = NDArray[np.float32]
 Alter = Callable[[str], str]
-"""Takes the text of a shader and returns the one to run; tests plant faults by it."""
+"""A function from the text of a shader to the text that runs instead; tests plant faults with it."""
 
 
 class Halves(Protocol):
@@ -31,18 +31,18 @@ class Halves(Protocol):
 
 
 Render = Callable[[FrameTask], Halves]
-"""Renders a frame by the worker of its backend."""
+"""A function that renders a frame in the worker of its backend."""
 
 
-def unaltered(osl: str) -> str:
-    """Return the text of a shader as it is."""
+def keep_shader(osl: str) -> str:
+    """Return the text of a shader unchanged: the default of `Alter`."""
     return osl
 
 
-def altered(scene: SceneTask, alter: Alter) -> SceneTask:
-    """Return a scene with the text of its shaders altered."""
+def alter_shaders(scene: SceneTask, alter: Alter) -> SceneTask:
+    """Return a scene with the texts of its OSL shaders altered."""
 
-    def changed(source: Source) -> Source:
+    def alter_source(source: Source) -> Source:
         return replace(source, osl=alter(source.osl)) if isinstance(source, ShaderSource) else source
 
-    return replace(scene, shaders=tuple(map(changed, scene.shaders)))
+    return replace(scene, shaders=tuple(map(alter_source, scene.shaders)))

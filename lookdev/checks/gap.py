@@ -1,7 +1,7 @@
-"""The difference of the picture of an approximation from the exact one, as relMSE and as FLIP.
+"""The difference between the picture of an approximation and the exact picture, as relMSE and as FLIP.
 
 Both pictures are two independent halves. A product of differences of independent halves is unbiased, so relMSE needs no
-converged pictures. FLIP has no such estimator: its value for two renders of the same picture is reported beside it.
+converged pictures. FLIP has no such estimator, so its value for two renders of the same picture is reported, too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Floats = NDArray[np.floating[Any]]
 Doubles = NDArray[np.float64]
 
 MOST_FLIP = 0.05
-"""The largest mean FLIP of an approximation that a check passes."""
+"""The largest mean FLIP at which a check of an approximation passes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,26 +35,26 @@ class Gap:
 
 
 def measure_gap(exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Gap:
-    """Compare independent halves (H, W, 3) of two pictures, premultiplied, exposure 0; coverage `alpha` (H, W)."""
+    """Compare independent halves (H, W, 3) of two pictures, premultiplied, exposure 0; `alpha` (H, W) is coverage."""
     covered = alpha > 0.0
     a, b, c, d = (half.astype(np.float64)[covered] for half in (*exact, *other))
     # The squared reference of relMSE is a product of independent halves too.
     squares = (a - c) * (b - d) / (np.maximum(a * b, 0.0) + EPSILON)
     pixels = squares.mean(axis=-1)
     # One half against the other: four halves against four are less noisy by a factor of 2.
-    _, apart = flip(exact[0], exact[1])
-    _, seen = flip((other[0] + other[1]) / 2.0, (exact[0] + exact[1]) / 2.0)
+    _, noise_map = flip(exact[0], exact[1])
+    _, flip_map = flip((other[0] + other[1]) / 2.0, (exact[0] + exact[1]) / 2.0)
     return Gap(
         relmse=float(pixels.mean()),
         relmse_error=float(pixels.std(ddof=1) / np.sqrt(pixels.size)),
-        flip=float(seen[covered].mean()),
-        noise=float(apart[covered].mean()),
-        seen=seen,
+        flip=float(flip_map[covered].mean()),
+        noise=float(noise_map[covered].mean()),
+        seen=flip_map,
     )
 
 
 def check_gap(subject: str, exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Finding:
-    """Check that the mean FLIP is at most `MOST_FLIP`; parameters as `measure_gap`."""
+    """Check that the mean FLIP is at most `MOST_FLIP`; the parameters are those of `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
     figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}
     summary = (

@@ -1,13 +1,13 @@
 """Comparison of frames with the float64 reference: t-tests on a random subset of pixels.
 
-The spread of a frame's independent halves is its noise; the reference has a standard error of its own. Both are
-estimated from few values, so a difference over its error follows Student's t, with the degrees of freedom of Welch
-(1947) and Satterthwaite (1946). Rare bright paths make heavy-tailed noise: a pixel whose halves all missed such a path
-has too low a value and too small a spread. The reference has more samples, and gives a lower bound of the noise.
+The spread of a frame's independent halves is its noise; the reference has its own standard error. Both are estimated
+from few values, so a difference divided by its error follows Student's t, with the degrees of freedom of Welch (1947)
+and Satterthwaite (1946). Rare bright paths make heavy-tailed noise: a pixel whose halves all missed such a path has too
+low a value and too small a spread. So the reference, which has more samples, gives a lower bound of the noise.
 
 Noise alone fails each of three tests once in `1 / LEVEL` frames:
 
-- every channel of every pixel: no |t| beyond the quantile of that many tests (Šidák 1967); detects local errors;
+- every channel of every pixel: no |t| is beyond the quantile for all tests (Šidák 1967); detects local errors;
 - the number of pixels beyond a quantile in the middle of the distribution; detects small errors at many pixels;
 - the mean relative difference of each channel; detects a bias far below the noise of a pixel.
 """
@@ -35,18 +35,18 @@ Ints = NDArray[np.int64]
 LEVEL = 3e-4
 """The probability that noise alone fails a test."""
 
-FEWEST_HALVES = 8
-"""With fewer, the quantiles of Student's t are too large for any failure."""
+MIN_HALVES = 8
+"""The least number of halves: with fewer, the quantiles of Student's t are too large for any failure."""
 
-_MIDDLE = 0.2  # the share of pixels beyond the middle quantile by noise
-_DIRECTIONS = 4.0  # the most directions per shading point of a frame for each one of the reference
+_MIDDLE = 0.2  # the share of pixels that noise alone puts beyond the middle quantile
+_DIRECTIONS = 4.0  # the most directions per shading point of a frame for each direction of the reference
 _FLOOR = 1e-6  # of an error: ten times the float32 rounding of 1
 _WORST = 5
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The difference of a frame from the reference, at P pixels, each (P, 3)."""
+    """The difference of a frame from the reference at P pixels; all arrays have the shape (P, 3)."""
 
     difference: Doubles  # frame minus reference
     error: Doubles  # its standard error
@@ -56,33 +56,35 @@ class Agreement:
 
 
 def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
-    """Choose at most `count` pixels (P, 2), column and row, at random among those of `alpha` (H, W) above 0.
+    """Choose at most `count` random pixels (P, 2), column and row, where `alpha` (H, W) or a neighbour's is above 0.
 
-    Their neighbours are included: a choice among pixels that a frame found covered would be biased to bright ones.
+    Neighbours are included because pixels that a frame's samples happen to cover are brighter than average.
     """
     rows, columns = np.nonzero(binary_dilation(alpha > 0.0, np.ones((3, 3))))
-    chosen = np.random.default_rng(seed).permutation(len(rows))[:count]
-    return np.asarray(np.stack([columns, rows], axis=-1)[chosen], np.int64)
+    selection = np.random.default_rng(seed).permutation(len(rows))[:count]
+    return np.asarray(np.stack([columns, rows], axis=-1)[selection], np.int64)
 
 
 def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreement:
     """Compare pixels of a frame with the reference.
 
-    `halves` (K, P, 3) are independent renders of equal cost, premultiplied, exposure 0, with `samples` per pixel over
-    all of them; raises RenderError where there are fewer than `FEWEST_HALVES`.
+    `halves` (K, P, 3) are independent renders of equal cost, premultiplied, exposure 0; `samples` is the number per
+    pixel over all of them. A RenderError reports fewer than `MIN_HALVES`.
     """
     count = len(halves)
-    if count < FEWEST_HALVES:
-        raise RenderError(f"{count} independent renders are too few to estimate noise; {FEWEST_HALVES} would be right")
+    if count < MIN_HALVES:
+        raise RenderError(f"{count} independent renders are too few to estimate noise; {MIN_HALVES} would be right")
     halves = halves.astype(np.float64)
-    own = halves.var(axis=0, ddof=1) / count
+    variance = halves.var(axis=0, ddof=1) / count
     least = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
-    ours, theirs = np.maximum(own, least), reference.error**2
-    error = np.maximum(np.sqrt(ours + theirs), _FLOOR)
-    spread = ours**2 / (count - 1) + theirs**2 / (reference.scrambles - 1)
-    freedom = np.where(spread > 0.0, (ours + theirs) ** 2 / np.where(spread > 0.0, spread, 1.0), count - 1.0)
+    frame_variance, reference_variance = np.maximum(variance, least), reference.error**2
+    error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
+    spread = frame_variance**2 / (count - 1) + reference_variance**2 / (reference.scrambles - 1)
+    freedom = np.where(
+        spread > 0.0, (frame_variance + reference_variance) ** 2 / np.where(spread > 0.0, spread, 1.0), count - 1.0
+    )
     difference = halves.mean(axis=0) - reference.value
-    return Agreement(difference, error, difference / error, freedom, np.sqrt(own))
+    return Agreement(difference, error, difference / error, freedom, np.sqrt(variance))
 
 
 def check_frame(
@@ -94,20 +96,20 @@ def check_frame(
     reference: Estimate,
     converged: Floats | None = None,
 ) -> Finding:
-    """Check a frame against the reference; errors as `compare_pixels`.
+    """Check a frame against the reference; errors are those of `compare_pixels`.
 
     Parameters
     ----------
     subject
         Look, light and pose, for the report.
     halves : (K, H, W, 3)
-        Independent renders of equal cost, premultiplied, exposure 0; at least `FEWEST_HALVES`.
+        Independent renders of equal cost, premultiplied, exposure 0; at least `MIN_HALVES`.
     alpha : (H, W)
         Coverage.
     samples
         Per pixel, over all halves.
     pixels : (P, 2)
-        Column and row of the pixels of `reference`, by `choose_pixels`.
+        Column and row of the pixels of `reference`, from `choose_pixels`.
     converged : (H, W, 3)
         The same frame with many more samples, for FLIP.
     """
@@ -117,46 +119,52 @@ def check_frame(
         details = tuple(f"pixel {column},{row}: not finite" for column, row in broken[:_WORST])
         summary = f"{len(broken)} of {len(pixels)} pixels are not finite"
         return Finding("image", subject, False, summary, {"broken": float(len(broken))}, details)
-    found = compare_pixels(halves[:, rows, columns], samples, reference)
-    tests = found.t.size
-    # The probability of such a deviation by noise, for each channel, and the least that passes.
-    odds = 2.0 * stats.t.sf(np.abs(found.t), found.freedom)
+    agreement = compare_pixels(halves[:, rows, columns], samples, reference)
+    tests = agreement.t.size
+    # The probability of such a deviation by noise, for each channel, and the lowest that passes.
+    odds = 2.0 * stats.t.sf(np.abs(agreement.t), agreement.freedom)
     least = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
     suspicious = int((odds < least).any(axis=-1).sum())
-    # Channels of a pixel share their samples: one number a pixel, the median of its channels.
+    # Channels of a pixel share their samples, so a pixel has one number: the median of its channels.
     beyond = int((np.median(odds, axis=-1) < _MIDDLE).sum())
-    most = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
+    beyond_limit = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
     scale = np.sqrt(reference.value**2 + EPSILON)
-    bias, bias_error, bias_limit = _bias(found, scale)
-    relmse = float(np.mean((found.difference / scale) ** 2 - (reference.error / scale) ** 2))
+    bias, bias_error, bias_limit = _mean_bias(agreement, scale)
+    relmse = float(np.mean((agreement.difference / scale) ** 2 - (reference.error / scale) ** 2))
     worst_bias = int(np.abs(bias / bias_limit).argmax())
     figures = {
         "pixels": float(len(pixels)),
         "suspicious": float(suspicious),
-        "largest_t": float(np.abs(found.t).max()),
+        "largest_t": float(np.abs(agreement.t).max()),
         "beyond": beyond / len(pixels),
-        "beyond_limit": most / len(pixels),
+        "beyond_limit": beyond_limit / len(pixels),
         "bias": float(bias[worst_bias]),
         "bias_error": float(bias_error[worst_bias]),
         "bias_limit": float(bias_limit[worst_bias]),
         "relmse": max(relmse, 0.0),
-        "relmse_claimed": float(np.mean((found.claimed / scale) ** 2)),
+        "relmse_claimed": float(np.mean((agreement.claimed / scale) ** 2)),
     }
-    pictures = [frame_picture("frame", halves.mean(axis=0)), _difference_picture(found, alpha.shape, pixels)]
+    pictures = [frame_picture("frame", halves.mean(axis=0)), _difference_picture(agreement, alpha.shape, pixels)]
     skipped = ""
     if converged is None:
         skipped = "FLIP: no converged frame to compare with"
     else:
-        figures["flip"], seen = flip(halves.mean(axis=0), converged)
-        pictures.append(Picture("FLIP", seen, 0.0, 1.0))
-    passed = suspicious == 0 and beyond <= most and bool((np.abs(bias) <= bias_limit).all())
+        figures["flip"], flip_map = flip(halves.mean(axis=0), converged)
+        pictures.append(Picture("FLIP", flip_map, 0.0, 1.0))
+    passed = suspicious == 0 and beyond <= beyond_limit and bool((np.abs(bias) <= bias_limit).all())
     summary = (
         f"{len(pixels)} pixels: {suspicious} beyond noise (largest t {figures['largest_t']:.1f}), "
         f"{figures['beyond']:.0%} beyond the middle (noise {_MIDDLE:.0%}, at most {figures['beyond_limit']:.0%}), "
         f"bias {figures['bias']:+.2%} ± {figures['bias_limit']:.2%}, relMSE {figures['relmse']:.2g}"
     )
-    plots = (_scatter(found, reference), _histogram(found), Plot("The frame", pictures=tuple(pictures)))
-    details = tuple(_detail(found, pixels, reference, index) for index in np.argsort(odds.min(axis=-1))[:_WORST])
+    plots = (
+        _plot_differences(agreement, reference),
+        _plot_histogram(agreement),
+        Plot("The frame", pictures=tuple(pictures)),
+    )
+    details = tuple(
+        _describe_pixel(agreement, pixels, reference, index) for index in np.argsort(odds.min(axis=-1))[:_WORST]
+    )
     return Finding("image", subject, passed, summary, figures, details, plots, skipped)
 
 
@@ -168,42 +176,45 @@ def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
     """
     import flip_evaluator
 
-    test, reference = (np.ascontiguousarray(np.maximum(each, 0.0), np.float32) for each in (image, converged))
-    seen, mean, _ = flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False)
-    return float(mean), np.asarray(seen, np.float64).reshape(image.shape[:2])
+    test, reference = (np.ascontiguousarray(np.maximum(picture, 0.0), np.float32) for picture in (image, converged))
+    flip_map, mean, _ = flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False)
+    return float(mean), np.asarray(flip_map, np.float64).reshape(image.shape[:2])
 
 
-def _bias(found: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, Doubles]:
-    """Return the mean relative difference of each channel, (3,), its standard error, and the limit of its noise."""
-    variance = (found.error / scale) ** 2
-    bias, error = np.mean(found.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
-    freedom = variance.sum(axis=0) ** 2 / (variance**2 / found.freedom).sum(axis=0)
+def _mean_bias(agreement: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+    """Return the mean relative difference of channels, its standard error, and the limit of its noise, (3,) each."""
+    variance = (agreement.error / scale) ** 2
+    bias, error = np.mean(agreement.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
+    freedom = variance.sum(axis=0) ** 2 / (variance**2 / agreement.freedom).sum(axis=0)
     limit = stats.t.isf((1.0 - (1.0 - LEVEL) ** (1.0 / 3.0)) / 2.0, freedom) * error
     return bias, error, limit
 
 
-def _detail(found: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
-    def numbers(values: Sequence[float] | Doubles) -> str:
+def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
+    def format_numbers(values: Sequence[float] | Doubles) -> str:
         return " ".join(f"{value:.4g}" for value in values)
 
     value = reference.value[index]
     return (
-        f"pixel {pixels[index, 0]},{pixels[index, 1]}: frame {numbers(value + found.difference[index])}, "
-        f"reference {numbers(value)}, error {numbers(found.error[index])}, t {numbers(found.t[index])}"
+        f"pixel {pixels[index, 0]},{pixels[index, 1]}: frame {format_numbers(value + agreement.difference[index])}, "
+        f"reference {format_numbers(value)}, error {format_numbers(agreement.error[index])}, "
+        f"t {format_numbers(agreement.t[index])}"
     )
 
 
-def _scatter(found: Agreement, reference: Estimate) -> Plot:
+def _plot_differences(agreement: Agreement, reference: Estimate) -> Plot:
     x = reference.value.mean(axis=-1)
     scale = np.sqrt(x**2 + EPSILON)
-    y, error = found.difference.mean(axis=-1) / scale, 2.0 * found.error.mean(axis=-1) / scale
+    y, error = agreement.difference.mean(axis=-1) / scale, 2.0 * agreement.error.mean(axis=-1) / scale
     series = Series("pixels, two standard errors", x, y, y - error, y + error, "points")
     return Plot("Frame minus reference", "reference, mean of channels", "relative difference", (series,))
 
 
-def _histogram(found: Agreement) -> Plot:
+def _plot_histogram(agreement: Agreement) -> Plot:
     """Return a plot of t as normal deviates of equal probability, which do not depend on the degrees of freedom."""
-    deviates = np.sign(found.t) * stats.norm.isf(np.maximum(stats.t.sf(np.abs(found.t), found.freedom), 1e-300))
+    deviates = np.sign(agreement.t) * stats.norm.isf(
+        np.maximum(stats.t.sf(np.abs(agreement.t), agreement.freedom), 1e-300)
+    )
     edges = np.linspace(-6.0, 6.0, 49)
     density = np.histogram(np.clip(deviates, -6.0, 6.0), edges)[0] / (deviates.size * (edges[1] - edges[0]))
     noise = np.linspace(-6.0, 6.0, 121)
@@ -212,11 +223,11 @@ def _histogram(found: Agreement) -> Plot:
 
 
 def frame_picture(name: str, image: Floats) -> Picture:
-    """Return a frame (H, W, 3) for the report."""
+    """Return a frame (H, W, 3) as a picture of the report."""
     return Picture(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 
 
-def _difference_picture(found: Agreement, shape: tuple[int, ...], pixels: Ints) -> Picture:
+def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: Ints) -> Picture:
     canvas = np.full(shape, np.nan)
-    canvas[pixels[:, 1], pixels[:, 0]] = found.t.mean(axis=-1)
+    canvas[pixels[:, 1], pixels[:, 0]] = agreement.t.mean(axis=-1)
     return Picture("t of the pixels compared", canvas, -6.0, 6.0)

@@ -1,7 +1,7 @@
-"""Point values: a look's own generated OSL inside Cycles, in float32, against NumPy in float64.
+"""Point values: the generated OSL of a look inside Cycles, in float32, against NumPy in float64.
 
-Inputs that vary are read from a table of values that the look has at random points. Constants fold as in the shader
-that renders the look, so that its own code is tested. Both sides start from the same float32 numbers.
+Varying inputs are read from a table of their values at random points. Constants fold as in the shader that renders the
+look, so that the code of that shader is tested. Both sides start from the same float32 numbers.
 """
 
 from __future__ import annotations
@@ -15,20 +15,27 @@ from lookdev.brdf import MODELS, Bsdf, evaluate, pdf, sample
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens, varying
+from lookdev.checks.samples import (
+    case_line,
+    constant_numbers,
+    following_numbers,
+    layer_tokens,
+    sample_layers,
+    varying_numbers,
+)
 from lookdev.codegen.points import PointLayer
 from lookdev.material import Look
 
 TOLERANCE = 2e-4
-"""Relative: from the same float32 inputs the formulas lose at most some hundred units in the last place (6e-8)."""
+"""Relative tolerance: for equal float32 inputs, formulas lose at most some hundred units in the last place (6e-8)."""
 
 VISIBLE = 1e-4
-"""1/sr: below it the tolerance is absolute, that of this value."""
+"""In 1/sr: below this value the tolerance is absolute, and equal to that of this value."""
 
 _WORST = 5
-# Rounding of a direction in the frame of a tilted normal, refracted by an averaged index, or of its angles, by which a
-# table is looked up: units in the last place.
-_TURN = 4.0 * 2.0**-24
+# Rounding of a direction in the frame of a tilted normal or refracted by an averaged index, or of the angles with which
+# a table is looked up, in units in the last place.
+_DIRECTION_ROUNDING = 4.0 * 2.0**-24
 _EDGES = np.linspace(-9.0, 0.0, 37)
 
 
@@ -40,29 +47,29 @@ def check_points(
     tolerance: float = TOLERANCE,
     alter: Callable[[str], str] = lambda osl: osl,
 ) -> Finding:
-    """Compare f and pdf of a look in `count` cases: random points and directions, chosen by `seed`.
+    """Compare f and pdf of a look in `count` cases: random points and directions, drawn with `seed`.
 
     Textures are read. `tolerance` is the relative error allowed for values above `VISIBLE`; `alter` alters the text of
-    the shader. Raises WorkerError where Cycles fails.
+    the shader. A WorkerError reports that Cycles failed.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
-    got = _columns(*evaluate_cycles(batch, alter=alter))
-    expected = _columns(*_reference(batch, batch.wo, batch.wi))
+    got = _join_columns(*evaluate_cycles(batch, alter=alter))
+    expected = _join_columns(*_evaluate_reference(batch, batch.wo, batch.wi))
     allowed = tolerance * np.maximum(expected, VISIBLE)
-    turns = _turns(batch)
-    if turns:
-        allowed += _rounding(batch, expected)
+    has_rounded_directions = _rounds_directions(batch)
+    if has_rounded_directions:
+        allowed += _direction_rounding(batch, expected)
     allowed += _option_rounding(batch, expected)
-    sound = np.isfinite(got) & (got >= 0.0)
-    error = np.abs(np.where(sound, got, 0.0) - expected)
+    is_sound = np.isfinite(got) & (got >= 0.0)
+    error = np.abs(np.where(is_sound, got, 0.0) - expected)
     # Above 1 a case fails.
-    excess = np.where(sound, error / allowed, np.inf)
-    visible = expected > VISIBLE
-    relative = error[visible] / expected[visible]
+    excess = np.where(is_sound, error / allowed, np.inf)
+    is_visible = expected > VISIBLE
+    relative = error[is_visible] / expected[is_visible]
     worst = np.argsort(-excess.max(axis=-1), kind="stable")[:_WORST]
     failed = int(np.count_nonzero((excess > 1.0).any(axis=-1)))
     largest = float(relative.max(initial=0.0))
-    extra = ", more where a normal, an averaged index or a look-up rounds directions" if turns else ""
+    extra = ", more where a normal, an averaged index or a look-up rounds directions" if has_rounded_directions else ""
     summary = (
         f"{count} cases, {failed} beyond {tolerance:.0e}{extra}; "
         f"relative error at most {largest:.1e}, median {float(np.median(relative)) if relative.size else 0.0:.1e}"
@@ -79,38 +86,41 @@ def check_points(
             "largest_relative_error": largest,
             "largest_excess": float(excess.max()),
         },
-        details=tuple(_line(batch, int(index), got, expected, excess) for index in worst),
-        plots=(_histogram(error, expected, tolerance),),
+        details=tuple(_describe_case(batch, int(index), got, expected, excess) for index in worst),
+        plots=(_plot_histogram(error, expected, tolerance),),
     )
 
 
 def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
-    """Return random cases of a look, rounded to float32: half with the inputs of one point, half recombined."""
+    """Return random cases of a look, rounded to float32: half with inputs of one point, half with those of several."""
     layers = sample_layers(look, count, rng)
-    numbers = tuple({name: _recombined(value, rng) for name, value in varying(layer).items()} for layer in layers)
-    kinds = tuple(
-        PointLayer(layer.model, tokens(layer), layer.mode, constant(layer), following(layer)) for layer in layers
+    numbers = tuple(
+        {name: _recombine(value, rng) for name, value in varying_numbers(layer).items()} for layer in layers
     )
-    numbers = tuple({name: _float32(value) for name, value in each.items()} for each in numbers)
-    nothing = np.tile(ZENITH, (count, 1))
-    bsdf = Batch(kinds, nothing, nothing, numbers).bsdf()
-    wo, wi = (_float32(w) for w in _directions(bsdf, count, rng))
+    kinds = tuple(
+        PointLayer(layer.model, layer_tokens(layer), layer.mode, constant_numbers(layer), following_numbers(layer))
+        for layer in layers
+    )
+    numbers = tuple({name: _round_to_float32(value) for name, value in layer.items()} for layer in numbers)
+    zenith = np.tile(ZENITH, (count, 1))
+    bsdf = Batch(kinds, zenith, zenith, numbers).bsdf()
+    wo, wi = (_round_to_float32(w) for w in _draw_directions(bsdf, count, rng))
     return Batch(kinds, wo, wi, numbers)
 
 
-def _recombined(values: Floats, rng: np.random.Generator) -> Floats:
-    """Shuffle the second half, so that inputs of different points are combined."""
+def _recombine(values: Floats, rng: np.random.Generator) -> Floats:
+    """Shuffle the second half of values, so that inputs of different points are combined."""
     half = len(values) // 2
     return np.concatenate([values[:half], rng.permutation(values[half:])])
 
 
-def _directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Draw views, a quarter grazing down to 1e-4, and lights: half of them by sampling the BSDF.
+def _draw_directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Draw views, a quarter of them grazing down to 1e-4, and lights, half of them by sampling the BSDF.
 
-    The others: near the mirror direction, nearly opposite to the view, on the horizon, anywhere. A two-sided surface is
-    also seen from behind, and lit from there.
+    The other lights are near the mirror direction, nearly opposite to the view, on the horizon, or random. A two-sided
+    surface is also seen and lit from behind.
     """
-    wo, wi = _upper(rng, count), _upper(rng, count)
+    wo, wi = _draw_upper(rng, count), _draw_upper(rng, count)
     part = count // 16
     drawn = sample(bsdf, wo, rng.random((count, 2)))
     half = 8 * part
@@ -127,10 +137,11 @@ def _directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Float
         wi[horizon.stop :: 2, 2] *= -1.0
         behind = rng.random(count) < 1.0 / 16.0
         wo[behind], wi[behind] = -wo[behind], -wi[behind]
-    return _unit(wo), _unit(wi)
+    return _normalize(wo), _normalize(wi)
 
 
-def _upper(rng: np.random.Generator, count: int) -> Floats:
+def _draw_upper(rng: np.random.Generator, count: int) -> Floats:
+    """Draw directions in the upper hemisphere, a quarter of them grazing."""
     cos = rng.random(count)
     quarter = rng.permutation(count)[: count // 4]
     cos[quarter] = 10.0 ** rng.uniform(-4.0, 0.0, quarter.size)
@@ -139,24 +150,24 @@ def _upper(rng: np.random.Generator, count: int) -> Floats:
     return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
 
 
-def _unit(w: Floats) -> Floats:
+def _normalize(w: Floats) -> Floats:
     return np.asarray(w / np.linalg.norm(w, axis=-1, keepdims=True))
 
 
-def _float32(values: Floats) -> Floats:
+def _round_to_float32(values: Floats) -> Floats:
     return values.astype(np.float32).astype(np.float64)
 
 
-def _reference(batch: Batch, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
+def _evaluate_reference(batch: Batch, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
     bsdf = batch.bsdf()
     return evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi)
 
 
-def _columns(f: Floats, density: Floats) -> Floats:
+def _join_columns(f: Floats, density: Floats) -> Floats:
     return np.concatenate([f, density[:, None]], axis=-1)
 
 
-def _turns(batch: Batch) -> bool:
+def _rounds_directions(batch: Batch) -> bool:
     """Return whether directions are rounded before evaluation: by tilted normals, averaged indices, look-ups."""
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         if any(parameter.file for parameter in MODELS[layer.model].parameters.values()):
@@ -168,14 +179,17 @@ def _turns(batch: Batch) -> bool:
     return [layer.mode for layer in batch.layers].count("transmit") > 1
 
 
-def _rounding(batch: Batch, expected: Floats) -> Floats:
-    """Return how far values change, to first order or over a step of a table, as directions are rounded by `_TURN`."""
+def _direction_rounding(batch: Batch, expected: Floats) -> Floats:
+    """Return the change of values when directions change by `_DIRECTION_ROUNDING`, e.g. over a step of a table."""
     total = np.zeros_like(expected)
     for axis in range(3):
-        step = _TURN * np.eye(3)[axis]
-        for of_wo, of_wi in ((step, 0.0), (0.0, step)):
+        step = _DIRECTION_ROUNDING * np.eye(3)[axis]
+        for wo_step, wi_step in ((step, 0.0), (0.0, step)):
             changed = [
-                np.abs(_columns(*_reference(batch, batch.wo + sign * of_wo, batch.wi + sign * of_wi)) - expected)
+                np.abs(
+                    _join_columns(*_evaluate_reference(batch, batch.wo + sign * wo_step, batch.wi + sign * wi_step))
+                    - expected
+                )
                 for sign in (1.0, -1.0)
             ]
             total += np.maximum(*changed)
@@ -183,26 +197,26 @@ def _rounding(batch: Batch, expected: Floats) -> Floats:
 
 
 def _option_rounding(batch: Batch, expected: Floats) -> Floats:
-    """Return the change of values by a rounding of optional numbers: of phases and exponents, which magnify it."""
+    """Return the change of values by a rounding of optional numbers: phases and exponents, which magnify it."""
     change = np.zeros_like(expected)
-    for place, layer in enumerate(batch.layers):
+    for number, layer in enumerate(batch.layers):
         for name, default in MODELS[layer.model].options_left_out().items():
-            taken = {**layer.constants, **batch.numbers[place]}
-            if name in taken and np.any(taken[name] != np.asarray(default)):
+            values = {**layer.constants, **batch.numbers[number]}
+            if name in values and np.any(values[name] != np.asarray(default)):
                 numbers = list(batch.numbers)
-                numbers[place] = {**numbers[place], name: np.asarray(taken[name]) * (1.0 - _TURN)}
+                numbers[number] = {**numbers[number], name: np.asarray(values[name]) * (1.0 - _DIRECTION_ROUNDING)}
                 other = replace(batch, numbers=tuple(numbers))
-                change += np.abs(_columns(*_reference(other, batch.wo, batch.wi)) - expected)
+                change += np.abs(_join_columns(*_evaluate_reference(other, batch.wo, batch.wi)) - expected)
     return change
 
 
-def _line(batch: Batch, index: int, got: Floats, expected: Floats, excess: Floats) -> str:
+def _describe_case(batch: Batch, index: int, got: Floats, expected: Floats, excess: Floats) -> str:
     """Return one case as a line for `lookdev eval`."""
     values_of = {"numpy": expected[index].tolist(), "cycles": [float(value) for value in got[index]]}
     return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 
-def _histogram(error: Floats, expected: Floats, tolerance: float) -> Plot:
+def _plot_histogram(error: Floats, expected: Floats, tolerance: float) -> Plot:
     series = []
     for name, columns in (("f", slice(0, 3)), ("pdf", slice(3, 4))):
         visible = expected[:, columns] > VISIBLE
@@ -210,6 +224,6 @@ def _histogram(error: Floats, expected: Floats, tolerance: float) -> Plot:
         logarithm = np.log10(np.clip(relative, 10.0 ** _EDGES[0], 10.0 ** _EDGES[-1]))
         heights = np.histogram(logarithm, _EDGES)[0].astype(np.float64)
         series.append(Series(name, _EDGES, heights, style="bars"))
-    top = max(float(each.y.max(initial=1.0)) for each in series)
+    top = max(float(curve.y.max(initial=1.0)) for curve in series)
     limit = Series("tolerance", np.full(2, np.log10(tolerance)), np.array([0.5, max(top, 1.0)]))
     return Plot("Relative error", "log10 of the relative error", "values", (*series, limit), log_y=True)

@@ -1,10 +1,11 @@
-"""The inputs of a look at random points of a surface, as numbers."""
+"""The inputs of a look as numbers at random points of a surface."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _RandomPoints(ImagePoints):
-    """Random points with all UV sets and primvars, in [0, 1), and views.
+    """Random points with views and with all UV sets and primvars, in [0, 1).
 
-    A quarter lacks a primvar, half have mirrored UVs.
+    A quarter of the points lacks a primvar, half have mirrored UVs.
     """
 
     rng: np.random.Generator
@@ -33,7 +34,7 @@ class _RandomPoints(ImagePoints):
     _known: dict[object, Floats] = field(default_factory=dict)
 
     def uv(self, name: str) -> Floats:
-        return self._keep(("uv", name), lambda: self.rng.random((self.count, 2)))
+        return self._draw_once(("uv", name), lambda: self.rng.random((self.count, 2)))
 
     def primvar(self, primvar: Primvar) -> Floats:
         shape = (self.count, 3) if isinstance(primvar.fallback, tuple) else (self.count,)
@@ -43,107 +44,115 @@ class _RandomPoints(ImagePoints):
             values[: self.count // 4] = primvar.fallback
             return values
 
-        return self._keep(primvar, draw)
+        return self._draw_once(primvar, draw)
 
     def handedness(self) -> Floats:
-        return self._keep("handedness", lambda: self.rng.choice([-1.0, 1.0], self.count))
+        return self._draw_once("handedness", lambda: self.rng.choice([-1.0, 1.0], self.count))
 
     def view(self) -> Floats:
-        return self._keep("view", lambda: 1.0 - self.rng.random(self.count))
+        return self._draw_once("view", lambda: 1.0 - self.rng.random(self.count))
 
-    def _keep(self, key: object, draw: Any) -> Floats:
+    def _draw_once(self, key: object, draw: Any) -> Floats:
         if key not in self._known:
             self._known[key] = draw()
         return self._known[key]
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
-    """Return the layers of a look at random points, (count,), constants as they are; errors as `look_bsdf`."""
+    """Return the layers of a look at random points, (count,), with unchanged constants; errors as in `look_bsdf`."""
     return look_layers(look, _RandomPoints(rng, count))
 
 
-def varying(layer: StackLayer) -> dict[str, Floats]:
+def varying_numbers(layer: StackLayer) -> dict[str, Floats]:
     """Return the mask and the numbers of a layer that differ from point to point, by name."""
-    return {name: value for name, value in _numbers(layer).items() if value.ndim > len(_shape(layer, name))}
+    return {name: value for name, value in _all_numbers(layer).items() if value.ndim > len(_shape(layer, name))}
 
 
-def constant(layer: StackLayer) -> dict[str, float | list[float]]:
+def constant_numbers(layer: StackLayer) -> dict[str, float | list[float]]:
     """Return the mask and the numbers of a layer that are the same everywhere, by name."""
-    return {name: value.tolist() for name, value in _numbers(layer).items() if value.ndim == len(_shape(layer, name))}
+    return {
+        name: value.tolist() for name, value in _all_numbers(layer).items() if value.ndim == len(_shape(layer, name))
+    }
 
 
-def tokens(layer: StackLayer) -> dict[str, str]:
+def layer_tokens(layer: StackLayer) -> dict[str, str]:
     """Return the tokens of a layer, by name."""
     return {name: value for name, value in layer.parameters.items() if isinstance(value, str)}
 
 
-def following(layer: StackLayer) -> frozenset[str]:
-    """Return the numbers of a layer that are not given: they have the value of those that they follow."""
-    known, values = MODELS[layer.model].parameters, layer.parameters
-    return frozenset(name for name, each in known.items() if each.follows and values[name] is values[each.follows])
+def following_numbers(layer: StackLayer) -> frozenset[str]:
+    """Return the names of the numbers of a layer that are not authored, but follow another number."""
+    parameters, values = MODELS[layer.model].parameters, layer.parameters
+    return frozenset(name for name, p in parameters.items() if p.follows and values[name] is values[p.follows])
 
 
 def constant_looks(look: Look, count: int, rng: np.random.Generator) -> list[Look]:
-    """Return the look that is constant at each of `count` random points, or one where all of them are equal.
+    """Return a constant look for each of `count` random points of a look, or a single look if all are equal.
 
-    What depends on the view remains an expression of it.
+    Inputs that depend on the view remain expressions of the view.
     """
     points = _RandomPoints(rng, count)
-    places = [_At(points, index) for index in range(count)]
-    looks = [replace(look, layers=tuple(each for own in look.layers for each in at.layers(own))) for at in places]
-    return looks if any(each != looks[0] for each in looks) else looks[:1]
+    looks = []
+    for index in range(count):
+        point = _RandomPoint(points, index)
+        looks.append(replace(look, layers=tuple(chain.from_iterable(map(point.layers, look.layers)))))
+    return looks if any(other != looks[0] for other in looks) else looks[:1]
 
 
 @dataclass(frozen=True)
-class _At:
-    """One of some random points."""
+class _RandomPoint:
+    """One of several random points."""
 
     points: _RandomPoints
     index: int
     _formulas: dict[int, Formula] = field(default_factory=dict)
 
-    def layers(self, own: Layer) -> Iterator[Layer]:
-        """Yield the constant layers that a layer of a look is here."""
-        of_view = {name: each for name, each in {**own.inputs, "mask": own.mask}.items() if depends_on_view(each)}
-        for values in look_layers(Look("", (own,)), self.points):
-            numbers = constant(values) | {
-                name: value[self.index].tolist() for name, value in varying(values).items() if name not in of_view
+    def layers(self, layer: Layer) -> Iterator[Layer]:
+        """Yield the constant layers that equal a layer of a look at this point."""
+        view_inputs = {
+            name: source for name, source in {**layer.inputs, "mask": layer.mask}.items() if depends_on_view(source)
+        }
+        for values in look_layers(Look("", (layer,)), self.points):
+            numbers = constant_numbers(values) | {
+                name: value[self.index].tolist()
+                for name, value in varying_numbers(values).items()
+                if name not in view_inputs
             }
             inputs: dict[str, Any] = {
                 name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()
             }
-            inputs |= {name: self._source(each, "float") for name, each in of_view.items()}
+            inputs |= {name: self._fix_source(source, "float") for name, source in view_inputs.items()}
             mask = inputs.pop("mask")
-            yield Layer(values.name, values.model, tokens(values) | inputs, mask, values.mode)
+            yield Layer(values.name, values.model, layer_tokens(values) | inputs, mask, values.mode)
 
-    def _source(self, source: Any, kind: Kind) -> Any:
-        """Return a source with numbers for what it reads, but for the view; otherwise the number that it is."""
+    def _fix_source(self, source: Any, kind: Kind) -> Any:
+        """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
         if not depends_on_view(source):
             color = kind == "color"
             value = np.asarray(Values(self.points).read(source, color))
             number = (value[self.index] if value.ndim > color else value).tolist()
             return tuple(number) if color else number
         if isinstance(source, Formula) and id(source) not in self._formulas:
-            inputs = {name: self._source(each, source.kinds[name]) for name, each in source.inputs.items()}
+            inputs = {name: self._fix_source(argument, source.kinds[name]) for name, argument in source.inputs.items()}
             self._formulas[id(source)] = replace(source, inputs=inputs)
         return self._formulas.get(id(source), source)
 
 
 def case_layer(model: str, values: Mapping[str, Any], mode: str) -> dict[str, Any]:
-    """Return a layer, its mask among the values, as `lookdev eval` takes it, without inputs that have their default."""
+    """Return a layer as `lookdev eval` reads it, without inputs that have their default; `values` include the mask."""
 
-    def plain(value: Any) -> Any:
+    def to_list(value: Any) -> Any:
         return list(value) if isinstance(value, tuple) else value
 
-    inputs = {name: plain(value) for name, value in values.items() if name != "mask"}
-    known = MODELS[model].parameters
-    usual = {name: inputs.get(parameter.follows, parameter.default) for name, parameter in known.items()}
-    params = {name: value for name, value in inputs.items() if value != plain(usual[name])}
+    inputs = {name: to_list(value) for name, value in values.items() if name != "mask"}
+    parameters = MODELS[model].parameters
+    defaults = {name: inputs.get(parameter.follows, parameter.default) for name, parameter in parameters.items()}
+    params = {name: value for name, value in inputs.items() if value != to_list(defaults[name])}
     return {"model": model, "params": params, "mask": values["mask"], "mode": mode}
 
 
 def case_line(batch: Batch, index: int, **extra: object) -> str:
-    """Return one case as a line for `lookdev eval`, with the keys of `extra`."""
+    """Return a case as a line for `lookdev eval`, with the keys of `extra`."""
     layers = []
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}
@@ -152,9 +161,9 @@ def case_line(batch: Batch, index: int, **extra: object) -> str:
     return json.dumps(case | extra)
 
 
-def _numbers(layer: StackLayer) -> dict[str, Floats]:
+def _all_numbers(layer: StackLayer) -> dict[str, Floats]:
     values = {"mask": layer.mask, **layer.parameters}
-    left_out = {*tokens(layer), *following(layer)}
+    left_out = {*layer_tokens(layer), *following_numbers(layer)}
     return {name: np.asarray(value, dtype=np.float64) for name, value in values.items() if name not in left_out}
 
 

@@ -1,11 +1,11 @@
 """Stability of models in NumPy and inside Cycles under extreme parameters, directions, lights and geometry.
 
-At points, a value is finite and not negative on both sides. The float32 value is judged by its backward error (Higham
-2002, "Accuracy and Stability of Numerical Algorithms", 1.5): its error is at most that of the exact value for inputs
-that differ by `UNITS` roundings. That is large where a highlight of 0.25 degrees is at the horizon, for any formula,
-and small elsewhere; the relative error is reported beside it.
+At points, a value must be finite and not negative on both sides. The float32 value is judged by its backward error
+(Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): its error must be at most the change of the exact
+value when the inputs change by `UNITS` roundings. For any formula, that change is large where a highlight of 0.25
+degrees is at the horizon, and small elsewhere. The relative error is reported, too.
 
-In scenes, the difference of pictures that are to be alike is compared with the noise of their halves.
+In scenes, the difference of pictures that must be equal is compared with the noise of their halves.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Alter, Halves, Render, unaltered
-from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens
+from lookdev.checks.frames import Alter, Halves, Render, keep_shader
+from lookdev.checks.samples import case_line, constant_numbers, following_numbers, layer_tokens, sample_layers
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
@@ -38,22 +38,25 @@ Floats = NDArray[np.float64]
 Depth = Literal["quick", "default", "full"]
 
 RELATIVE = 2e-4
-"""Relative error that a float32 value may have, whatever its case."""
+"""Relative error that a float32 value may have in any case."""
 
 VISIBLE = 1e-4
-"""1/sr: below it, errors are relative to this value."""
+"""In 1/sr: below this value, errors are relative to it."""
 
 UNITS = 64.0
-"""Backward error that a float32 value may have: a formula is some ten operations long, of a rounding each."""
+"""Backward error, in roundings, that a float32 value may have: formulas have some ten operations, each rounded."""
 
-ALIKE = 2.0
-"""Squared difference of two pictures over that of their halves: 1 on average for equal scenes, heavy tails included."""
+MAX_DIFFERENCE = 2.0
+"""Limit of the squared difference of two pictures over that of their halves.
+
+Equal scenes have 1 on average. The rest is for heavy tails.
+"""
 
 _ROUNDING = 2.0**-24
 _PERTURBATIONS = 8
 _WORST = 5
 _COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
-# Sets of parameters, and samples for each view of each set.
+# The number of sets of parameters, and the samples for each view of a set.
 _ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
 _SIZE = (32, 32)
@@ -65,9 +68,9 @@ def stress(
 ) -> Iterator[Finding]:
     """Stress models and looks; yield a finding for each stack and scene.
 
-    Models, by name, are stressed alone, with every choice of their tokens, and in stacks. Constants of looks are kept,
-    what varies takes any value of its range. `depth` gives 4,000, 20,000 or 200,000 cases a stack, chosen by `seed`.
-    Raises WorkerError where Cycles cannot evaluate points; a failed picture is a finding.
+    Models, by name, are stressed alone, with every choice of their tokens, and in stacks. Looks keep their constants;
+    varying inputs take any value of their range. `depth` gives 4,000, 20,000 or 200,000 cases a stack, drawn with
+    `seed`. A WorkerError reports that Cycles cannot evaluate points; a failed picture is a finding.
     """
     rng = np.random.default_rng(seed)
     for subject in subjects:
@@ -82,25 +85,25 @@ def stress(
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return a model with every choice of its tokens, with options, over itself, and over some others, by name."""
+    """Return stacks of a model by name: with every choice of tokens, with options, over itself, over some others."""
 
-    def plain(name: str) -> PointLayer:
-        tokens = {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
+    def default_layer(name: str) -> PointLayer:
+        tokens = {p.name: p.choices[0] for p in MODELS[name].parameters.values() if p.choices}
         return PointLayer(name, tokens, constants=MODELS[name].options_left_out())
 
     choices = MODELS[model].forms()
     stacks: dict[str, tuple[PointLayer, ...]] = {}
     for values in product(*choices.values()):
         form = dict(zip(choices, values, strict=True))
-        stacks[" ".join([model, *form.values()])] = (replace(plain(model), tokens=form),)
+        stacks[" ".join([model, *form.values()])] = (replace(default_layer(model), tokens=form),)
     if MODELS[model].options_left_out():
-        stacks[f"{model} with options"] = (replace(plain(model), constants={}),)
-    stacks[f"{model} over {model}"] = (plain(model), plain(model))
+        stacks[f"{model} with options"] = (replace(default_layer(model), constants={}),)
+    stacks[f"{model} over {model}"] = (default_layer(model), default_layer(model))
     for mode in MODELS[model].modes[1:]:
-        above = replace(plain(model), mode=mode)
-        stacks[f"{model} over {model}, twice in mode {mode}"] = (plain(model), above, above)
-    layered = [name for name, each in MODELS.items() if len(each.modes) > 1 and name != model]
-    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in layered}
+        above = replace(default_layer(model), mode=mode)
+        stacks[f"{model} over {model}, twice in mode {mode}"] = (default_layer(model), above, above)
+    layered = [name for name, other in MODELS.items() if len(other.modes) > 1 and name != model]
+    return stacks | {f"{model} over {other}": (default_layer(other), default_layer(model)) for other in layered}
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
@@ -109,45 +112,46 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
     return tuple(
         PointLayer(
             layer.model,
-            tokens(layer),
+            layer_tokens(layer),
             layer.mode,
-            {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant(layer).items()},
-            following(layer),
+            {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant_numbers(layer).items()},
+            following_numbers(layer),
         )
         for layer in layers
     )
 
 
 def check_stack(
-    name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth, alter: Alter = unaltered
+    name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth, alter: Alter = keep_shader
 ) -> Finding:
-    """Evaluate extreme cases of a stack in NumPy and, with `alter`, inside Cycles; sample moderate ones in NumPy."""
+    """Evaluate extreme cases of a stack in NumPy and, altered, inside Cycles; sample moderate cases in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
-        expected = _columns(*evaluate_numpy(cases.batch))
-    got = _columns(*evaluate_cycles(cases.batch, alter=alter))
+        expected = _join_columns(*evaluate_numpy(cases.batch))
+    got = _join_columns(*evaluate_cycles(cases.batch, alter=alter))
     unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", got))}
-    broken = unsound["NumPy"] | unsound["Cycles"]
+    is_broken = unsound["NumPy"] | unsound["Cycles"]
     # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
-    seen = cases.comparable & ~broken & (expected[:, :3] > VISIBLE).any(axis=-1)
-    error = _judge(_chosen(cases.batch, seen), got[seen], expected[seen], rng)
-    wrong = np.zeros(len(broken))
-    wrong[seen] = error.excess
-    wrong[broken] = np.inf
-    most, albedo = _most(layers), _largest_albedo(layers, rng, depth)
-    failed = int(np.count_nonzero(wrong > 1.0))
-    worst = [index for index in np.argsort(-wrong, kind="stable")[:_WORST].tolist() if wrong[index] > 0.0]
+    is_compared = cases.comparable & ~is_broken & (expected[:, :3] > VISIBLE).any(axis=-1)
+    error = _measure_error(_select_cases(cases.batch, is_compared), got[is_compared], expected[is_compared], rng)
+    excess = np.zeros(len(is_broken))
+    excess[is_compared] = error.excess
+    excess[is_broken] = np.inf
+    limit, albedo = _energy_limit(layers), _largest_albedo(layers, rng, depth)
+    failed = int(np.count_nonzero(excess > 1.0))
+    worst = [index for index in np.argsort(-excess, kind="stable")[:_WORST].tolist() if excess[index] > 0.0]
     return Finding(
         check="stability",
         subject=name,
-        passed=failed == 0 and albedo <= most,
+        passed=failed == 0 and albedo <= limit,
         summary=(
-            f"{len(broken)} cases, {int(broken.sum())} not finite or negative, {failed} wrong in all; float32 against "
-            f"float64: median {error.median:.1e}, {100.0 * error.ill:.2g} % above {RELATIVE:.0e}, where inputs off by "
-            f"{error.units:.0f} roundings give as much ({UNITS:.0f} allowed); albedo at most {albedo:.2f} of {most:g}"
+            f"{len(is_broken)} cases, {int(is_broken.sum())} not finite or negative, {failed} wrong in all; "
+            f"float32 against float64: median {error.median:.1e}, {100.0 * error.ill:.2g} % above {RELATIVE:.0e}, "
+            f"where inputs off by {error.units:.0f} roundings give as much ({UNITS:.0f} allowed); "
+            f"albedo at most {albedo:.2f} of {limit:g}"
         ),
         figures={
-            "cases": float(len(broken)),
+            "cases": float(len(is_broken)),
             "unsound_numpy": float(unsound["NumPy"].sum()),
             "unsound_cycles": float(unsound["Cycles"].sum()),
             "failed": float(failed),
@@ -160,7 +164,7 @@ def check_stack(
             case_line(
                 cases.batch,
                 index,
-                excess=float(wrong[index]),
+                excess=float(excess[index]),
                 numpy=expected[index].tolist(),
                 cycles=got[index].tolist(),
             )
@@ -177,111 +181,115 @@ class _Error:
     units: float  # largest backward error of those, in roundings
 
 
-def _judge(batch: Batch, got: Floats, expected: Floats, rng: np.random.Generator) -> _Error:
+def _measure_error(batch: Batch, got: Floats, expected: Floats, rng: np.random.Generator) -> _Error:
     if not len(got):
         return _Error(np.zeros(0), 0.0, 0.0, 0.0)
     size = np.maximum(expected, VISIBLE)
-    # The change of the exact value by a rounding of every input.
+    # The largest change of the exact value when every input changes by a rounding.
     unit = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
-        unit = np.maximum(unit, np.abs(_columns(*evaluate_numpy(_perturbed(batch, rng))) - expected) + _ROUNDING * size)
+        unit = np.maximum(
+            unit, np.abs(_join_columns(*evaluate_numpy(_perturb(batch, rng))) - expected) + _ROUNDING * size
+        )
     error = np.abs(got - expected)
     relative, units = error / size, error / unit
-    well = relative <= RELATIVE
+    is_accurate = relative <= RELATIVE
     return _Error(
         excess=np.minimum(relative / RELATIVE, units / UNITS).max(axis=-1),
         median=float(np.median(relative[expected > VISIBLE])),
-        ill=float((~well).mean()),
-        units=float(np.max(units, where=~well, initial=0.0)),
+        ill=float((~is_accurate).mean()),
+        units=float(np.max(units, where=~is_accurate, initial=0.0)),
     )
 
 
-def _perturbed(batch: Batch, rng: np.random.Generator) -> Batch:
+def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
     """Change every input by a rounding.
 
-    Of directions the cosine only, because the half vector of opposite directions is exact; the other components too
-    where light is transmitted, because the view is refracted; by a rounding of 1 where the normal is tilted.
+    Only the cosine of directions is changed, because the half vector of opposite directions is exact. Where light is
+    transmitted, the other components are changed, too, because the view is refracted. Where the normal is tilted, all
+    components are changed by a rounding of 1.
     """
 
-    def off(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
+    def perturb_values(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
         return np.clip(values * (1.0 + rng.choice([-_ROUNDING, _ROUNDING], values.shape)), low, high)
 
     numbers = tuple(
         {
-            name: off(value, *(MODELS[layer.model].parameters[name].hard if name != "mask" else (0.0, 1.0)))
-            for name, value in each.items()
+            name: perturb_values(value, *(MODELS[layer.model].parameters[name].hard if name != "mask" else (0.0, 1.0)))
+            for name, value in values.items()
         }
-        for layer, each in zip(batch.layers, batch.numbers, strict=True)
+        for layer, values in zip(batch.layers, batch.numbers, strict=True)
     )
-    leaning = _leaning(batch)[:, None]
+    tilted = _has_tilted_normal(batch)[:, None]
     moved = (batch.wo * batch.wi < 0.0)[:, 2:] | np.array([False, False, True])
     wo, wi = (
-        np.where(leaning, w + rng.choice([-_ROUNDING, _ROUNDING], w.shape), np.where(moved, off(w), w))
+        np.where(tilted, w + rng.choice([-_ROUNDING, _ROUNDING], w.shape), np.where(moved, perturb_values(w), w))
         for w in (batch.wo, batch.wi)
     )
     return replace(batch, wo=wo, wi=wi, numbers=numbers)
 
 
-def _leaning(batch: Batch) -> NDArray[np.bool_]:
-    """Return which cases (n,) have a tilted normal."""
-    leaning = np.zeros(len(batch.wo), np.bool_)
-    for layer, each in zip(batch.layers, batch.numbers, strict=True):
+def _has_tilted_normal(batch: Batch) -> NDArray[np.bool_]:
+    """Return a mask (n,) of the cases that have a tilted normal."""
+    tilted = np.zeros(len(batch.wo), np.bool_)
+    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         for name, parameter in MODELS[layer.model].parameters.items():
             if parameter.kind == "normal":
-                normal = each.get(name, np.asarray(layer.constants.get(name, parameter.default)))
-                leaning |= (normal[..., :2] != 0.0).any(axis=-1)
-    return leaning
+                normal = numbers.get(name, np.asarray(layer.constants.get(name, parameter.default)))
+                tilted |= (normal[..., :2] != 0.0).any(axis=-1)
+    return tilted
 
 
-def _chosen(batch: Batch, mask: NDArray[np.bool_]) -> Batch:
-    numbers = tuple({name: value[mask] for name, value in each.items()} for each in batch.numbers)
+def _select_cases(batch: Batch, mask: NDArray[np.bool_]) -> Batch:
+    numbers = tuple({name: value[mask] for name, value in layer.items()} for layer in batch.numbers)
     return replace(batch, wo=batch.wo[mask], wi=batch.wi[mask], numbers=numbers)
 
 
-def _columns(f: Floats, density: Floats) -> Floats:
+def _join_columns(f: Floats, density: Floats) -> Floats:
     return np.concatenate([f, density[:, None]], axis=-1)
 
 
-def _most(layers: Sequence[PointLayer]) -> float:
+def _energy_limit(layers: Sequence[PointLayer]) -> float:
+    """Return the largest albedo that the models of a stack may have."""
     return max(model.energy(model.tokens(layer.tokens)) for layer in layers for model in [MODELS[layer.model]])
 
 
 def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:
-    """Return the largest albedo over sets of moderate parameters and views, less five standard errors."""
+    """Return the largest albedo over sets of moderate parameters and views, minus five standard errors."""
     sets, samples = _ENERGY[depth]
     numbers = moderate_numbers(layers, sets, rng)
-    repeated = tuple({name: np.repeat(value, samples, axis=0) for name, value in each.items()} for each in numbers)
+    repeated = tuple({name: np.repeat(value, samples, axis=0) for name, value in layer.items()} for layer in numbers)
     largest = 0.0
     for cosine in _VIEWS:
         wo = np.tile([np.sqrt(1.0 - cosine * cosine), 0.0, cosine], (sets * samples, 1))
         bsdf = Batch(tuple(layers), wo, wo, repeated).bsdf()
         wi = sample(bsdf, wo, rng.random((len(wo), 2)))
         density = pdf(bsdf, wo, wi)
-        drawn = density > 0.0
-        weight = evaluate_cosine(bsdf, wo, wi) * (drawn / np.where(drawn, density, 1.0))[:, None]
+        is_sampled = density > 0.0
+        weight = evaluate_cosine(bsdf, wo, wi) * (is_sampled / np.where(is_sampled, density, 1.0))[:, None]
         weight = weight.reshape(sets, samples, 3)
-        sure = weight.mean(axis=1) - 5.0 * weight.std(axis=1, ddof=1) / np.sqrt(samples)
-        largest = max(largest, float(np.where(np.isfinite(sure), sure, np.inf).max()) - 1e-9)
+        lower_bound = weight.mean(axis=1) - 5.0 * weight.std(axis=1, ddof=1) / np.sqrt(samples)
+        largest = max(largest, float(np.where(np.isfinite(lower_bound), lower_bound, np.inf).max()) - 1e-9)
     return largest
 
 
 def check_scenes(look: Look, cases: Sequence[SceneCase], render: Render) -> Iterator[Finding]:
-    """Render a look in degenerate scenes; pictures are finite, not negative, within bounds and alike as stated."""
-    shown: dict[str, Halves] = {}
+    """Render a look in degenerate scenes; check that pictures are finite, not negative, within bounds, and alike."""
+    pictures: dict[str, Halves] = {}
     for case in cases:
         subject = f"{look.name}, {case.name}"
         try:
-            halves = shown[case.name] = render(_task(look, case))
+            halves = pictures[case.name] = render(_make_task(look, case))
         except (RenderError, WorkerError) as error:
             yield Finding("stability", subject, passed=False, summary=f"no picture: {error}")
             continue
-        if case.like and case.like not in shown:
+        if case.like and case.like not in pictures:
             yield Finding("stability", subject, passed=False, summary=f"nothing to compare with: no '{case.like}'")
         else:
-            yield _judge_picture(look, case, subject, halves, shown.get(case.like))
+            yield _judge_picture(look, case, subject, halves, pictures.get(case.like))
 
 
-def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, like: Halves | None) -> Finding:
+def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, reference: Halves | None) -> Finding:
     a, b, alpha = (np.asarray(array, dtype=np.float64) for array in (halves.a, halves.b, halves.alpha))
     pixels = np.stack([a, b])
     covered = float(alpha.sum())
@@ -291,40 +299,44 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, li
         faults.append("the asset covers no pixel")
     if not (np.isfinite(pixels).all() and (pixels >= 0.0).all()):
         faults.append("pixels are not finite or negative")
-    if case.black and pixels.any():
+    if case.is_black and pixels.any():
         faults.append("pixels are not black in darkness")
     figures = {"mean": mean}
-    most = _most(look_stack(look))
-    if case.white and mean > most:
-        faults.append(f"{mean:.3g} of the light is reflected, at most {most:g} would be right")
-    if like is not None:
-        figures["difference"] = _difference(case.gain, halves, like)
-        if not figures["difference"] < ALIKE:
+    limit = _energy_limit(look_stack(look))
+    if case.is_white and mean > limit:
+        faults.append(f"{mean:.3g} of the light is reflected, at most {limit:g} would be right")
+    if reference is not None:
+        figures["difference"] = _difference(case.gain, halves, reference)
+        if not figures["difference"] < MAX_DIFFERENCE:
             faults.append(f"it is not like '{case.like}'")
-    text = f"mean {mean:.3g}" + (f", difference {figures['difference']:.2f} of {ALIKE:g}" if like is not None else "")
+    text = f"mean {mean:.3g}" + (
+        f", difference {figures['difference']:.2f} of {MAX_DIFFERENCE:g}" if reference is not None else ""
+    )
     return Finding("stability", subject, not faults, "; ".join([text, *faults]), figures)
 
 
-def _difference(gain: float, halves: Halves, like: Halves) -> float:
-    """Return the squared difference of two pictures over the noise of their halves; inf where coverage differs."""
+def _difference(gain: float, halves: Halves, reference: Halves) -> float:
+    """Return the squared difference of two pictures over the noise of their halves; inf if their coverage differs."""
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
-    c, d = np.float64(like.a), np.float64(like.b)
+    c, d = np.float64(reference.a), np.float64(reference.b)
     noise = float((((a - b) ** 2 + (c - d) ** 2) / 4.0).sum())
     squares = float((((a + b - c - d) / 2.0) ** 2).sum())
-    coverage = float(np.abs(np.float64(halves.alpha) - like.alpha).sum() / np.float64(like.alpha).sum())
+    coverage = float(np.abs(np.float64(halves.alpha) - reference.alpha).sum() / np.float64(reference.alpha).sum())
     return np.inf if coverage > 0.05 else squares / noise if noise else (np.inf if squares else 0.0)
 
 
-def _task(look: Look, case: SceneCase) -> FrameTask:
+def _make_task(look: Look, case: SceneCase) -> FrameTask:
     camera = Camera(30.0, 20.0, case.asset.center, 4.2 * case.asset.radius)
     task = scene_task(Scene.of_look(case.asset, look, prepare_light(case.light), _SIZE, camera), _SAMPLING)
-    uv_sets = [each.attribute for source in task.shaders for each in source.attributes if each.kind == "uv"]
-    asset = Content.of(save_asset(_carrying(case.asset, uv_sets), directed=[0]))
+    uv_sets = [
+        attribute.attribute for source in task.shaders for attribute in source.attributes if attribute.kind == "uv"
+    ]
+    asset = Content.of(save_asset(_add_uv_sets(case.asset, uv_sets), directed=[0]))
     return one_frame(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 
-def _carrying(asset: Asset, uv_sets: Sequence[str]) -> Asset:
-    """Return an asset with copies of its UVs as the UV sets that a look reads."""
+def _add_uv_sets(asset: Asset, uv_sets: Sequence[str]) -> Asset:
+    """Return an asset with copies of its UVs under the names of the UV sets that a look reads."""
     mesh = asset.meshes[0]
     uvs = mesh.uvs | dict.fromkeys(uv_sets, mesh.uvs["st"])
     # An empty digest is computed when the asset is saved.

@@ -1,9 +1,10 @@
 """The worker: tasks in on standard input, results out on standard output, one JSON object a line.
 
-A scene is prepared for frames to come, without an answer: where that fails, a frame of it reports why.
+A scene task prepares a scene for later frames and has no answer. If the preparation fails, the first frame of the
+scene reports the error.
 
-Blender prints to standard output, so `Answers` keeps the real one before Blender is loaded, and all else goes to
-standard error. The end of the input, also by the death of the parent, ends the process at once.
+Blender prints to standard output, so `Answers` duplicates the real one before Blender is loaded, and everything else
+goes to standard error. The process exits at once when its input ends, which it also does when the parent dies.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from lookdev.rendering.answers import Answers, save_arrays
 if TYPE_CHECKING:
     from lookdev.rendering.wire import Requests
 
-_LONGEST_CHATTER = 1 << 20
-"""Bytes of Blender's log, some 10 kB a frame, that are kept of frames without an error."""
+_MAX_LOG_GROWTH = 1 << 20
+"""Bytes of Blender's log that frames without an error may add before they are cut off; a frame logs about 10 kB."""
 
 
 def _read_requests(requests: Requests) -> None:
@@ -36,9 +37,9 @@ def _read_requests(requests: Requests) -> None:
 def _serve(answers: Answers) -> None:
     from lookdev.cache import take_notes
     from lookdev.cycles import version
-    from lookdev.cycles.progress import finer_progress
+    from lookdev.cycles.progress import refine_progress
     from lookdev.cycles.render import render_frame
-    from lookdev.cycles.scene import Scene
+    from lookdev.cycles.scene import BlenderScene
     from lookdev.errors import LookdevError
     from lookdev.rendering.task import FrameTask, SceneTask
     from lookdev.rendering.wire import Cancelled, Requests
@@ -46,38 +47,38 @@ def _serve(answers: Answers) -> None:
     requests = Requests()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     answers.ready(version.VERSION)
-    scene: Scene | None = None
-    kept = _log_size()
+    scene: BlenderScene | None = None
+    log_start = _log_size()
     while True:
         task = requests.next()
         if isinstance(task, SceneTask):
             scene = None
             with suppress(LookdevError, RuntimeError, OSError, MemoryError):
-                made = Scene(task)
-                made.compile_shaders()
-                scene = made
+                prepared = BlenderScene(task)
+                prepared.compile_shaders()
+                scene = prepared
             continue
         assert isinstance(task, FrameTask), "pictures with derivatives are of another backend"
 
-        def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
+        def progress(samples: int, total: int, relmse: float | None, digest: str = task.digest) -> None:
             requests.check(digest)
-            answers.progress(digest, samples, of, relmse)
+            answers.progress(digest, samples, total, relmse)
 
         try:
-            if scene is None or not scene.fits(task.scene):
-                scene = Scene(task.scene)
+            if scene is None or not scene.can_show(task.scene):
+                scene = BlenderScene(task.scene)
             scene.show(task.scene)
-            with finer_progress(task.scene.sampling.samples, progress) as report:
+            with refine_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
             arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             if not isinstance(error, Cancelled):
                 scene = None
-            kept = _log_size()
+            log_start = _log_size()
             answers.failed(task.digest, error)
             continue
-        if _log_size() > kept + _LONGEST_CHATTER:
-            os.ftruncate(2, kept)
+        if _log_size() > log_start + _MAX_LOG_GROWTH:
+            os.ftruncate(2, log_start)
         answers.done(
             task.digest,
             arrays,
@@ -91,13 +92,13 @@ def _serve(answers: Answers) -> None:
 
 
 def _log_size() -> int:
-    """Return the size of the log, 0 where the error stream is no file."""
+    """Return the size of the log in bytes: 0 if the error stream is not a file."""
     # Blender's C streams are buffered while the log is a file.
     ctypes.CDLL(None).fflush(None)
     return os.fstat(2).st_size
 
 
-def _do_once(arguments: list[str], answers: Answers) -> None:
+def _run_command(arguments: list[str], answers: Answers) -> None:
     match arguments:
         case ["--self-test"]:
             from lookdev.cycles.points import self_test
@@ -116,7 +117,7 @@ def _do_once(arguments: list[str], answers: Answers) -> None:
 
 
 def main() -> None:
-    """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` do one thing and leave."""
+    """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` run one command."""
     end_with_parent()
     answers = Answers()
     with leaving():
@@ -124,7 +125,7 @@ def main() -> None:
             # Blender does not remove its temporary folder; the parent removes that of `_serve`.
             with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:
                 os.environ["TMPDIR"] = scratch
-                _do_once(arguments, answers)
+                _run_command(arguments, answers)
         else:
             _serve(answers)
 

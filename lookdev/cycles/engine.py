@@ -1,4 +1,4 @@
-"""Cycles with every setting set, and its pixels in memory."""
+"""Renders by Cycles: every setting of a scene, and the pixels of its passes in memory."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons
 import cycles
 
 _ENGINE = "LOOKDEV_CYCLES"
-SMALLEST = 4
-"""Pixels along a side of the least picture that Blender renders."""
+MIN_SIDE = 4
+"""Pixels along a side of the smallest picture that Blender renders."""
 
-_LONGEST_TABLE = 8192  # samples for which Cycles tabulates points; more repeat them, shuffled
+_LONGEST_TABLE = 8192  # most samples for which Cycles tabulates points; samples beyond repeat them, shuffled
 
 Box = tuple[int, int, int, int]
-"""Left, bottom, right and top in pixels from the lower left corner of the frame."""
+"""A rectangle of pixels: left, bottom, right and top, from the lower left corner of the frame."""
 
 
 class Capture(cycles.CyclesRender):  # type: ignore[misc]
-    """Cycles under another name, which keeps its passes in memory."""
+    """Cycles under another name; it copies the passes of a render to memory."""
 
     bl_idname = _ENGINE
     bl_label = "lookdev"
 
-    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (of the last render; Blender makes the instances)
+    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (of the last render; Blender creates the instances)
 
     def update_script_node(self, node: Any) -> None:
-        """Do nothing: `lookdev.cycles.shaders` makes the sockets, for which Blender would parse the shader."""
+        """Do nothing: `lookdev.cycles.shaders` adds the sockets, so that Blender need not parse the shader."""
 
     def render(self, depsgraph: Any) -> None:
-        """Render, then copy every pass: (height, width, channels), rows bottom-up."""
+        """Render, then copy every pass as an array (height, width, channels), rows bottom-up."""
         super().render(depsgraph)
         result = self.get_result()
         width, height = result.resolution_x, result.resolution_y
@@ -54,32 +54,33 @@ bpy.utils.register_class(Capture)
 
 
 def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, NDArray[np.float32]]:
-    """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up.
+    """Render the scene with `samples` a pixel; return its passes by Blender's names, rows bottom-up.
 
-    Cycles places sample 0 of every pixel at its centre, which would bias coverage by up to half a sample. The second
-    block of the sequence has no such sample, and a block of a power of two is as stratified as the first.
+    Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample. So
+    the second block of `samples` of the sequence is rendered, which has no such sample. Where the size of the blocks is
+    a power of two, it is as stratified as the first.
 
-    With a `box`, the passes have its pixels alone, which are bit for bit those of the whole frame. A ValueError reports
-    a box of less than 4 pixels along a side, which Blender does not render.
+    With a `box`, the passes have only its pixels, bit for bit equal to those of the whole frame. A ValueError reports a
+    box of fewer than 4 pixels along a side, which Blender does not render.
     """
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
     if box is None:
         return _render(scene, seed)
-    with _bordered(scene.render, box):
+    with _crop_render(scene.render, box):
         return _render(scene, seed)
 
 
 def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
-    """Render as `render_passes`, but with the first block of samples, as Cycles does."""
+    """Render the whole frame like `render_passes`, but with the first block of samples, as Cycles does."""
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
 
 
 def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
-    """Render with Cycles' own passes for a denoiser, ``Denoising Albedo`` and ``Denoising Normal``."""
+    """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
     layer = scene.view_layers[0].cycles
     layer.denoising_store_passes = True
     try:
@@ -88,26 +89,26 @@ def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
         layer.denoising_store_passes = False
 
 
-def fill_tables(scene: Any) -> None:
-    """Make Cycles' table of sample points as long as it ever is.
+def fill_sample_table(scene: Any) -> None:
+    """Make Cycles compute its table of sample points at full length.
 
-    It grows with the most samples that were rendered, and what it has for fewer changes as it does: a frame would
-    depend on the rounds, passes and frames that the process rendered before it.
+    The table grows to the largest number of samples rendered so far, and its first entries change when it grows.
+    Without a full table a frame would depend on the rounds, passes and frames that the process rendered before it.
     """
     scene.cycles.samples = _LONGEST_TABLE
     scene.cycles.use_sample_subset = True
-    # Cycles renders the first sample by itself, and whether it sorts mattes after it goes by the render before. Where
-    # that is the whole of a render without mattes after one with them, it sorts what lies behind the pixels.
+    # Cycles renders the first sample separately, and the render before decides whether it sorts mattes afterwards. If
+    # a render without mattes follows one with mattes and has only that sample, Cycles sorts memory beyond the pixels.
     scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 2
-    with _bordered(scene.render, (0, 0, SMALLEST, SMALLEST)), _untold():
+    with _crop_render(scene.render, (0, 0, MIN_SIDE, MIN_SIDE)), _mute_statistics():
         _render(scene, seed=0)
 
 
 def compile_shaders(scene: Any) -> None:
-    """Render a tiny picture of a scene, whose compiled shaders persistent data keeps for its frames."""
+    """Render a tiny picture of a scene, so that Blender's persistent data has the compiled shaders for its frames."""
     render = scene.render
     size = render.resolution_x, render.resolution_y
-    render.resolution_x = render.resolution_y = SMALLEST
+    render.resolution_x = render.resolution_y = MIN_SIDE
     try:
         render_whole(scene, samples=1)
     finally:
@@ -115,12 +116,13 @@ def compile_shaders(scene: Any) -> None:
 
 
 @contextmanager
-def _bordered(render: Any, box: Box) -> Iterator[None]:
+def _crop_render(render: Any, box: Box) -> Iterator[None]:
+    """Restrict renders to a box of the frame."""
     left, bottom, right, top = box
-    if min(right - left, top - bottom) < SMALLEST:
-        raise ValueError(f"a box has at least {SMALLEST} pixels along a side, found: {box}")
+    if min(right - left, top - bottom) < MIN_SIDE:
+        raise ValueError(f"a box has at least {MIN_SIDE} pixels along a side, found: {box}")
     width, height = render.resolution_x, render.resolution_y
-    # Borders are numbers of 32 bits, cut to whole pixels: a quarter of a pixel keeps them from the next.
+    # Borders are float32 and truncated to whole pixels: a quarter of a pixel more keeps rounding from moving them.
     render.border_min_x, render.border_max_x = (left + 0.25) / width, (right + 0.25) / width
     render.border_min_y, render.border_max_y = (bottom + 0.25) / height, (top + 0.25) / height
     render.use_border = render.use_crop_to_border = True
@@ -131,20 +133,20 @@ def _bordered(render: Any, box: Box) -> Iterator[None]:
 
 
 @contextmanager
-def _untold() -> Iterator[None]:
-    """Keep a render's statistics from those who report the progress of frames."""
-    told = bpy.app.handlers.render_stats
-    kept = list(told)
-    told.clear()
+def _mute_statistics() -> Iterator[None]:
+    """Render without the handlers of statistics, which report the progress of frames."""
+    handlers = bpy.app.handlers.render_stats
+    removed = list(handlers)
+    handlers.clear()
     try:
         yield
     finally:
-        told.extend(kept)
+        handlers.extend(removed)
 
 
 def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
     scene.cycles.seed = seed
-    # Cycles' settings are custom properties: without the tag a later render keeps the old ones.
+    # Cycles' settings are custom properties: without the tag, a later render would use their old values.
     scene.update_tag()
     Capture.passes = {}
     bpy.ops.render.render(scene=scene.name)
@@ -155,7 +157,7 @@ def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
 
 
 _MOST_COINCIDENT = 64
-"""Surfaces in one place that a path may pass through in all."""
+"""Coincident surfaces that a path may pass through in total."""
 
 
 def empty_scene() -> Any:
@@ -165,19 +167,19 @@ def empty_scene() -> Any:
 
 
 def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
-    """Set everything that a picture depends on, for shaders in OSL that integrate the light."""
+    """Set everything that a picture depends on, for OSL shaders that integrate the light."""
     render, settings = scene.render, scene.cycles
-    _configure_any(scene, resolution)
+    _configure_common(scene, resolution)
     render.film_transparent = True
-    # With motion blur on and nothing moving, OSL's `time` is the stratified number of a pixel's sample.
+    # With motion blur on and a scene at rest, OSL's `time` is the stratified number of a pixel's sample.
     render.use_motion_blur = True
     render.motion_blur_shutter = 1.0
     version.center_motion_blur_on_frame(scene)
     settings.rolling_shutter_type = "NONE"
     settings.device = "CPU"
     settings.shading_system = True
-    # Alpha counts rays that do not reach the background; a portal's ray is directed to a hit, so it never does.
-    _bounce(settings, reflected=0, transparent=bounces + 1)
+    # Alpha counts the rays that do not reach the background. The ray of a portal never does: it is directed at a hit.
+    _set_bounces(settings, reflected=0, transparent=bounces + 1)
     world = bpy.data.worlds.new("black")
     version.empty_node_tree(world)
     world.cycles.sampling_method = "NONE"
@@ -187,36 +189,36 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
 def configure_closures(
     scene: Any, resolution: tuple[int, int], bounces: int, device: str, *, see_through: bool = False
 ) -> None:
-    """Set everything that a picture depends on but its world, for Cycles' own closures.
+    """Set everything that a picture depends on, except its world, for Cycles' own closures.
 
-    A `see_through` surface counts as a bounce, as in the OSL. Without one, rays pass only what coincides with the
-    surface that they leave. A RenderError reports a device that is not there.
+    If surfaces are `see_through`, each that a ray passes counts as a bounce, as in the OSL. Otherwise rays pass only
+    surfaces that coincide with the one that they leave. A RenderError reports a missing device.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = True
-    _bounce(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MOST_COINCIDENT)
+    _set_bounces(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MOST_COINCIDENT)
 
 
 def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
-    """Set everything that a picture depends on but its world, for surfaces that send all light through ray portals.
+    """Set everything that a picture depends on, except its world, for surfaces that send all light through ray portals.
 
-    The rays of portals are rays of the camera, which see no world with a transparent film. Coverage is instead the
-    third channel of the pass of texture coordinates, 1 on a surface. A RenderError reports a device that is not there.
+    The rays of portals are camera rays, which see no world with a transparent film, so the film is opaque. Coverage is
+    the third channel of the pass of texture coordinates, 1 on a surface. A RenderError reports a missing device.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = False
     scene.view_layers[0].use_pass_uv = True
-    _bounce(scene.cycles, reflected=0, transparent=bounces + 1)
+    _set_bounces(scene.cycles, reflected=0, transparent=bounces + 1)
     # Paths are short: Russian roulette adds more noise than it saves time.
     scene.cycles.min_transparent_bounces = bounces + 1
 
 
 def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> None:
     settings = scene.cycles
-    _configure_any(scene, resolution)
+    _configure_common(scene, resolution)
     scene.render.use_motion_blur = False
     settings.shading_system = False
-    # Each seed has a scramble of its own, so that two renders are independent.
+    # Each seed has its own scramble, so that two renders are independent.
     settings.sampling_pattern = "TABULATED_SOBOL"
     settings.direct_light_sampling_type = "MULTIPLE_IMPORTANCE_SAMPLING"
     # The threshold is in units of radiance: a dim light would be noisier than a bright one.
@@ -229,8 +231,8 @@ def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> No
     _use_device(settings, device)
 
 
-def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
-    """Set what all backends share; Blender's defaults change between versions."""
+def _configure_common(scene: Any, resolution: tuple[int, int]) -> None:
+    """Set what is the same for all backends; Blender's defaults change between versions."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
     render.resolution_x, render.resolution_y = resolution
@@ -262,7 +264,7 @@ def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
     layer.samples = 0
 
 
-def _bounce(settings: Any, reflected: int, transparent: int) -> None:
+def _set_bounces(settings: Any, reflected: int, transparent: int) -> None:
     settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = reflected
     settings.transmission_bounces = reflected
     settings.volume_bounces = 0
@@ -271,17 +273,17 @@ def _bounce(settings: Any, reflected: int, transparent: int) -> None:
 
 
 def _use_device(settings: Any, device: str) -> None:
-    """Render on all devices of a kind, or on the CPU."""
+    """Set Cycles to render on all devices of a kind, or on the CPU."""
     settings.device = "CPU"
     if device == "cpu":
         return
     preferences = bpy.context.preferences.addons["cycles"].preferences
     kinds = [kind for kind, *_ in preferences.get_device_types(bpy.context) if kind != "NONE"]
-    there = {each.type for kind in kinds for each in preferences.get_devices_for_type(kind)} - {"CPU"}
-    if device.upper() not in there:
-        found = ", ".join(sorted(["cpu", *(kind.lower() for kind in there)]))
-        raise RenderError(f"Cycles finds no device of the kind '{device}' on this machine; it finds: {found}")
+    available = {entry.type for kind in kinds for entry in preferences.get_devices_for_type(kind)} - {"CPU"}
+    if device.upper() not in available:
+        names = ", ".join(sorted(["cpu", *(kind.lower() for kind in available)]))
+        raise RenderError(f"Cycles finds no device of the kind '{device}' on this machine; it finds: {names}")
     preferences.compute_device_type = device.upper()
-    for each in preferences.get_devices_for_type(device.upper()):
-        each.use = each.type == device.upper()
+    for entry in preferences.get_devices_for_type(device.upper()):
+        entry.use = entry.type == device.upper()
     settings.device = "GPU"

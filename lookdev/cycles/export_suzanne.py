@@ -1,4 +1,4 @@
-"""Make the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
+"""Export the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
 
 Blender's monkey, two levels of Catmull-Clark subdivision at the modifier's limit positions: points (n, 3) float32 in
 metres, faces (f, 4) uint16 counter-clockwise seen from outside, uvs (f, 4, 2) float32.
@@ -25,11 +25,11 @@ def export_suzanne(out: Path) -> None:
     bmesh.ops.create_monkey(monkey, calc_uvs=True)
     monkey.to_mesh(mesh)
     monkey.free()
-    thing = bpy.data.objects.new("suzanne", mesh)
-    bpy.context.scene.collection.objects.link(thing)
-    modifier = thing.modifiers.new("subdivision", "SUBSURF")
+    item = bpy.data.objects.new("suzanne", mesh)
+    bpy.context.scene.collection.objects.link(item)
+    modifier = item.modifiers.new("subdivision", "SUBSURF")
     modifier.levels = 2
-    result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    result = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
 
     points = np.empty(3 * len(result.vertices), np.float32)
     result.vertices.foreach_get("co", points)

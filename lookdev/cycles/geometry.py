@@ -1,8 +1,8 @@
-"""An asset as Blender data: its meshes, with the attributes that the sources on them read, and what shows them.
+"""An asset as Blender data: meshes, with the attributes that their sources read, and the objects that show them.
 
 Blender and Cycles spend a fraction of a millisecond on every object and every mesh, in every render. So small meshes
-are joined (`lookdev.asset.gather`), and the instances of a mesh are points of a single object, which its geometry
-nodes replace by the mesh.
+are joined (`lookdev.asset.gather`), and the instances of a mesh are points of one object, whose geometry nodes replace
+each point by the mesh.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source, short
 
 
 @dataclass(frozen=True)
-class Shown:
+class AssetObjects:
     """An asset in a scene of Blender.
 
-    `root` is the empty that is the parent of all; `objects` are those whose colour the shaders read; `meshes` are the
-    meshes of Blender with those that they were made of.
+    `root` is an empty, the parent of all objects. `objects` are those whose colour the shaders read. `meshes` are pairs
+    of Blender's mesh and the asset's mesh.
     """
 
     root: Any
@@ -41,47 +41,51 @@ def add_asset(
     scene: Any,
     asset: Asset,
     sources: Sequence[Source],
-    worn: Sequence[int],
+    slot_sources: Sequence[int],
     materials: Sequence[Any],
     *,
     groups: Sequence[int] = (),
-    apart: bool = False,
-    covered: bool = False,
-) -> Shown:
+    separate: bool = False,
+    add_uv: bool = False,
+) -> AssetObjects:
     """Add an asset to a scene.
 
     Parameters
     ----------
     asset
         Geometry about the origin.
-    sources, worn, materials
-        The sources, the number of each slot's, and the material of each source.
+    sources
+        The sources of all looks.
+    slot_sources
+        The number of the source of each slot.
+    materials
+        The material of each source.
     groups
-        The group of each slot, which `rig_group` of the shaders finds at what a ray has hit; (): all are of group 0.
-    apart
+        The group of each slot, which `rig_group` of the shaders reads at a ray's hit. Empty: all slots are of group 0.
+    separate
         Make an object of every instance, and meshes with edges and all of their UV sets, as users of Blender expect
         them. The picture is the same.
-    covered
-        Give every mesh a UV set: the pass of texture coordinates is 1 in its third channel only where there is one.
+    add_uv
+        Give every mesh a UV set: the pass of texture coordinates has 1 in its third channel where a mesh has one.
     """
     root = bpy.data.objects.new("root", None)
     scene.collection.objects.link(root)
-    if not apart:
+    if not separate:
         asset = gathered(asset)
     if any(groups):
-        asset = _grouped(asset, np.array(groups))
-    numbers = np.array(worn)
-    meshes = [_build_mesh(mesh, sources, numbers, materials, whole=apart) for mesh in asset.meshes]
+        asset = _prepare_groups(asset, np.array(groups))
+    source_numbers = np.array(slot_sources)
+    meshes = [_build_mesh(mesh, sources, source_numbers, materials, whole=separate) for mesh in asset.meshes]
     for data, mesh in zip(meshes, asset.meshes, strict=True):
         if any(groups):
             _mark_groups(data, mesh, np.array(groups))
-        if covered and not data.uv_layers:
+        if add_uv and not data.uv_layers:
             data.uv_layers.new(name="lookdev_covered", do_init=False)
-    shown = np.array([instance.mesh for instance in asset.instances])
-    counts = np.bincount(shown, minlength=len(meshes))
-    many = np.zeros(len(shown), bool) if apart else counts[shown] > 1
+    instance_meshes = np.array([instance.mesh for instance in asset.instances])
+    counts = np.bincount(instance_meshes, minlength=len(meshes))
+    is_repeated = np.zeros(len(instance_meshes), bool) if separate else counts[instance_meshes] > 1
     objects = []
-    for number in np.flatnonzero(~many):
+    for number in np.flatnonzero(~is_repeated):
         instance = asset.instances[number]
         item = _add_object(scene.collection, asset.name, meshes[instance.mesh])
         item.parent = root
@@ -89,26 +93,26 @@ def add_asset(
         item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
         objects.append(item)
         if counts[instance.mesh] == 1:
-            _share(scene, meshes[instance.mesh], asset)
-    if many.any():
-        used, prototypes = np.unique(shown[many], return_inverse=True)
-        matrices = np.array([instance.matrix for instance, one in zip(asset.instances, many, strict=True) if one])
+            _add_second_user(scene, meshes[instance.mesh], asset)
+    if is_repeated.any():
+        used, prototypes = np.unique(instance_meshes[is_repeated], return_inverse=True)
+        matrices = np.array([asset.instances[number].matrix for number in np.flatnonzero(is_repeated)])
         objects.append(_add_instances(scene, asset.name, [meshes[number] for number in used], prototypes, matrices))
         objects[-1].parent = root
-    return Shown(root, objects, list(zip(meshes, asset.meshes, strict=True)))
+    return AssetObjects(root, objects, list(zip(meshes, asset.meshes, strict=True)))
 
 
-def _grouped(asset: Asset, groups: NDArray[Any]) -> Asset:
-    """Return an asset in which the angles that `_mark_groups` makes stay: of triangles, and not stretched."""
+def _prepare_groups(asset: Asset, groups: NDArray[Any]) -> Asset:
+    """Return an asset that keeps the angles of `_mark_groups`: marked meshes have triangles and no stretch."""
     marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
     meshes = (triangulated(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
     return unstretched(replace(asset, meshes=tuple(meshes)), marked)
 
 
 def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:
-    """Mark faces by their groups: the mesh's own normals are as many degrees off the facets.
+    """Encode the group of each face in the mesh's normals: group n tilts them by n degrees off the facet.
 
-    Of what a ray has hit, Cycles gives a shader the normals alone, on Blender 4.5.
+    On Blender 4.5, normals are all that Cycles gives a shader of the surface that a ray has hit.
     """
     group = groups[mesh.face_slots]
     if not group.any():
@@ -117,12 +121,12 @@ def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:
     facet = np.cross(b - a, c - a)
     angle = np.radians(group)[:, None]
     with np.errstate(invalid="ignore"):
-        # Along an edge, which is in the plane.
-        along, across = ((each / np.linalg.norm(each, axis=-1, keepdims=True)) for each in (b - a, facet))
-    marked = np.nan_to_num(np.cos(angle) * across + np.sin(angle) * along)
+        # `along` is an edge, which is in the plane of the facet.
+        along, across = ((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)) for vectors in (b - a, facet))
+    tilted = np.nan_to_num(np.cos(angle) * across + np.sin(angle) * along)
     # Without edges Blender passes other normals to Cycles.
     data.update(calc_edges=True)
-    _add_attribute(data, "custom_normal", np.repeat(marked, 3, axis=0).astype(np.float32))
+    _add_attribute(data, "custom_normal", np.repeat(tilted, 3, axis=0).astype(np.float32))
 
 
 def _add_object(collection: Any, name: str, data: Any) -> Any:
@@ -135,12 +139,12 @@ def _add_object(collection: Any, name: str, data: Any) -> Any:
     return item
 
 
-def _share(scene: Any, data: Any, asset: Asset) -> None:
-    """Give a mesh a second user, so that Cycles keeps it as an instance with an acceleration structure of its own.
+def _add_second_user(scene: Any, data: Any, asset: Asset) -> None:
+    """Give a mesh a second user, so that Cycles keeps it as an instance with its own acceleration structure.
 
-    The mesh of a single object is merged into the scene's, which any change of an object rebuilds: 40 ms for 260,000
-    triangles, twice a frame. The second user is a speck far below, hidden from every kind of ray that contributes to a
-    picture, but not from all rays: Cycles would leave it out.
+    Otherwise Cycles merges a mesh with one user into the acceleration structure of the scene and rebuilds that after
+    any change of an object: 40 ms for 260,000 triangles, twice a frame. The second user is a speck far below. It is
+    hidden from every kind of ray that contributes to a picture, but not from all rays: Cycles would leave it out.
     """
     speck = _add_object(scene.collection, "speck", data)
     speck.location = (0.0, 0.0, -1e3 * asset.radius)
@@ -151,8 +155,8 @@ def _share(scene: Any, data: Any, asset: Asset) -> None:
 
 
 def _add_instances(scene: Any, name: str, meshes: Sequence[Any], numbers: NDArray[Any], matrices: NDArray[Any]) -> Any:
-    """Add an object that shows `meshes[numbers[i]]` by each of the matrices (n, 4, 4); instances have its colour."""
-    # In no scene, so that only instances are seen. Blender numbers the objects of a collection by their names.
+    """Add an object that shows `meshes[numbers[i]]` at `matrices[i]` (n, 4, 4); its colour is that of the instances."""
+    # In no scene, so that only instances are visible. Blender orders the objects of a collection by name.
     prototypes = bpy.data.collections.new("prototypes")
     for number, mesh in enumerate(meshes):
         _add_object(prototypes, f"prototype {number:09}", mesh)
@@ -167,15 +171,15 @@ def _add_instances(scene: Any, name: str, meshes: Sequence[Any], numbers: NDArra
 
 
 def _instancing_tree(prototypes: Any) -> Any:
-    """Return geometry nodes that replace each point by a prototype, as its attributes say."""
+    """Return geometry nodes that replace each point by the prototype and the matrix of its attributes."""
     tree = bpy.data.node_groups.new("instances", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
 
     def add(kind: str, **inputs: Any) -> Any:
         node = tree.nodes.new(kind)
         for name, value in inputs.items():
-            socket = next(each for each in node.inputs if each.identifier == name)
+            socket = next(candidate for candidate in node.inputs if candidate.identifier == name)
             if isinstance(value, bpy.types.NodeSocket):
                 tree.links.new(value, socket)
             else:
@@ -185,7 +189,7 @@ def _instancing_tree(prototypes: Any) -> Any:
     def attribute(name: str, kind: str) -> Any:
         node = add("GeometryNodeInputNamedAttribute", Name=name)
         node.data_type = kind
-        return next(each for each in node.outputs if each.enabled and each.name == "Attribute")
+        return next(output for output in node.outputs if output.enabled and output.name == "Attribute")
 
     meshes = add("GeometryNodeCollectionInfo", Collection=prototypes, **{"Separate Children": True})
     instances = add(
@@ -194,27 +198,27 @@ def _instancing_tree(prototypes: Any) -> Any:
         Instance=meshes.outputs[0],
         **{"Pick Instance": True, "Instance Index": attribute("prototype", "INT")},
     )
-    placed = add(
+    transformed = add(
         "GeometryNodeSetInstanceTransform",
         Instances=instances.outputs[0],
         Transform=attribute("matrix", "FLOAT4X4"),
     )
-    tree.links.new(placed.outputs[0], add("NodeGroupOutput").inputs[0])
+    tree.links.new(transformed.outputs[0], add("NodeGroupOutput").inputs[0])
     return tree
 
 
 def _build_mesh(
-    mesh: Mesh, sources: Sequence[Source], worn: NDArray[Any], materials: Sequence[Any], *, whole: bool
+    mesh: Mesh, sources: Sequence[Source], slot_sources: NDArray[Any], materials: Sequence[Any], *, whole: bool
 ) -> Any:
     data = bpy.data.meshes.new(mesh.name)
     data.vertices.add(len(mesh.points))
     data.loops.add(len(mesh.corner_points))
     data.polygons.add(len(mesh.face_sizes))
     data.polygons.foreach_set("loop_start", face_starts(mesh.face_sizes).astype(np.int32))
-    # As attributes they are copied as a whole.
+    # Attributes are copied as whole arrays.
     data.attributes["position"].data.foreach_set("vector", mesh.points.ravel())
     data.attributes[".corner_vert"].data.foreach_set("value", mesh.corner_points)
-    face_sources = worn[mesh.face_slots]
+    face_sources = slot_sources[mesh.face_slots]
     is_used = np.bincount(face_sources) > 0
     used = np.flatnonzero(is_used)
     for number in used:
@@ -224,10 +228,10 @@ def _build_mesh(
         _add_attribute(data, "material_index", index[face_sources], "FACE")
     if whole:
         data.update(calc_edges=True)
-    # Shaders bring their own normals. Blender's cancel at points where faces meet their reversed doubles.
+    # Shaders have their own normals. Blender's cancel at points where faces meet their reversed duplicates.
     _add_attribute(data, "sharp_face", np.ones(len(mesh.face_sizes), bool), "FACE")
     bindings = {number: sources[number].attributes for number in used.tolist()}
-    read = {binding.attribute for each in bindings.values() for binding in each if binding.kind == "uv"}
+    read = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
         if whole or name in read:
             short = short_name(name)
@@ -235,15 +239,15 @@ def _build_mesh(
             data.attributes[short].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
     _add_attribute(data, "lookdev_normal", *_compact(mesh, mesh.normals))
-    for name, values in _attributes(mesh, face_sources, bindings).items():
+    for name, values in _read_attributes(mesh, face_sources, bindings).items():
         _add_attribute(data, name, *_compact(mesh, values))
     return data
 
 
 def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
-    """Return values of corners as those of faces or points, where their corners have equal ones, and Blender's domain.
+    """Return values of corners, at faces or points instead if all of their corners are equal, and Blender's domain.
 
-    Cycles keeps values of corners three times for every triangle.
+    Cycles stores values of corners three times for every triangle.
     """
     sizes = mesh.face_sizes
     at_faces = values[face_starts(sizes)]
@@ -259,21 +263,21 @@ def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
     return values, "CORNER"
 
 
-def _attributes(
+def _read_attributes(
     mesh: Mesh, face_sources: NDArray[Any], bindings: dict[int, tuple[AttributeBinding, ...]]
 ) -> dict[str, Floats]:
-    """Return the attributes, other than UV sets, that sources read, by name; what a mesh lacks has their fallbacks."""
-    found: dict[str, Floats] = {}
+    """Return the attributes that sources read, except UV sets, by name; those that a mesh lacks have the fallbacks."""
+    attributes: dict[str, Floats] = {}
     lacking: dict[str, dict[int, tuple[float, ...]]] = {}
-    for number, each in bindings.items():
-        for binding in each:
+    for number, source_bindings in bindings.items():
+        for binding in source_bindings:
             if binding.attribute == HANDEDNESS:
-                found[HANDEDNESS] = handedness(mesh)
+                attributes[HANDEDNESS] = handedness(mesh)
             elif binding.attribute == TANGENT:
                 assert mesh.tangents is not None, "a scene task has the tangents that its sources read"
-                found[TANGENT] = mesh.tangents
+                attributes[TANGENT] = mesh.tangents
             elif binding.attribute in mesh.primvars:
-                found[binding.stored] = mesh.primvars[binding.attribute]
+                attributes[binding.stored] = mesh.primvars[binding.attribute]
             elif binding.fallback is not None:
                 lacking.setdefault(binding.stored, {})[number] = binding.fallback
     for name, fallbacks in lacking.items():
@@ -281,8 +285,8 @@ def _attributes(
         at_faces = np.zeros((len(face_sources), width) if width > 1 else len(face_sources), np.float32)
         for number, fallback in fallbacks.items():
             at_faces[face_sources == number] = fallback if width > 1 else fallback[0]
-        found[name] = np.repeat(at_faces, mesh.face_sizes, axis=0)
-    return found
+        attributes[name] = np.repeat(at_faces, mesh.face_sizes, axis=0)
+    return attributes
 
 
 _ATTRIBUTE_TYPES = {
@@ -291,9 +295,9 @@ _ATTRIBUTE_TYPES = {
     ("f", 1): ("FLOAT", "value"),
     ("f", 2): ("FLOAT_VECTOR", "vector"),
 }
-"""Blender's type and field of an array, by its kind of numbers and its dimensions.
+"""Blender's type and field for an array, by the kind of its numbers and the number of its dimensions.
 
-Colours are vectors, too, to which no colour space applies.
+Colours are vectors, too: no colour space applies to those.
 """
 
 

@@ -1,8 +1,8 @@
-"""Lights that have a place, or a direction, as lights of Blender: a builder a kind.
+"""Lights that are not domes, as lights of Blender: a builder for each kind.
 
-Radiometry, measured on 4.5 and 5.2: with `normalize` a light of P watts and an area A sends the radiance P / (pi A), as
-a Lambertian emitter; the strength of a sun is the irradiance at right angles to it. Lights of Cycles occlude nothing,
-and a ray that passes one counts it among its transparent bounces.
+Radiometry, measured on 4.5 and 5.2: with `normalize`, a light of P watts and area A emits the radiance P / (pi A), like
+a Lambertian emitter. The strength of a sun is the irradiance at right angles to it. Lights of Cycles occlude nothing; a
+ray that passes a light counts it among its transparent bounces.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _SIDES = 256  # of a cylinder
 
 
 @dataclass(frozen=True)
-class Placed:
-    """An object of Blender that shows a light, and where it is at pose 0: location and XYZ Euler angles.
+class LightObject:
+    """An object of Blender that is a light, with its location and XYZ Euler angles at pose 0.
 
-    Whether it turns with the rig; `offset` are degrees that a rig is turned beyond its poses.
+    `turns` is whether it turns with the rig. `offset` is a constant turn of the rig in degrees, added to that of poses.
     """
 
     item: Any
@@ -40,22 +40,22 @@ class Placed:
     angles: tuple[float, float, float]
     offset: float = 0.0
 
-    def stand(self, lighting: float, frame: float, axis: tuple[float, float]) -> None:
-        """Place the object as it stands in a `frame` that is turned, while the rig is turned by `lighting`."""
-        self.turn(self.turns * (lighting + self.offset) - frame, axis)
+    def pose(self, lighting: float, frame: float, axis: tuple[float, float]) -> None:
+        """Set the transform in a frame turned by `frame`, with the rig turned by `lighting`, both in degrees."""
+        self.rotate(self.turns * (lighting + self.offset) - frame, axis)
 
-    def turn(self, degrees: float, axis: tuple[float, float]) -> None:
-        """Place the object, turned about a vertical axis."""
+    def rotate(self, degrees: float, axis: tuple[float, float]) -> None:
+        """Set the object's transform to that at pose 0, rotated about a vertical axis."""
         angle = math.radians(degrees)
         sine, cosine = math.sin(angle), math.cos(angle)
         x, y = self.location[0] - axis[0], self.location[1] - axis[1]
         self.item.location = (axis[0] + cosine * x - sine * y, axis[1] + sine * x + cosine * y, self.location[2])
-        # The matrix is Rz Ry Rx: a further turn about z adds to the last angle.
+        # The matrix is Rz Ry Rx: a rotation about z adds to the last angle.
         self.item.rotation_euler = (self.angles[0], self.angles[1], self.angles[2] + angle)
 
 
-def add_lights(into: Any, lights: Sequence[Light], origin: Floats, strength: float = 1.0) -> list[Placed]:
-    """Add the lights that are not domes to a collection of Blender, in which `origin` is at 0.
+def add_lights(collection: Any, lights: Sequence[Light], origin: Floats, strength: float = 1.0) -> list[LightObject]:
+    """Add the lights that are not domes to a collection of Blender, with `origin` at 0; return their objects.
 
     Parameters
     ----------
@@ -67,10 +67,10 @@ def add_lights(into: Any, lights: Sequence[Light], origin: Floats, strength: flo
     RenderError
         A texture cannot be read.
     """
-    placed = []
+    objects = []
     for number, light in enumerate(lights, start=1):
         if light.far and light.map_dome:
-            continue  # the world shows it
+            continue  # it is part of the world
         if light.kind not in BUILDERS:
             raise RenderError(f"{called(light, number)}: Blender has no light of its kind")
         name = light.emission.group or f"{light.kind} {number}"
@@ -78,16 +78,16 @@ def add_lights(into: Any, lights: Sequence[Light], origin: Floats, strength: flo
         item = bpy.data.objects.new(name, data)
         item.rotation_mode = "XYZ"
         _configure(item)
-        into.objects.link(item)
+        collection.objects.link(item)
         location = np.array(light.position or origin) - origin
-        made = Placed(item, light.emission.turns, location, _angles(light.axes))
-        made.turn(0.0, (0.0, 0.0))
-        placed.append(made)
-    return placed
+        light_object = LightObject(item, light.emission.turns, location, _angles(light.axes))
+        light_object.rotate(0.0, (0.0, 0.0))
+        objects.append(light_object)
+    return objects
 
 
 def _configure(item: Any) -> None:
-    """Set what rays meet: the camera sees no light, mirrors do, and none casts a shadow."""
+    """Set the visibility to rays: the camera sees no light, mirrors do, and lights cast no shadow."""
     item.visible_camera = False
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = True
     item.visible_volume_scatter = False
@@ -96,9 +96,9 @@ def _configure(item: Any) -> None:
 
 
 def _angles(axes: Axes) -> tuple[float, float, float]:
-    """Return the XYZ Euler angles of axes; where they are left-handed, of those with -x for x.
+    """Return the XYZ Euler angles of axes; left-handed axes are read with -x in place of x.
 
-    All shapes are alike from both sides of x; a texture is mirrored instead.
+    All shapes are symmetric in x; a texture is mirrored instead.
     """
     matrix = np.array(axes).T
     matrix[:, 0] *= np.sign(np.linalg.det(matrix))
@@ -112,8 +112,8 @@ def _angles(axes: Axes) -> tuple[float, float, float]:
     )
 
 
-def _data(name: str, kind: str, color: Sequence[float], power: float) -> Any:
-    """Make a light; its colour has a largest channel of 1, its power the rest."""
+def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> Any:
+    """Add the data of a light. The largest channel of its colour is scaled to 1, its power by the inverse."""
     data = bpy.data.lights.new(name, kind)
     largest = max(color) or 1.0
     data.color = [channel / largest for channel in color]
@@ -129,50 +129,50 @@ def _data(name: str, kind: str, color: Sequence[float], power: float) -> Any:
     return data
 
 
-def _area(name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float) -> Any:
-    data = _data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
+def _build_area(name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float) -> Any:
+    data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
     data.shape = shape
     data.size, data.size_y = size
     data.spread = math.pi
     return data
 
 
-def _rect(name: str, light: RectLight, strength: float) -> Any:
-    data = _area(name, light, "RECTANGLE", (light.width, light.height), strength)
+def _build_rect(name: str, light: RectLight, strength: float) -> Any:
+    data = _build_area(name, light, "RECTANGLE", (light.width, light.height), strength)
     if light.texture or light.emission.shaping:
-        nodes = _Nodes(data)
-        nodes.emit(nodes.texture(light) if light.texture else None, light.emission.shaping)
+        nodes = _LightNodes(data)
+        nodes.add_output(nodes.texel(light) if light.texture else None, light.emission.shaping)
     return data
 
 
-def _disk(name: str, light: DiskLight, strength: float) -> Any:
-    data = _area(name, light, "ELLIPSE", (2.0 * light.radii[0], 2.0 * light.radii[1]), strength)
+def _build_disk(name: str, light: DiskLight, strength: float) -> Any:
+    data = _build_area(name, light, "ELLIPSE", (2.0 * light.radii[0], 2.0 * light.radii[1]), strength)
     if light.emission.shaping:
-        _Nodes(data).emit(None, light.emission.shaping)
+        _LightNodes(data).add_output(None, light.emission.shaping)
     return data
 
 
-def _sphere(name: str, light: SphereLight, strength: float) -> Any:
-    data = _data(name, "POINT", light.emission.color, math.pi * light.size_factor * strength)
+def _build_sphere(name: str, light: SphereLight, strength: float) -> Any:
+    data = _add_data(name, "POINT", light.emission.color, math.pi * light.size_factor * strength)
     data.shadow_soft_size = light.radius
     data.use_soft_falloff = False
-    # Cycles' own lights places inside it, too.
-    nodes = _Nodes(data)
-    nodes.emit(nodes.scaled((1.0, 1.0, 1.0), nodes.outwards()), light.emission.shaping)
+    # Without this factor, Cycles' sphere lights points inside of it, too.
+    nodes = _LightNodes(data)
+    nodes.add_output(nodes.scale((1.0, 1.0, 1.0), nodes.outward_factor()), light.emission.shaping)
     return data
 
 
-def _distant(name: str, light: DistantLight, strength: float) -> Any:
+def _build_distant(name: str, light: DistantLight, strength: float) -> Any:
     versine = light.shape.versine
-    data = _data(name, "SUN", light.sent, math.pi * versine * (2.0 - versine) * strength)
+    data = _add_data(name, "SUN", light.sent, math.pi * versine * (2.0 - versine) * strength)
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data
 
 
-def _cylinder(name: str, light: CylinderLight, strength: float) -> Any:
-    """Make the side as a mesh that emits outwards, and that rays pass."""
+def _build_cylinder(name: str, light: CylinderLight, strength: float) -> Any:
+    """Build the lateral surface as a mesh that emits outwards and that rays pass through."""
     angle = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
-    # As wide as the circle is on average over directions: the perimeters are equal.
+    # The polygon has the circle's perimeter, and so its width on average over directions.
     radius = light.radius * (math.pi / _SIDES) / math.sin(math.pi / _SIDES)
     ring = np.stack([np.zeros(_SIDES), radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     half = np.array((light.length / 2.0, 0.0, 0.0))
@@ -184,11 +184,11 @@ def _cylinder(name: str, light: CylinderLight, strength: float) -> Any:
     material.cycles.emission_sampling = "FRONT"
     material.use_transparent_shadow = True
     data.materials.append(material)
-    nodes = _Nodes(material)
+    nodes = _LightNodes(material)
     front = nodes.math("SUBTRACT", 1.0, nodes.add("NewGeometry").outputs["Backfacing"])
     largest = max(light.emission.color) or 1.0
-    color = nodes.scaled([channel / largest for channel in light.emission.color], front)
-    emission = nodes.emission(color, light.emission.shaping, largest * strength)
+    color = nodes.scale([channel / largest for channel in light.emission.color], front)
+    emission = nodes.add_emission(color, light.emission.shaping, largest * strength)
     both = nodes.add("AddShader")
     nodes.link(emission, both.inputs[0])
     nodes.link(nodes.add("BsdfTransparent").outputs["BSDF"], both.inputs[1])
@@ -197,17 +197,17 @@ def _cylinder(name: str, light: CylinderLight, strength: float) -> Any:
 
 
 BUILDERS: dict[str, Callable[[str, Any, float], Any]] = {
-    "rect": _rect,
-    "disk": _disk,
-    "sphere": _sphere,
-    "distant": _distant,
-    "cylinder": _cylinder,
+    "rect": _build_rect,
+    "disk": _build_disk,
+    "sphere": _build_sphere,
+    "distant": _build_distant,
+    "cylinder": _build_cylinder,
 }
-"""Make the data of a light's object, by its name, the light, and a factor of its radiance."""
+"""Functions that add the data of a light's object, by kind; arguments: name, light, factor of the radiance."""
 
 
-class _Nodes:
-    """The nodes of a light, or of the material of a mesh that is one."""
+class _LightNodes:
+    """The nodes of a light, or of the material of a mesh that is a light."""
 
     def __init__(self, owner: Any) -> None:
         self.tree = version.empty_node_tree(owner)
@@ -218,7 +218,7 @@ class _Nodes:
         return node
 
     def link(self, start: Any, end: Any) -> None:
-        """Set an input, to an output of another node or to a value."""
+        """Link an input to the output of another node, or set it to a value."""
         if isinstance(start, bpy.types.NodeSocket):
             self.tree.links.new(start, end)
         else:
@@ -238,7 +238,7 @@ class _Nodes:
             self.link(value, socket)
         return node.outputs[0]
 
-    def scaled(self, color: Any, factor: Any) -> Any:
+    def scale(self, color: Any, factor: Any) -> Any:
         """Return a colour times a number."""
         node = self.add("VectorMath")
         node.operation = "SCALE"
@@ -246,60 +246,61 @@ class _Nodes:
         self.link(factor, node.inputs["Scale"])
         return node.outputs[0]
 
-    def apart(self, vector: Any) -> Sequence[Any]:
+    def separate(self, vector: Any) -> Sequence[Any]:
         node = self.add("SeparateXYZ")
         self.link(vector, node.inputs[0])
         return list(node.outputs)
 
-    def incoming(self) -> Any:
-        """Return the direction, in the light's own space, from what emits to what is lit."""
-        turned = self.add("VectorTransform")
-        turned.vector_type, turned.convert_from, turned.convert_to = "VECTOR", "WORLD", "OBJECT"
-        self.link(self.add("NewGeometry").outputs["Incoming"], turned.inputs[0])
-        return turned.outputs[0]
+    def emitted_direction(self) -> Any:
+        """Return the direction, in the space of the light, from the emitting point to the receiver."""
+        transform = self.add("VectorTransform")
+        transform.vector_type, transform.convert_from, transform.convert_to = "VECTOR", "WORLD", "OBJECT"
+        self.link(self.add("NewGeometry").outputs["Incoming"], transform.inputs[0])
+        return transform.outputs[0]
 
-    def outwards(self) -> Any:
-        """Return 1 where a sphere emits away from its middle, else 0."""
+    def outward_factor(self) -> Any:
+        """Return 1 where a sphere emits away from its centre, else 0."""
         node = self.add("VectorMath")
         node.operation = "DOT_PRODUCT"
         self.link(self.add("TexCoord").outputs["Object"], node.inputs[0])
-        self.link(self.incoming(), node.inputs[1])
+        self.link(self.emitted_direction(), node.inputs[1])
         return self.math("GREATER_THAN", node.outputs["Value"], 0.0)
 
-    def texture(self, light: RectLight) -> Any:
-        """Return the texel of a rectangle that emits: its first column is at +x, its top row at +y."""
+    def texel(self, light: RectLight) -> Any:
+        """Return the colour of a rectangle's texture; its first column is at +x, its top row at +y."""
         assert light.texture
-        place = self.apart(self.add("TexCoord").outputs["Object"])
-        mirrored = np.linalg.det(np.array(light.axes)) < 0.0
-        u = self.math("MULTIPLY_ADD", place[0], (1.0 if mirrored else -1.0) / light.width, 0.5)
-        v = self.math("MULTIPLY_ADD", place[1], 1.0 / light.height, 0.5)
-        at = self.add("CombineXYZ")
-        self.link(u, at.inputs[0])
-        self.link(v, at.inputs[1])
+        position = self.separate(self.add("TexCoord").outputs["Object"])
+        is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0
+        u = self.math("MULTIPLY_ADD", position[0], (1.0 if is_mirrored else -1.0) / light.width, 0.5)
+        v = self.math("MULTIPLY_ADD", position[1], 1.0 / light.height, 0.5)
+        st = self.add("CombineXYZ")
+        self.link(u, st.inputs[0])
+        self.link(v, st.inputs[1])
         image = self.add("TexImage")
         image.image = load_image(light.texture.path)
         image.interpolation, image.extension, image.projection = "Linear", "EXTEND", "FLAT"
-        self.link(at.outputs[0], image.inputs["Vector"])
+        self.link(st.outputs[0], image.inputs["Vector"])
         return image.outputs["Color"]
 
-    def emission(self, color: Any, shaping: Shaping | None, strength: float = 1.0) -> Any:
-        """Add the emission of a colour (None: white) in the beam of a light."""
+    def add_emission(self, color: Any, shaping: Shaping | None, strength: float = 1.0) -> Any:
+        """Add the emission of a colour, shaped by the beam of a light; without a colour it is white."""
         node = self.add("Emission")
         node.inputs["Strength"].default_value = strength
         if shaping:
-            beam = self.beam(shaping)
+            beam = self.beam_factor(shaping)
             color = beam if color is None else self.vector("MULTIPLY", color, beam)
         if color is None:
             color = (1.0, 1.0, 1.0, 1.0)
         self.link(color, node.inputs["Color"])
         return node.outputs[0]
 
-    def emit(self, color: Any, shaping: Shaping | None) -> None:
-        self.link(self.emission(color, shaping), self.add("OutputLight").inputs["Surface"])
+    def add_output(self, color: Any, shaping: Shaping | None) -> None:
+        """Add a light's output with the emission of a colour."""
+        self.link(self.add_emission(color, shaping), self.add("OutputLight").inputs["Surface"])
 
-    def beam(self, shaping: Shaping) -> Any:
-        """Return the factors of `Shaping.factor` without its profile."""
-        x, y, z = self.apart(self.vector("NORMALIZE", self.incoming()))
+    def beam_factor(self, shaping: Shaping) -> Any:
+        """Return the factor of the radiance that `Shaping.factor` computes, without the profile."""
+        x, y, z = self.separate(self.vector("NORMALIZE", self.emitted_direction()))
         down = self.math("MULTIPLY", z, -1.0)
         across = self.math("SQRT", self.math("ADD", self.math("MULTIPLY", x, x), self.math("MULTIPLY", y, y)))
         angle = self.math("ARCTAN2", across, down)
@@ -310,7 +311,7 @@ class _Nodes:
         smooth = self.math("MULTIPLY", self.math("MULTIPLY", t, t), self.math("MULTIPLY_ADD", t, -2.0, 3.0))
         cone_factor = self.math("MULTIPLY", inside, self.math("SUBTRACT", 1.0, smooth))
         if shaping.focus <= 0.0:
-            return self.scaled((1.0, 1.0, 1.0), cone_factor)
+            return self.scale((1.0, 1.0, 1.0), cone_factor)
         focused = self.math("POWER", self.math("ABSOLUTE", z), shaping.focus)
-        tinted = self.scaled(shaping.focus_tint, self.math("SUBTRACT", 1.0, focused))
-        return self.scaled(self.vector("ADD", self.scaled((1.0, 1.0, 1.0), focused), tinted), cone_factor)
+        tinted = self.scale(shaping.focus_tint, self.math("SUBTRACT", 1.0, focused))
+        return self.scale(self.vector("ADD", self.scale((1.0, 1.0, 1.0), focused), tinted), cone_factor)

@@ -1,4 +1,4 @@
-"""The plain data of a `NodeSource` as Blender's node trees."""
+"""Blender's node trees from the plain data of a `NodeSource`."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
-# Blender numbers the sockets of a group: their identifiers are not ours.
-_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
+# Nodes whose sockets are looked up by name: Blender generates the identifiers of a group's sockets.
+_SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
 Groups = dict[str, Any]
-"""Groups that are built, by a digest of their content: equal groups of several looks are one datablock."""
+"""Built node groups by a digest of their content: equal groups of several looks are one datablock."""
 
 
 def build_material(source: NodeSource, built: Groups | None = None) -> Any:
-    """Build a material and its groups, or find these in `built`, to which they are added.
+    """Build a material and its node groups; groups are taken from `built`, or added to it.
 
     Raises
     ------
     RenderError
-        Blender lacks a kind of node, a property or a socket; or a group or an image is not there.
+        Blender lacks a kind of node, a property or a socket, or a group or an image is missing.
     """
-    known: Groups = {} if built is None else built
+    cache: Groups = {} if built is None else built
     groups: dict[str, Any] = {}
     digests: dict[str, str] = {}
     for tree in source.trees[:-1]:
-        shown = [digests.get(node.group) for node in tree.nodes if node.group]
-        digests[tree.name] = digest = hashlib.sha256(f"{tree!r} {shown}".encode()).hexdigest()
-        if digest not in known:
-            known[digest] = _build_group(source, tree, groups)
-        groups[tree.name] = known[digest]
+        group_digests = [digests.get(node.group) for node in tree.nodes if node.group]
+        digests[tree.name] = digest = hashlib.sha256(f"{tree!r} {group_digests}".encode()).hexdigest()
+        if digest not in cache:
+            cache[digest] = _build_group(source, tree, groups)
+        groups[tree.name] = cache[digest]
     material = bpy.data.materials.new(source.name)
-    # Not a light; and the nodes themselves bend bumped normals.
+    # The material is not a light. Its nodes bend bumped normals themselves.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
-    _fill(source, source.trees[-1], version.empty_node_tree(material), groups)
+    _fill_tree(source, source.trees[-1], version.empty_node_tree(material), groups)
     return material
 
 
 def load_image(file: Path) -> Any:
-    """Load a linear image once, without conversion or premultiplication; a RenderError if there is none."""
+    """Load a linear image once, without conversion or premultiplication; a RenderError reports a missing image."""
     try:
         image = bpy.data.images.load(str(file), check_existing=True)
     except RuntimeError as error:
@@ -64,71 +64,75 @@ def _build_group(source: NodeSource, tree: NodeTree, groups: dict[str, Any]) -> 
             if socket.panel and socket.panel not in panels:
                 panels[socket.panel] = group.interface.new_panel(socket.panel)
             _add_socket(group.interface, socket, in_out, panels.get(socket.panel))
-    _fill(source, tree, group, groups)
+    _fill_tree(source, tree, group, groups)
     return group
 
 
 def _add_socket(interface: Any, socket: GroupSocket, in_out: str, panel: Any) -> None:
     kind = f"NodeSocket{socket.kind.title()}"
-    made = interface.new_socket(socket.name, description=socket.help, in_out=in_out, socket_type=kind, parent=panel)
+    socket_item = interface.new_socket(
+        socket.name, description=socket.help, in_out=in_out, socket_type=kind, parent=panel
+    )
     if in_out == "OUTPUT" or socket.kind == "shader":
         return
     if socket.kind != "color":
         if socket.kind == "float" and socket.soft == (0.0, 1.0):
-            made.subtype = "FACTOR"
-        made.min_value, made.max_value = socket.soft
-    made.default_value = _padded(socket.default, made.default_value)
+            socket_item.subtype = "FACTOR"
+        socket_item.min_value, socket_item.max_value = socket.soft
+    socket_item.default_value = _pad_color(socket.default, socket_item.default_value)
 
 
-def _fill(source: NodeSource, tree: NodeTree, into: Any, groups: dict[str, Any]) -> None:
+def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: Any, groups: dict[str, Any]) -> None:
     """Add the nodes of a tree, then their links."""
-    where = f"look '{source.name}', nodes '{tree.name}'"
+    location = f"look '{source.name}', nodes '{tree.name}'"
     nodes = {}
     for node in tree.nodes:
         try:
-            nodes[node.name] = _add_node(node, into, groups)
+            nodes[node.name] = _add_node(node, node_tree, groups)
         except (ContentError, RenderError) as error:
-            raise RenderError(f"{where}, '{node.name}': {error}") from error
-    # Blender updates a whole tree whenever a property in it is set: hence at once, and only values that differ.
-    into.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])
+            raise RenderError(f"{location}, '{node.name}': {error}") from error
+    # Blender updates a whole tree whenever a property in it is set: so all locations at once, and only changed values.
+    node_tree.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])
     for node in tree.nodes:
         for identifier, value in node.inputs.items():
             if not isinstance(value, Link):
                 continue
             if value.node not in nodes:
-                raise RenderError(f"{where}, '{node.name}': '{identifier}' is linked to a missing node '{value.node}'")
+                raise RenderError(
+                    f"{location}, '{node.name}': '{identifier}' is linked to a missing node '{value.node}'"
+                )
             try:
                 start = _socket(nodes[value.node], "outputs", value.socket)
                 end = _socket(nodes[node.name], "inputs", identifier)
             except RenderError as error:
-                raise RenderError(f"{where}, '{value.node}' to '{node.name}': {error}") from error
-            into.links.new(start, end)
+                raise RenderError(f"{location}, '{value.node}' to '{node.name}': {error}") from error
+            node_tree.links.new(start, end)
 
 
-def _add_node(node: ShaderNode, into: Any, groups: dict[str, Any]) -> Any:
+def _add_node(node: ShaderNode, node_tree: Any, groups: dict[str, Any]) -> Any:
     kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
     try:
-        made = into.nodes.new(kind)
+        built = node_tree.nodes.new(kind)
     except RuntimeError as error:
         raise RenderError(f"Blender {version.VERSION} has no node of kind '{node.kind}'") from error
-    made.name = node.name
-    made.label = node.label
+    built.name = node.name
+    built.label = node.label
     if node.group:
         if node.group not in groups:
             raise RenderError(f"it shows a group '{node.group}', which no tree before it defines")
-        made.node_tree = groups[node.group]
+        built.node_tree = groups[node.group]
     if node.image is not None:
-        made.image = load_image(node.image.path)
+        built.image = load_image(node.image.path)
     for name, setting in node.properties.items():
-        _set_property(made, name, setting)
+        _set_property(built, name, setting)
     for identifier, value in node.inputs.items():
         if not isinstance(value, Link):
-            socket = _socket(made, "inputs", identifier)
+            socket = _socket(built, "inputs", identifier)
             try:
-                _set(socket, "default_value", _padded(value, socket.default_value))
+                _set_changed(socket, "default_value", _pad_color(value, socket.default_value))
             except (TypeError, ValueError, AttributeError) as error:
                 raise RenderError(f"socket '{identifier}' does not take {value!r}: {error}") from error
-    return made
+    return built
 
 
 def _set_property(node: Any, name: str, value: Any) -> None:
@@ -136,29 +140,30 @@ def _set_property(node: Any, name: str, value: Any) -> None:
         if name not in node.bl_rna.properties:
             raise AttributeError("there is none")
         # A number read from JSON may be a float.
-        exactly = {"INT": int, "BOOLEAN": bool}.get(node.bl_rna.properties[name].type)
-        _set(node, name, exactly(value) if exactly else value)
+        convert = {"INT": int, "BOOLEAN": bool}.get(node.bl_rna.properties[name].type)
+        _set_changed(node, name, convert(value) if convert else value)
     except (TypeError, ValueError, AttributeError) as error:
         raise RenderError(f"property '{name}' cannot be {value!r}: {error}") from error
 
 
-def _set(owner: Any, name: str, value: Any) -> None:
+def _set_changed(owner: Any, name: str, value: Any) -> None:
+    """Set an attribute if its value changes."""
     old = getattr(owner, name)
     if (tuple(old) if isinstance(value, tuple) else old) != value:
         setattr(owner, name, value)
 
 
 def _socket(node: Any, side: str, identifier: str) -> Any:
-    """Return a socket that the node enables: a disabled one can be set and linked, without effect."""
-    key = "name" if node.bl_idname in _BY_NAME else "identifier"
-    shown = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
-    if identifier not in shown:
-        raise RenderError(f"no socket '{identifier}' among the {side} ({nearest_hint(identifier, list(shown))})")
-    return shown[identifier]
+    """Return an enabled socket of a node; a disabled one could be set and linked, without effect."""
+    key = "name" if node.bl_idname in _SOCKETS_BY_NAME else "identifier"
+    enabled = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
+    if identifier not in enabled:
+        raise RenderError(f"no socket '{identifier}' among the {side} ({nearest_hint(identifier, list(enabled))})")
+    return enabled[identifier]
 
 
-def _padded(value: Any, old: Any) -> Any:
-    """Return a value as a socket takes it: a colour with a fourth channel."""
+def _pad_color(value: Any, old: Any) -> Any:
+    """Return a value for a socket: a colour gets the fourth channel that the old value has."""
     if isinstance(value, tuple) and len(value) == 3 and len(old) == 4:
         return (*value, 1.0)
     return value

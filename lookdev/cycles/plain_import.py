@@ -1,7 +1,7 @@
-"""A USD file in Blender up to its first sample, scripted plainly, with which ``lookdev bench --scale`` compares jobs.
+"""A plain Blender script that imports a USD file and renders one sample, the baseline of ``lookdev bench --scale``.
 
-Run as ``python -m lookdev.cycles.plain_import REQUEST.json``. Blender's own importer makes geometry and materials; the
-light is an environment texture. Lines of JSON go to standard output, as of `lookdev.bench.scale_job`.
+Run as ``python -m lookdev.cycles.plain_import REQUEST.json``. Blender's own importer creates geometry and materials;
+the light is an environment texture. Standard output has the lines of JSON that `lookdev.bench.scale_job` prints.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lookdev.rendering.answers import Answers, peak_memory
 
 
 def render(request: dict[str, Any], answers: Answers) -> None:
-    """Render one sample of a file."""
+    """Import a file and render it with one sample."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=request["file"])
     answers.send(reached="planned")

@@ -1,9 +1,9 @@
-"""Turntables scripted plainly in Blender, with which ``lookdev bench --sequence`` compares the batch runner.
+"""A plain Blender script that renders turntables, the baseline of ``lookdev bench --sequence``.
 
-Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It is as naive as such scripts are, and as correct: one
-process, the Principled BSDF, the asset turned by its object and the light by a Mapping node, ``render.render`` for each
-frame, and Blender's defaults for all that concerns speed (no persistent data, an automatic importance map). Settings
-that change the picture are those of the batch: filter, bounces, samples, no adaptive sampling and no denoiser.
+Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do: one process, the
+Principled BSDF, the asset rotated by its object and the light by a Mapping node, ``render.render`` for each frame. All
+settings of speed are Blender's defaults (no persistent data, an automatic importance map). All settings of the picture
+are those of the batch: filter, bounces, samples, no adaptive sampling and no denoiser.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ def render(request: dict[str, Any]) -> None:
     _configure(scene, request)
     asset = read_asset(Path(request["asset"]))
     material = principled_material(PrincipledSource("principled", request["principled"]))
-    turned = _add_asset(scene, about_origin(asset), material)
+    root = _add_asset(scene, about_origin(asset), material)
     _add_camera(scene, request["camera"], asset)
     texture, mapping = light_by_texture(scene)
-    lit_by = None
+    light = None
     for frame in request["frames"]:
-        if frame["light"] != lit_by:
-            lit_by = frame["light"]
-            texture.image = bpy.data.images.load(lit_by)
+        if frame["light"] != light:
+            light = frame["light"]
+            texture.image = bpy.data.images.load(light)
             texture.image.colorspace_settings.name = "Non-Color"
-        turned.rotation_euler.z = math.radians(frame["element"])
-        # The node turns the direction that is looked up, not the map.
+        root.rotation_euler.z = math.radians(frame["element"])
+        # The node rotates the direction of the look-up, not the map.
         mapping.inputs["Rotation"].default_value[2] = -math.radians(frame["lighting"])
         scene.render.filepath = frame["file"]
         bpy.ops.render.render(write_still=True)
@@ -68,7 +68,7 @@ def _configure(scene: Any, request: dict[str, Any]) -> None:
 def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
     root = bpy.data.objects.new("turntable", None)
     scene.collection.objects.link(root)
-    meshes = [_mesh(mesh, material) for mesh in asset.meshes]
+    meshes = [_build_mesh(mesh, material) for mesh in asset.meshes]
     for instance in asset.instances:
         item = bpy.data.objects.new(asset.name, meshes[instance.mesh])
         item.parent = root
@@ -77,7 +77,7 @@ def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
     return root
 
 
-def _mesh(mesh: Mesh, material: Any) -> Any:
+def _build_mesh(mesh: Mesh, material: Any) -> Any:
     data = bpy.data.meshes.new(mesh.name)
     faces = np.split(mesh.corner_points, np.cumsum(mesh.face_sizes)[:-1])
     data.from_pydata(mesh.points.tolist(), [], [face.tolist() for face in faces])
@@ -94,15 +94,15 @@ def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
     lens.clip_start, lens.clip_end = 1e-3 * camera["distance"], 1e3 * camera["distance"]
     elevation = math.radians(camera["elevation"])
     item = bpy.data.objects.new("camera", lens)
-    away = camera["distance"] * np.array([0.0, -math.cos(elevation), math.sin(elevation)])
-    item.location = (np.array(camera["target"]) - asset.center + away).tolist()
+    offset = camera["distance"] * np.array([0.0, -math.cos(elevation), math.sin(elevation)])
+    item.location = (np.array(camera["target"]) - asset.center + offset).tolist()
     item.rotation_euler = (math.pi / 2 - elevation, 0.0, 0.0)
     scene.collection.objects.link(item)
     scene.camera = item
 
 
 def light_by_texture(scene: Any) -> tuple[Any, Any]:
-    """Light a scene by an environment texture; return its node and the node that turns it."""
+    """Light a scene by an environment texture; return its node and the node that rotates it."""
     scene.world = bpy.data.worlds.new("light")
     tree = version.empty_node_tree(scene.world)
     coordinates = tree.nodes.new("ShaderNodeTexCoord")

@@ -1,4 +1,4 @@
-"""A stack of layers at listed points: the generated OSL is evaluated inside Cycles in float32."""
+"""A stack of layers evaluated at points: the generated OSL runs inside Cycles, in float32."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import array_text, script_node
 from lookdev.errors import RenderError
 
-# A power of two, as the rows and `point_cells` are.
+# Pixels of a row: a power of two, like the number of rows and `point_cells`.
 _COLUMNS = 128
-# Blender renders no fewer rows.
+# Blender does not render fewer rows.
 _MIN_ROWS = 4
 
 
@@ -36,7 +36,7 @@ def evaluate_points(
     f : (n, 3) in 1/sr
     pdf : (n,) in 1/sr
     """
-    f, density = (render_table(source, table, cells, what=what) for what in (0, 1))
+    f, density = (render_table(source, table, cells, what=output) for output in (0, 1))
     return f, density[:, 0]
 
 
@@ -48,19 +48,19 @@ def render_table(
     arrays: Mapping[str, NDArray[Any]] | None = None,
     **values: int,
 ) -> NDArray[np.float32]:
-    """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), one a pixel of a plane.
+    """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), a row for a pixel.
 
-    A row has `cells` texels of three channels. The shader's parameters are `points_file`, `columns` and `rows` of the
-    picture, and `values`.
+    A row has `cells` texels of three channels. The shader's parameters are `points_file`, the size of the picture as
+    `columns` and `rows`, and `values`.
     """
-    count, used = table.shape
+    count, width = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
     padded = np.zeros((rows * _COLUMNS, cells * 3), dtype=np.float32)
-    padded[:count, :used] = table
+    padded[:count, :width] = table
     scene = engine.empty_scene()
     engine.configure(scene, (_COLUMNS, rows), bounces=0)
-    # Samples near the pixel's centre: at its edge, rounding to float32 would select the neighbour's row. A box filter
-    # is always a pixel wide.
+    # Samples are near the pixel's centre: at its edge, rounding to float32 would select the neighbour's row. A box
+    # filter would always be a pixel wide.
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
     material = bpy.data.materials.new("points")
@@ -70,13 +70,13 @@ def render_table(
         header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": padded.reshape(rows, _COLUMNS * cells, 3)}).write(str(path))
         values |= {"columns": _COLUMNS, "rows": rows}
-        texts = {name: array_text(each) for name, each in (arrays or {}).items()}
+        texts = {name: array_text(array) for name, array in (arrays or {}).items()}
         script_node(version.empty_node_tree(material), source, {"points_file": str(path), **values}, texts)
         return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()
 
 
 def add_plane(scene: Any, height: float) -> Any:
-    """Add a plane from (-1, -height) to (1, height) and a camera above it that sees no more; return its mesh."""
+    """Add a plane from (-1, -height) to (1, height) and a camera above it that sees just the plane; return its mesh."""
     mesh = bpy.data.meshes.new("plane")
     corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     mesh.from_pydata([(x, y * height, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
@@ -90,10 +90,10 @@ def add_plane(scene: Any, height: float) -> Any:
 
 
 def evaluate_file(request: Path) -> None:
-    """Answer a request of `lookdev.checks.evaluate`, an .npz: write f and pdf to an .npz beside it."""
+    """Evaluate a request of `lookdev.checks.evaluate`, an .npz; write f and pdf to an .npz beside it."""
     with np.load(request, allow_pickle=False) as stored:
-        named = json.loads(str(stored["tables"]))
-        tables = tuple(TableBinding(name, Content(digest, suffix)) for name, digest, suffix in named)
+        bindings = json.loads(str(stored["tables"]))
+        tables = tuple(TableBinding(name, Content(digest, suffix)) for name, digest, suffix in bindings)
         source = ShaderSource("points", str(stored["osl"]), (), (), digest="", tables=tables)
         f, pdf = evaluate_points(source, stored["table"], int(stored["cells"]))
     with atomic_path(request.with_suffix(".result.npz")) as path:
@@ -101,7 +101,7 @@ def evaluate_file(request: Path) -> None:
 
 
 def self_test() -> dict[str, object]:
-    """Evaluate a diffuse lobe in Cycles: a RenderError reports a wrong value of the OSL that was compiled and run."""
+    """Compile a diffuse lobe and evaluate it in Cycles; a RenderError reports a wrong value."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0, "layer0_presence": 1.0}

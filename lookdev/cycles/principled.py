@@ -1,4 +1,4 @@
-"""Cycles' own Principled BSDF, as a user would set it up, for the benchmark."""
+"""Blender's own Principled BSDF, as a user would set it up, for the benchmark."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 
 from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
-from lookdev.cycles.geometry import Shown
+from lookdev.cycles.geometry import AssetObjects
 
 
 def principled_material(source: PrincipledSource) -> Any:
@@ -28,11 +28,11 @@ def principled_material(source: PrincipledSource) -> Any:
     return material
 
 
-def shade_by_normals(shown: Shown) -> None:
+def shade_by_normals(added: AssetObjects) -> None:
     """Set the normals that Blender's own BSDFs read, in 16 bits, and smooth the terminator as Blender does."""
-    for data, mesh in shown.meshes:
+    for data, mesh in added.meshes:
         data.normals_split_custom_set(mesh.normals)
-    for item in shown.objects:
+    for item in added.objects:
         item.shadow_terminator_geometry_offset = 0.1
 
 

@@ -1,4 +1,4 @@
-"""Samples done during a render, from the text of Blender's render statistics."""
+"""The number of samples done during a render, from the text of Blender's render statistics."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ _SAMPLE = re.compile(r"\bSample (\d+)/\d+")
 
 
 @contextmanager
-def finer_progress(samples: int, report: Progress) -> Iterator[Progress]:
-    """Return a `report` for `render_frame` of a frame of `samples`; `report` is also called between its calls.
+def refine_progress(samples: int, report: Progress) -> Iterator[Progress]:
+    """Yield a progress function for `render_frame` of `samples`; `report` gets its calls and others in between.
 
-    Cycles updates its statistics about every half minute, so that long frames report progress as often.
+    Those in between come from Cycles, which updates its statistics about every half minute, so long frames report
+    progress that often.
     """
-    done, of, error = 0, samples, None
+    done, total, error = 0, samples, None
 
-    def take(now_done: int, now_of: int, relmse: float | None) -> None:
-        nonlocal done, of, error
-        done, of, error = now_done, now_of, relmse
-        report(done, of, error)
+    def update(now_done: int, now_total: int, relmse: float | None) -> None:
+        nonlocal done, total, error
+        done, total, error = now_done, now_total, relmse
+        report(done, total, error)
 
     def read(text: str, *_: Any) -> None:
         # Called by a thread of Cycles while the caller's thread waits for the render.
-        if (found := _SAMPLE.search(text)) and 0 < (more := int(found[1])) < of - done:
-            report(done + more, of, error)
+        if (match := _SAMPLE.search(text)) and 0 < (rendered := int(match[1])) < total - done:
+            report(done + rendered, total, error)
 
     bpy.app.handlers.render_stats.append(read)
     try:
-        yield take
+        yield update
     finally:
         bpy.app.handlers.render_stats.remove(read)

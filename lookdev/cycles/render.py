@@ -1,4 +1,4 @@
-"""Frames of Cycles."""
+"""Frames rendered by Cycles."""
 
 from __future__ import annotations
 
@@ -11,8 +11,15 @@ import numpy as np
 
 from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
-from lookdev.cycles.passes import Passes, Plan, completed, record_of, recording, render_frame_passes
-from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
+from lookdev.cycles.passes import (
+    Passes,
+    RecordingPlan,
+    complete_passes,
+    prepare_recording,
+    read_recorded,
+    render_frame_passes,
+)
+from lookdev.cycles.scene import ALBEDOS, NORMALS, BlenderScene
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.catcher import caught_pictures
 from lookdev.rendering.frame import (
@@ -31,48 +38,52 @@ from lookdev.rendering.task import FrameTask
 from lookdev.scene import Sampling
 
 
-def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedFrame:
+def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> RenderedFrame:
     """Render one frame of a scene."""
     started = time.perf_counter()
     scene.pose(task.scene.camera, task.pose)
-    if scene.by_user:
-        return _frame_of_user(scene, task.scene.sampling, progress)
-    engine.fill_tables(scene.scene)
-    before = time.perf_counter() - started
-    with recording(scene, task) as plan:
-        render = partial(_rendered, scene, task, plan)
+    if scene.is_principled:
+        return _render_principled(scene, task.scene.sampling, progress)
+    engine.fill_sample_table(scene.scene)
+    overhead = time.perf_counter() - started
+    with prepare_recording(scene, task) as plan:
+        render = partial(_render_region, scene, task, plan)
         pictures = caught_pictures if task.scene.catches else plain_pictures
         frame = render_halves(task, render, partial(_denoiser, scene, task), progress, pictures)
-    frame = replace(frame, passes=completed(task, frame))
-    made = Passes({}, {})
+    frame = replace(frame, passes=complete_passes(task, frame))
+    others = Passes({}, {})
     if {*arrays_of(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
-        made = render_frame_passes(scene, task, frame.alpha, frame.samples)
-        before += time.perf_counter() - begun
+        others = render_frame_passes(scene, task, frame.alpha, frame.samples)
+        overhead += time.perf_counter() - begun
     return replace(
         frame,
-        seconds=frame.seconds + before,
-        passes={**frame.passes, **made.arrays},
-        names=made.names,
-        raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + before,
+        seconds=frame.seconds + overhead,
+        passes={**frame.passes, **others.arrays},
+        names=others.names,
+        raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + overhead,
     )
 
 
-def _caught(scene: Scene, samples: int, seed: int, box: engine.Box | None) -> tuple[Image, Image, dict[str, Image]]:
-    """Return what `_rendered` does, with the parts of which `caught_pictures` makes a frame.
+def _render_catcher_parts(
+    scene: BlenderScene, samples: int, seed: int, box: engine.Box | None
+) -> tuple[Image, Image, dict[str, Image]]:
+    """Return colours and coverage as `_render_region` does, and the parts from which `caught_pictures` makes a frame.
 
-    The samples of the ground are the same with the asset and without: what it does not change differs in no bit.
+    The samples of the ground are the same with the asset and without: pixels that the asset does not change are equal
+    in every bit.
     """
-    shown = {}
+    pictures = {}
     for part in (ASSET, GROUND, BARE):
-        scene.catch(part)
-        shown[part] = engine.render_passes(scene.scene, samples, seed, box)["Combined"][::-1]
-    color, coverage = (shown[ASSET][..., i] + shown[GROUND][..., i] for i in (slice(3), 3))
-    covered = np.repeat(shown[GROUND][..., 3:], 3, axis=-1)
-    return color, coverage, {"ground": shown[GROUND][..., :3], "bare": shown[BARE][..., :3], "covered": covered}
+        scene.select_catcher_part(part)
+        pictures[part] = engine.render_passes(scene.scene, samples, seed, box)["Combined"][::-1]
+    color, coverage = (pictures[ASSET][..., i] + pictures[GROUND][..., i] for i in (slice(3), 3))
+    covered = np.repeat(pictures[GROUND][..., 3:], 3, axis=-1)
+    return color, coverage, {"ground": pictures[GROUND][..., :3], "bare": pictures[BARE][..., :3], "covered": covered}
 
 
-def _frame_of_user(scene: Scene, sampling: Sampling, progress: Progress) -> RenderedFrame:
+def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Progress) -> RenderedFrame:
+    """Render a frame as a user of Cycles would: in one render, denoised with Cycles' own features."""
     started = time.perf_counter()
     image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
     progress(sampling.samples, sampling.samples, None)
@@ -87,37 +98,37 @@ def _frame_of_user(scene: Scene, sampling: Sampling, progress: Progress) -> Rend
     return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
 
 
-def _denoiser(scene: Scene, task: FrameTask) -> Denoiser:
-    """Return a denoiser that is guided by the albedos and normals of the frame."""
+def _denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
+    """Return a denoiser guided by the albedo and the normals of the frame."""
 
-    def shown(feature: float) -> Image:
-        scene.control(task.pose, 0, feature)
+    def render_feature(feature: float) -> Image:
+        scene.set_controls(task.pose, 0, feature)
         return engine.render_passes(scene.scene, FEATURE_SAMPLES)["Combined"][::-1]
 
-    # Normals are shown in [0, 1], and black where there is no surface.
-    normals = shown(NORMALS)
-    return denoiser(shown(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
+    # Normals are encoded in [0, 1], and black where there is no surface.
+    normals = render_feature(NORMALS)
+    return denoiser(render_feature(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
 
-def _rendered(
-    scene: Scene, task: FrameTask, plan: Plan, seed: int, region: Region
+def _render_region(
+    scene: BlenderScene, task: FrameTask, plan: RecordingPlan, seed: int, region: Region
 ) -> tuple[Image, Image, dict[str, Image]]:
-    """Return the colours and the coverage of a region, and the recorded parts of colours."""
-    scene.control(task.pose, seed, region.samples)
+    """Render the colours and the coverage of a region, and the recorded parts of the colours."""
+    scene.set_controls(task.pose, seed, region.samples)
     # Blender counts rows from the bottom.
     height = task.scene.resolution[1]
     rows, columns = region.rows, region.columns
     box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
     if task.scene.catches:
-        return _caught(scene, region.samples, seed, box)
+        return _render_catcher_parts(scene, region.samples, seed, box)
     parts: dict[str, Image] = {}
     batches = plan[half_of(seed)]
-    # Reversed, as the light is that of the first: what paths carry is in the last bits of the places that they reach,
-    # which the noise of later hits depends on.
+    # In reverse order, because the colours are those of the last render, which must be of the first batch. The last
+    # bits of a path's positions encode its data, and the noise of later hits depends on those bits.
     for batch in reversed(batches or [()]):
         if task.scene.sampling.recorded:
-            scene.record([number for _, number in batch])
+            scene.select_recorded_parts([number for _, number in batch])
         passes = engine.render_passes(scene.scene, region.samples, seed, box)
-        parts |= record_of(batch, passes)
+        parts |= read_recorded(batch, passes)
     color = passes["Combined"][::-1]
-    return color[..., :3], passes["UV"][::-1, :, 2] if scene.by_portals else color[..., 3], parts
+    return color[..., :3], passes["UV"][::-1, :, 2] if scene.has_portals else color[..., 3], parts

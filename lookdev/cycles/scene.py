@@ -1,4 +1,4 @@
-"""A scene task as Blender data: materials, camera, and what changes from frame to frame."""
+"""A scene task as Blender data: materials, asset, camera, lights, and the values that change from frame to frame."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
 
 MATTE, ALBEDOS, NORMALS = 0.0625, 0.25, 0.5
+"""What shaders with features show in place of light, as `samples` of `BlenderScene.set_controls`."""
 
-_APART = {"uv", "cryptomatte"}
+_SEPARATE = {"uv", "cryptomatte"}
 """Passes for which every prim is an object, with all of its UV sets."""
 
 
-class Scene:
-    """The Blender data of a scene task, kept between its frames.
+class BlenderScene:
+    """The Blender data of a scene task, for all of its frames.
 
     Attributes
     ----------
@@ -41,30 +42,32 @@ class Scene:
         Blender's scene, the empty that is the parent of the whole asset, and the camera.
     objects
         The objects that show the asset.
-    names_of_objects
-        Where the task has the paths of prims, these by the names of objects, one for each.
+    prim_paths
+        If the task has the paths of prims: the path by the name of each object.
     lamps
-        The lights that are objects: none where OSL shaders integrate the light.
+        The lights that are objects: none if OSL shaders integrate the light.
     origin
-        The place of the asset's world that is at 0.
+        The point of the asset's world that is at 0 in Blender's scene.
     """
 
-    def __init__(self, task: SceneTask, into: Any = None, groups: Groups | None = None, *, apart: bool = False) -> None:
+    def __init__(
+        self, task: SceneTask, into: Any = None, groups: Groups | None = None, *, separate: bool = False
+    ) -> None:
         """Build a task's scene.
 
         Parameters
         ----------
         into
-            The empty scene of Blender to build it in; None: a new one, after all data are deleted.
+            An empty scene of Blender to build the task in. Without it all data are deleted and a scene is created.
         groups
-            Node groups to share with other scenes, as of `build_material`.
-        apart
-            As of `add_asset`.
+            Node groups to share with other scenes: `built` of `build_material`.
+        separate
+            As in `add_asset`.
 
         Raises
         ------
         RenderError
-            Blender cannot show one of the sources, or this machine has no such device.
+            Blender cannot show one of the sources, or this machine lacks the device.
         """
         self.task = task
         self.scene = engine.empty_scene() if into is None else into
@@ -72,64 +75,64 @@ class Scene:
         self._configure()
         self._asset = read_asset(task.asset.path)
         self._add_materials()
-        # Blender's own BSDF reads no attribute by name, but the first UV set.
-        self._apart = apart or self.by_user or not _APART.isdisjoint(task.sampling.passes)
+        # Blender's own BSDF does not read an attribute by name, but the first UV set.
+        self._separate = separate or self.is_principled or not _SEPARATE.isdisjoint(task.sampling.passes)
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.camera.cycles.use_motion_blur = False
         self.scene.collection.objects.link(self.camera)
         self._add_asset()
-        # Those that have no dome's image stand about the asset: a task with another asset is another scene.
-        self.lamps = [] if self.by_shaders else add_lights(self.scene.collection, task.lights, self.origin)
+        # Lights without a dome's image are placed relative to the asset: a task with another asset is another scene.
+        self.lamps = [] if self.is_osl else add_lights(self.scene.collection, task.lights, self.origin)
         if isinstance(task.shaders[0], NodeSource):
             check_stack(self.scene)
 
     @property
-    def by_shaders(self) -> bool:
-        """Whether OSL shaders integrate the light; otherwise a world lights the scene."""
+    def is_osl(self) -> bool:
+        """Whether OSL shaders integrate the light; otherwise a world and lamps light the scene."""
         return isinstance(self.task.shaders[0], ShaderSource)
 
     @property
-    def by_portals(self) -> bool:
+    def has_portals(self) -> bool:
         """Whether all light comes through ray portals, so that alpha is not the coverage."""
         source = self.task.shaders[0]
         return isinstance(source, NodeSource) and source.exact
 
     @property
-    def by_user(self) -> bool:
-        """Whether the settings are those of a user of Cycles: one render, no halves."""
+    def is_principled(self) -> bool:
+        """Whether looks are Principled BSDFs with the settings of a user of Cycles: one render, no halves."""
         return isinstance(self.task.shaders[0], PrincipledSource)
 
     @property
-    def name_of_asset(self) -> str:
+    def asset_name(self) -> str:
         """The name of the asset."""
         return self._asset.name
 
     @property
-    def names_of_materials(self) -> dict[str, str]:
-        """The names of looks by those of materials."""
-        return {each.name: source.name for each, source in zip(self._materials, self.task.shaders, strict=True)}
+    def look_names(self) -> dict[str, str]:
+        """The names of looks by the names of their materials."""
+        return {material.name: source.name for material, source in zip(self._materials, self.task.shaders, strict=True)}
 
     def _configure(self) -> None:
         task = self.task
         bounces = task.sampling.bounces
-        if self.by_shaders:
+        if self.is_osl:
             engine.configure(self.scene, task.resolution, bounces)
-        elif self.by_portals:
+        elif self.has_portals:
             engine.configure_portals(self.scene, task.resolution, bounces, task.device)
             self.scene.world = build_world("light", task.lights, sampled=False, after_portals=True)
         else:
-            see_through = any(each.see_through for each in task.shaders)
+            see_through = any(source.see_through for source in task.shaders)
             engine.configure_closures(self.scene, task.resolution, bounces, task.device, see_through=see_through)
             # Sampling a constant light reduces no variance.
-            sampled = self.by_user or varied_domes(task.lights)
+            sampled = self.is_principled or varied_domes(task.lights)
             self.scene.world = build_world("light", task.lights, sampled=sampled)
-        if self.by_user:
+        if self.is_principled:
             configure_as_users_do(self.scene)
         if "uv" in task.sampling.passes:
-            # From the first render on: meshes keep the attributes that they had then.
+            # Set before the first render: meshes keep the attributes that they have then.
             self.scene.view_layers[0].use_pass_uv = True
-        if not self.by_shaders:
-            # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
+        if not self.is_osl:
+            # A lamp that a ray passes counts as a transparent bounce, or as two where it is a mesh with two sides.
             self.scene.cycles.transparent_max_bounces += 2 * (len(task.lights) - len(world_domes(task.lights)))
 
     def _add_materials(self) -> None:
@@ -153,22 +156,22 @@ class Scene:
         asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
         self.origin = np.array(asset.center)
-        dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
-        shown = add_asset(*dressed, groups=task.groups, apart=self._apart, covered=self.by_portals)
-        self.root, self.objects = shown.root, shown.objects
+        assigned = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
+        added = add_asset(*assigned, groups=task.groups, separate=self._separate, add_uv=self.has_portals)
+        self.root, self.objects = added.root, added.objects
         if task.sampling.recorded:
-            # Closures that record reflect no ray of Cycles' own to another place of the asset.
+            # With recording closures, Cycles' own rays must not reflect to another point of the asset.
             for item in bpy.data.objects:
                 item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
         if task.prims:
             paths = (path or asset.name for path in task.prims)
-            self.names_of_objects = {item.name: path for item, path in zip(self.objects, paths, strict=True)}
-        if self.by_user:
-            shade_by_normals(shown)
-        self._pass_constants()
+            self.prim_paths = {item.name: path for item, path in zip(self.objects, paths, strict=True)}
+        if self.is_principled:
+            shade_by_normals(added)
+        self._set_constants()
 
-    def _pass_constants(self) -> None:
-        """Pass the constants of the looks that are not compiled into their shaders."""
+    def _set_constants(self) -> None:
+        """Set the constants of looks that are not compiled into their shaders, as properties of the objects."""
         for number, source in enumerate(self.task.shaders):
             if isinstance(source, ShaderSource) and (values := varying_values(source, number)):
                 for item in self.objects:
@@ -176,119 +179,127 @@ class Scene:
                         item[name] = value
                     item.update_tag()
 
-    def fits(self, task: SceneTask) -> bool:
-        """Return whether another task can be shown in this scene.
+    def can_show(self, task: SceneTask) -> bool:
+        """Return whether this scene can show another task.
 
-        Asset, camera and samples may differ, and where OSL shaders integrate the light, which are replaced, shaders and
-        lights.
+        Asset, camera and samples may differ. If OSL shaders integrate the light, shaders and lights may differ too:
+        `show` replaces the materials.
         """
-        return _built_from(task) == _built_from(self.task)
+        return _scene_key(task) == _scene_key(self.task)
 
     def show(self, task: SceneTask) -> None:
-        """Show another task that fits, and delete the asset shown before where it is another one, in all scenes."""
+        """Show another task that `can_show` accepts; if its asset differs, delete the previous one, in all scenes."""
         before, self.task = self.task, task
-        made, wanted = _materials(before), _materials(task)
-        if (_shown(task), wanted) != (_shown(before), made):
+        old_materials, new_materials = _material_key(before), _material_key(task)
+        if (_asset_key(task), new_materials) != (_asset_key(before), old_materials):
             data = bpy.data
             trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
             objects = [item for item in data.objects if item != self.camera]
             data.batch_remove([*objects, *data.meshes, *data.collections, *trees])
             self._asset = read_asset(task.asset.path)
-            if wanted != made:
+            if new_materials != old_materials:
                 data.batch_remove(data.materials)
                 self._add_materials()
             self._add_asset()
         elif task.shaders != before.shaders:
-            self._pass_constants()
+            self._set_constants()
 
     def compile_shaders(self) -> None:
-        """Compile what frames of the task need, and read its images, as the first frame would."""
+        """Compile the shaders of the task and read its images, so that the first frame need not."""
         pose = Pose(0.0, 0.0)
         self.pose(self.task.camera, pose)
-        self.control(pose, seed=0, samples=1)
+        self.set_controls(pose, seed=0, samples=1)
         engine.compile_shaders(self.scene)
 
     def pose(self, camera: Camera, pose: Pose) -> None:
-        """Place asset and camera to show a pose, by location and Euler angles.
+        """Place asset, camera and lamps for a pose, by location and Euler angles.
 
-        OSL shaders rotate the light, and the asset never moves. A world is never rotated, as Cycles would build its
-        importance map again: what is shown is rotated instead, by ``-lighting`` about the camera's axis. The asset is
-        rotated by ``element - lighting``, the camera orbits by ``-lighting``, lamps that do not turn with the rig are
-        rotated by ``-lighting``. Where the domes stand still, nothing is, and lamps that turn are rotated by
-        ``lighting``.
+        With OSL shaders the asset never moves: they rotate the light, and the camera orbits by ``-element``. Otherwise
+        the world is never rotated, because Cycles would build its importance map again. Everything else is rotated by
+        ``-lighting`` about the camera's pivot instead: the asset by ``element - lighting``, the camera and lamps that
+        do not turn with the rig by ``-lighting``. If the domes do not turn, that is unnecessary: only the asset is
+        rotated, by ``element``, and the lamps that turn with the rig, by ``lighting``.
         """
         camera = camera.moved(tuple(-self.origin))
         frame = self._frame(pose)
-        orbit, turn = (pose.element, 0.0) if self.by_shaders else (frame, pose.element - frame)
-        _place_camera(self.camera, camera.orbited(-orbit))
+        orbit, turn = (pose.element, 0.0) if self.is_osl else (frame, pose.element - frame)
+        _set_camera(self.camera, camera.orbited(-orbit))
         (x, y), angle = camera.pivot, math.radians(turn)
         sine, cosine = math.sin(angle), math.cos(angle)
         self.root.rotation_euler = (0.0, 0.0, angle)
         self.root.location = (x - cosine * x + sine * y, y - sine * x - cosine * y, 0.0)
         for lamp in self.lamps:
-            lamp.stand(pose.lighting, frame, camera.pivot)
+            lamp.pose(pose.lighting, frame, camera.pivot)
 
-    def turn_of_world(self, pose: Pose) -> float:
-        """Return the degrees about the pivot from Blender's world to the one in which the asset turns."""
-        return pose.element if self.by_shaders else self._frame(pose)
+    def world_turn(self, pose: Pose) -> float:
+        """Return the degrees about the pivot from Blender's world to the world in which the asset turns."""
+        return pose.element if self.is_osl else self._frame(pose)
 
     def _frame(self, pose: Pose) -> float:
+        """Return the degrees by which the scene is rotated backwards, so that its world stands still."""
         return 0.0 if still_domes(self.task.lights) else pose.lighting
 
-    def catch(self, part: int) -> None:
-        """Let OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
+    def select_catcher_part(self, part: int) -> None:
+        """Make OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
         for item in self.objects:
             item[CAUGHT] = (float(part), 0.0, 0.0)
             item.update_tag()
 
-    def record(self, parts: Sequence[int]) -> None:
-        """Let OSL shaders record at most three parts of their light, by their numbers in the template."""
-        numbers = tuple(float(each) for each in (*parts, 0, 0, 0)[:3])
+    def select_recorded_parts(self, parts: Sequence[int]) -> None:
+        """Make OSL shaders record at most three parts of their light, by the numbers of the template."""
+        numbers = tuple(float(part) for part in (*parts, 0, 0, 0)[:3])
         for item in self.objects:
             if tuple(item.get(RECORD, ())) != numbers:
                 item[RECORD] = numbers
                 item.update_tag()
 
-    def control(self, pose: Pose, seed: int, samples: float) -> None:
-        """Pass the values that change from render to render to OSL shaders, by the colour of the objects.
+    def set_controls(self, pose: Pose, seed: int, samples: float) -> None:
+        """Pass the values that change from render to render to OSL shaders, as the colour of the objects.
 
-        For `MATTE`, `ALBEDOS` or `NORMALS` in place of samples, shaders generated with features show these.
+        Unlike a new shader parameter, a new colour does not recompile the shader. If `samples` is `MATTE`, `ALBEDOS` or
+        `NORMALS`, shaders generated with features show these.
 
-        Unlike a shader parameter, that does not recompile the shader. Channels are not negative: the angle is in
-        [0, 2 pi). The fourth is the depth of the near clip, at which the camera's rays start.
+        The channels are the turn of the light, the seed, the samples, and the depth of the near clip, at which the
+        camera's rays start. Channels are not negative: the angle is in [0, 2 pi).
         """
-        if self.by_shaders:
+        if self.is_osl:
             turn = math.radians((pose.lighting - pose.element) % 360.0)
-            # A power of two leaves room for the turn of the lights that stand still while the asset turns.
-            still = any(not light.emission.turns for light in self.task.lights)
-            turned = samples * (1.0 + still * pose.element / 720.0)
+            # Samples are a power of two: the bits below encode the turn of lights that do not turn with the rig.
+            has_still = any(not light.emission.turns for light in self.task.lights)
+            samples_and_turn = samples * (1.0 + has_still * pose.element / 720.0)
             for item in self.objects:
-                item.color = (turn, float(seed), turned, self.camera.data.clip_start)
+                item.color = (turn, float(seed), samples_and_turn, self.camera.data.clip_start)
 
 
-def _built_from(task: SceneTask) -> tuple[object, ...]:
-    by_shaders = isinstance(task.shaders[0], ShaderSource)
-    fixed = "OSL" if by_shaders else (task.shaders, task.lights, task.lit, *_stand(task))
+def _scene_key(task: SceneTask) -> tuple[object, ...]:
+    """Return what a scene is built from and `show` cannot replace."""
+    is_osl = isinstance(task.shaders[0], ShaderSource)
+    fixed = "OSL" if is_osl else (task.shaders, task.lights, task.lit, *_placement_key(task))
     return fixed, task.resolution, task.sampling.bounces, task.sampling.passes, task.device
 
 
-def _shown(task: SceneTask) -> tuple[object, ...]:
+def _asset_key(task: SceneTask) -> tuple[object, ...]:
+    """Return what the objects of an asset are built from."""
     return task.asset, task.worn, task.groups, task.prims
 
 
-def _materials(task: SceneTask) -> tuple[object, ...]:
-    """Return what materials are made of, where they can be replaced."""
-    ours = [(number, each) for number, each in enumerate(task.shaders) if isinstance(each, ShaderSource)]
-    return *((each.program, task.lights_of(number)) for number, each in ours), *(_stand(task) if ours else ())
+def _material_key(task: SceneTask) -> tuple[object, ...]:
+    """Return what replaceable materials, those of OSL shaders, are built from."""
+    osl_sources = [(number, source) for number, source in enumerate(task.shaders) if isinstance(source, ShaderSource)]
+    placement = _placement_key(task) if osl_sources else ()
+    return *((source.program, task.lights_of(number)) for number, source in osl_sources), *placement
 
 
-def _stand(task: SceneTask) -> tuple[object, ...]:
-    # The shaders of a rig contain where its lights stand about the asset; lamps are objects.
+def _placement_key(task: SceneTask) -> tuple[object, ...]:
+    """Return what the positions of lights relative to the asset depend on.
+
+    They are compiled into the shaders of a rig and are those of the objects of lamps.
+    """
     return () if coded(task.lights) else (task.asset, task.camera)
 
 
-def _place_camera(item: Any, camera: Camera) -> None:
-    """Place the camera as it stands at pose 0; oriented by angles, not by a target, so that poles are no exception."""
+def _set_camera(item: Any, camera: Camera) -> None:
+    """Set a camera's lens and its location and angles; angles, unlike a target, need no exception at the poles."""
     lens = item.data
     lens.type = "PERSP"
     lens.sensor_fit = "HORIZONTAL"

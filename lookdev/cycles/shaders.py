@@ -1,4 +1,4 @@
-"""Generated OSL, compiled once and put into materials."""
+"""Generated OSL: compiled once, then used by materials."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from lookdev.cache import Content, cache_dir, derived, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
-from lookdev.cycles.streams import captured
+from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 from lookdev.light import Light, Stand, lights_code
 
 Array = NDArray[np.int32] | NDArray[np.float32]
 
 RECORD = "lookdev_record"
-"""The property of objects that has the numbers of what shaders record."""
+"""The property of objects with the numbers of the parts of light that shaders record."""
 
 CAUGHT = "lookdev_caught"
-"""The property of objects that has which part of a frame with a shadow catcher is rendered."""
+"""The property of objects with the number of the part of a shadow-catcher frame that is rendered."""
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
 _ATTRIBUTE_SOCKETS = {
@@ -38,10 +38,10 @@ _ATTRIBUTE_SOCKETS = {
 
 
 def compile_osl(source: ShaderSource) -> Path:
-    """Compile a shader's text into the cache, or find it there, and return the .oso file.
+    """Return the compiled .oso file of a shader from the cache; compile it there if it is missing.
 
-    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide. A
-    RenderError has the compiler's first message, and the file of a text that it refuses.
+    Each text has its own file: Blender would compile a script beside itself, where two processes can collide. If the
+    text does not compile, a RenderError has the compiler's first message and the path of a copy of the text.
     """
     text = "\n".join((*version.OSL_DEFINES, *_constants(source), source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
@@ -51,11 +51,11 @@ def compile_osl(source: ShaderSource) -> Path:
         try:
             file.write_text(text, encoding="utf-8")
             with from_memory(compiled) as memory:
-                done, log = captured(lambda: _cycles.osl_compile(os.fspath(file), memory))
-            if not done:
+                is_compiled, log = capture_output(lambda: _cycles.osl_compile(os.fspath(file), memory))
+            if not is_compiled:
                 refused = file.replace(cache_dir("osl") / f"{name}.osl")
-                why = next((line.partition(f"{file}:")[2] for line in log.splitlines() if str(file) in line), log)
-                raise RenderError(f"the shader of '{source.name}' does not compile: {refused}:{why}")
+                message = next((line.partition(f"{file}:")[2] for line in log.splitlines() if str(file) in line), log)
+                raise RenderError(f"the shader of '{source.name}' does not compile: {refused}:{message}")
         finally:
             file.unlink(missing_ok=True)
 
@@ -64,32 +64,36 @@ def compile_osl(source: ShaderSource) -> Path:
 
 
 def _constants(source: ShaderSource) -> list[str]:
-    """Define the constants of a look: as numbers, or, where they vary, as elements of parameters."""
-    values = {place: repr(value) for place, value in enumerate(source.constants)}
-    values |= {place: f"look_values_{i // 3}[{i % 3}]" for i, place in enumerate(source.varying)}
+    """Return definitions of a look's constants: numbers, or, for those that vary, elements of parameters."""
+    values = {number: repr(value) for number, value in enumerate(source.constants)}
+    values |= {number: f"look_values_{i // 3}[{i % 3}]" for i, number in enumerate(source.varying)}
     parameters = " ".join(f"color look_values_{i} = 0," for i in range(-(-len(source.varying) // 3)))
-    return [f"#define LOOK_PARAMETERS {parameters}", *(f"#define look_{place} {values[place]}" for place in values)]
+    return [
+        f"#define LOOK_PARAMETERS {parameters}",
+        *(f"#define look_{number} {value}" for number, value in values.items()),
+    ]
 
 
 def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, ...]]:
-    """Return the constants that vary, of the shader of a number, as properties of the objects that wear it."""
-    values = [source.constants[place] for place in source.varying]
+    """Return the varying constants of the source of that number, as properties of objects: three values each."""
+    values = [source.constants[i] for i in source.varying]
     values += [0.0] * (-len(values) % 3)
     return {f"look_{number}_{i}": tuple(values[3 * i : 3 * i + 3]) for i in range(len(values) // 3)}
 
 
 def surface_material(source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand) -> Any:
-    """Make the material of a look's light integral; its varying constants are `varying_values` of that number.
+    """Create the material of a look whose shader integrates the light.
 
-    Cycles reads a property of an object anew for each render, and compiles nothing.
+    Its varying constants are the properties `varying_values` of that number. Cycles reads the properties of an object
+    anew for each render and compiles nothing.
     """
     code = lights_code(lights, sampled=source.directions[1] > 0, stand=stand)
-    given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
-    values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
-    arrays = {name: _kept_text(content) for name, content in code.arrays.items()}
+    parameters = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
+    values = {name: str(value.path) if isinstance(value, Content) else value for name, value in parameters.items()}
+    arrays = {name: _cached_array_text(content) for name, content in code.arrays.items()}
     arrays |= {name: array_text(numbers) for name, numbers in code.numbers.items()}
     material = bpy.data.materials.new(source.name)
-    # Not a light: Cycles would put each of its triangles into a light tree.
+    # Not a light: otherwise Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"
     tree = version.empty_node_tree(material)
     script = script_node(tree, source, values, arrays)
@@ -97,29 +101,29 @@ def surface_material(source: ShaderSource, number: int, lights: Sequence[Light],
     for attribute in source.attributes:
         _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
     if source.recorded:
-        _link_attribute(tree, script, "record", RECORD, "color", of="INSTANCER")
+        _link_attribute(tree, script, "record", RECORD, "color", owner="INSTANCER")
     if source.catching:
-        _link_attribute(tree, script, "caught", CAUGHT, "color", of="INSTANCER")
+        _link_attribute(tree, script, "caught", CAUGHT, "color", owner="INSTANCER")
     for i, name in enumerate(varying_values(source, number)):
-        # Of the object that shows the instances, or of the object itself.
-        _link_attribute(tree, script, f"look_values_{i}", name, "color", of="INSTANCER")
+        # The instancer is the object that shows the instances, or the object itself.
+        _link_attribute(tree, script, f"look_values_{i}", name, "color", owner="INSTANCER")
     return material
 
 
 def script_node(
     tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, str] | None = None
 ) -> Any:
-    """Add a script node with its sockets and connect it to the surface output.
+    """Add a script node with its sockets and link it to the surface output.
 
-    Blender finds sockets by its `oslquery`, which loads an OpenImageIO that clashes with the installed one. No sockets
-    exist for `arrays`, texts of `array_text`: they become default values of parameters in the compiled shader.
+    Sockets are added here because Blender's `oslquery` would load an OpenImageIO that clashes with the installed one.
+    `arrays` are texts of `array_text`. They have no sockets: they become default values in the compiled shader.
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source)
     values, arrays = dict(values), dict(arrays or {})
     for table in source.tables:
         if table.file.suffix == ".npy":
-            arrays[table.parameter] = _kept_text(table.file)
+            arrays[table.parameter] = _cached_array_text(table.file)
         else:
             values[table.parameter] = str(table.file.path)
     if arrays:
@@ -139,16 +143,16 @@ def script_node(
 
 
 def array_text(values: Array) -> str:
-    """Return an array as it is in a compiled shader: its type and size, a tab, its numbers."""
+    """Return an array as text of a compiled shader: type and size, a tab, the numbers."""
     listed = values.ravel().tolist()
     if values.dtype.kind == "i":
-        # A list writes itself in half the time.
+        # The text of a list takes half the time of a join.
         return f"int[{values.size}]\t{str(listed)[1:-1].replace(',', '')}"
     return f"float[{values.size}]\t{' '.join(map('{:.9g}'.format, listed))}"
 
 
-def _kept_text(file: Content) -> str:
-    """Return the `array_text` of a file; it is kept, as half a million integers take 0.06 s to write."""
+def _cached_array_text(file: Content) -> str:
+    """Return the `array_text` of a file, cached: half a million integers take 0.06 s to format."""
     (text,) = derived(
         "osl", f"{file.digest}-text", lambda: (Content.holding(array_text(np.load(file.path)).encode(), ".txt"),)
     )
@@ -156,27 +160,27 @@ def _kept_text(file: Content) -> str:
 
 
 def with_arrays(oso: str, arrays: Mapping[str, str]) -> str:
-    """Write texts of `array_text` into a compiled shader, as the default values of its parameters of these names.
+    """Return a compiled shader in which texts of `array_text` are the default values of the parameters by their names.
 
-    As source text they would compile slowly. They are marked as interactive, as values that may change between renders:
-    OSL reads those from memory, where it would make a constant of LLVM of each number, which takes 0.2 s for half a
-    million. A RenderError reports a shader without such a parameter, of that size and type.
+    In the source text they would compile slowly. They are marked as interactive, as values that may change between
+    renders: OSL reads those from memory. Otherwise it makes an LLVM constant of each number, which takes 0.2 s for half
+    a million. A RenderError reports a parameter that is missing or has another type or size.
     """
     lines = oso.split("\n")
     for name, array in arrays.items():
         kind, _, text = array.partition("\t")
-        head = f"param\t{kind}\t{name}\t"
-        number = next((number for number, line in enumerate(lines) if line.startswith(head)), None)
+        prefix = f"param\t{kind}\t{name}\t"
+        number = next((number for number, line in enumerate(lines) if line.startswith(prefix)), None)
         if number is None:
             raise RenderError(f"the compiled shader has no parameter {kind} {name}")
-        hints = lines[number].removeprefix(head).partition("\t")[2]
-        lines[number] = f"{head}{text}\t%meta{{int,interactive,1}} {hints}"
+        hints = lines[number].removeprefix(prefix).partition("\t")[2]
+        lines[number] = f"{prefix}{text}\t%meta{{int,interactive,1}} {hints}"
     return "\n".join(lines)
 
 
-def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str, of: str = "GEOMETRY") -> None:
+def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY") -> None:
     node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_type = of
+    node.attribute_type = owner
     node.attribute_name = attribute
     socket = script.inputs.new(type=_ATTRIBUTE_SOCKETS[kind], name=parameter, identifier=parameter)
     tree.links.new(node.outputs["Fac" if kind == "float" else "Vector"], socket)

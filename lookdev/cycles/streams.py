@@ -1,4 +1,4 @@
-"""What Blender and its libraries print, which is all that they tell of some errors."""
+"""The text that Blender and its libraries print, which is the only sign of some errors."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import TypeVar
 Result = TypeVar("Result")
 
 
-def captured(action: Callable[[], Result]) -> tuple[Result, str]:
-    """Return the result of an action, and the text that it writes to output and error stream.
+def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
+    """Run an action; return its result and the text that it writes to standard output and standard error.
 
-    The text is written to the error stream afterwards. Blender 4.5 logs to the error stream, 5.2 to the output.
+    The text is then written to standard error. Blender 4.5 logs to standard error, 5.2 to standard output.
     """
     with os.fdopen(os.memfd_create("log"), "w+b") as log:
         _flush()

@@ -1,4 +1,4 @@
-"""Check that the shaders of a scene fit Cycles' node machine (SVM), which only logs one that is too big."""
+"""A check that shaders fit into Cycles' node machine (SVM), which only logs a shader that is too big."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import re
 from typing import Any
 
 from lookdev.cycles import engine
-from lookdev.cycles.streams import captured
+from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 
 _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
 
 
 def check_stack(scene: Any) -> None:
-    """Compile the shaders of a scene.
+    """Compile the shaders of a scene, and check that each fits into the stack of SVM.
 
     Raises
     ------
     RenderError
-        A shader needs more stack than SVM has: parts of it would be missing.
+        A shader needs more stack than SVM has, so that parts of it would be missing.
     """
-    _, log = captured(lambda: engine.compile_shaders(scene))
-    names = list(dict.fromkeys(found["material"] for found in _OVERFLOW.finditer(log)))
+    _, log = capture_output(lambda: engine.compile_shaders(scene))
+    names = list(dict.fromkeys(match["material"] for match in _OVERFLOW.finditer(log)))
     if names:
         looks = ", ".join(f"'{name}'" for name in names)
         raise RenderError(

@@ -1,4 +1,4 @@
-"""Turntables as keyframes: one key a frame, at the value of the rendered frame."""
+"""Turntables as keyframes: one key per frame, with the value of the rendered frame."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lookdev.scene import Pose
 Floats = NDArray[np.float64]
 
 _PATHS = ("location", "rotation_euler")
-_JUST = 1.0 / 64.0
-"""Of a frame: exact in float32, and larger than the interval in which Blender merges keys."""
+_KEY_GAP = 1.0 / 64.0
+"""Frames from a reset to the next key: exact in float32, and larger than the interval in which Blender merges keys."""
 
 
 def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
-    """Animate objects over turntables, one after another from frame 1, by a single action.
+    """Animate objects, by their names in the action, over consecutive turntables from frame 1, in a single action.
 
-    `pose` sets location and XYZ Euler angles of the objects, which are by their names in the action.
+    `pose` sets location and XYZ Euler angles of the objects.
     """
     action = bpy.data.actions.new("turntables")
     strip = action.layers.new("turntables").strips.new(type="KEYFRAME")
-    tables = [_moves(list(objects.values()), turntable, pose) for turntable in turntables]
+    tables = [_sample_transforms(list(objects.values()), turntable, pose) for turntable in turntables]
     for number, (name, item) in enumerate(objects.items()):
         slot = action.slots.new(id_type="OBJECT", name=name)
         _add_curves(strip.channelbag(slot, ensure=True), [table[number] for table in tables])
@@ -36,14 +36,14 @@ def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], po
         data.action, data.action_slot = action, slot
 
 
-def follow(item: Any, other: Any) -> None:
-    """Animate an object by the curves of another."""
+def share_animation(item: Any, other: Any) -> None:
+    """Animate an object by the curves of another object."""
     data = item.animation_data_create()
     data.action, data.action_slot = other.animation_data.action, other.animation_data.action_slot
 
 
-def mark(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
-    """Set the frame range of a scene to turntables, with a marker at the start of each."""
+def mark_turntables(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
+    """Set the frame range of a scene to that of its turntables; add a marker at the start of each."""
     frame = 1
     for turntable in turntables:
         scene.timeline_markers.new(turntable.name, frame=frame)
@@ -52,17 +52,17 @@ def mark(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
     scene.frame_set(1)
 
 
-def _moves(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
-    """Return locations and rotations of objects over a turntable, (objects, frames, 6)."""
+def _sample_transforms(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
+    """Return the locations and rotations of objects over a turntable: (objects, frames, 6)."""
     frames = []
-    for each in turntable.poses:
-        pose(each)
+    for turntable_pose in turntable.poses:
+        pose(turntable_pose)
         frames.append([[*item.location, *item.rotation_euler] for item in objects])
     return np.array(frames).transpose(1, 0, 2)
 
 
 def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
-    """Add curves for the columns that vary, from a table (frames, 6) for each turntable."""
+    """Add curves for the varying columns of tables (frames, 6), one for each turntable."""
     together = np.concatenate(tables)
     for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):
         if np.ptp(together[:, column]) == 0.0:
@@ -82,12 +82,12 @@ def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
 def _keys(first: int, values: Sequence[float], period: float) -> Iterator[tuple[float, float, str]]:
     """Yield frame, value and interpolation of each key: exact at every frame, linear in between.
 
-    Where a periodic value wraps, it continues past the period and is reset just before the next frame: an angle past a
-    whole turn would be rounded differently from the rendered one.
+    A periodic value that wraps continues past its period and is reset just before the next frame. Without the reset, an
+    angle beyond a whole turn would be rounded differently from that of the rendered frame.
     """
     for frame, (value, following) in enumerate(itertools.pairwise(values), start=first):
         yield frame, value, "LINEAR"
         jump = following - value
         if abs(jump) > period / 2.0:
-            yield frame + 1 - _JUST, following - math.copysign(period, jump), "CONSTANT"
+            yield frame + 1 - _KEY_GAP, following - math.copysign(period, jump), "CONSTANT"
     yield first + len(values) - 1, values[-1], "CONSTANT"

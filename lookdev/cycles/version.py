@@ -1,4 +1,4 @@
-"""Every difference between the supported Blenders (4.5 LTS and 5.2 LTS) that this package meets."""
+"""Every difference between the supported Blenders (4.5 LTS and 5.2 LTS) that matters to this package."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ BLENDER_5 = bpy.app.version >= (5, 0, 0)
 
 VERSION: str = ".".join(str(number) for number in bpy.app.version)
 
-# 4.5 evaluates OSL's texture() by OpenImageIO, with t = 0 at the top row; 5.x itself, with t = 0 at the bottom.
+# 4.5 evaluates OSL's texture() by OpenImageIO, with t = 0 at the top row; 5.x evaluates it itself, with t = 0 at the
+# bottom row.
 OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
 
 
 def empty_node_tree(datablock: Any) -> Any:
-    """Return the shader node tree of a material, world or light, without nodes."""
-    if not BLENDER_5:  # 5.x always has one, and warns if this is set
+    """Remove all nodes from the shader node tree of a material, world or light; return the tree."""
+    if not BLENDER_5:  # 5.x always has a tree, and warns if this is set
         datablock.use_nodes = True
     datablock.node_tree.nodes.clear()
     return datablock.node_tree

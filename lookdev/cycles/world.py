@@ -1,4 +1,4 @@
-"""Worlds by which Cycles lights a scene: the sum of its dome lights."""
+"""Blender's worlds: the sum of a scene's dome lights."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from lookdev.light.native import world_domes
 
 _ROW = 400.0  # between the nodes of two domes
 
-# Texels across Cycles' automatic importance map, whatever its light. Twice as many as the light's give the same noise:
-# of a light of 1024 texels, a first frame of 64 x 64 pixels takes 1.3 s in place of 2.8 s (two cores, both loaded);
-# as many as the light's give up to 1.4 times its variance.
-_AUTOMATIC = 4096
+# Texels across the importance map that Cycles chooses for any light. A map of twice the light's width has the same
+# noise: with a light of 1024 texels, a first frame of 64 x 64 pixels takes 1.3 s, not 2.8 s (two cores, both loaded).
+# A map of the light's width has up to 1.4 times the variance.
+_MAX_MAP_WIDTH = 4096
 
 
 def build_world(
@@ -32,14 +32,14 @@ def build_world(
     strength: float = 1.0,
     turn: float = 0.0,
 ) -> Any:
-    """Build a world that shows the domes of a scene by their lat-long images; without one it is black.
+    """Build a world from the lat-long images of a scene's domes; without domes it is black.
 
     Parameters
     ----------
     sampled
-        Whether Cycles draws directions from it, by an importance map that it builds anew after any change of the world.
+        Whether Cycles samples its directions, by an importance map that it builds again after any change of the world.
     after_portals
-        Whether only rays that passed a ray portal see it; rays straight from the camera see black.
+        Whether only rays that passed a ray portal see it; other rays of the camera see black.
     strength, turn
         Factor of the radiance, and degrees about z, counter-clockwise seen from above.
 
@@ -51,13 +51,13 @@ def build_world(
     world = bpy.data.worlds.new(name)
     tree = version.empty_node_tree(world)
     domes = world_domes(lights)
-    shown = _passed_portals(tree, strength) if after_portals and domes else None
+    portal_strength = _add_portal_strength(tree, strength) if after_portals and domes else None
     surface = None
     for number, dome in enumerate(domes):
         background = _add_dome(tree, dome, turn, -_ROW * number)
         background.inputs["Strength"].default_value = strength
-        if shown is not None:
-            tree.links.new(shown, background.inputs["Strength"])
+        if portal_strength is not None:
+            tree.links.new(portal_strength, background.inputs["Strength"])
         if surface is None:
             surface = background.outputs[0]
         else:
@@ -72,26 +72,26 @@ def build_world(
         tree.links.new(surface, output.inputs["Surface"])
     if sampled and domes:
         world.cycles.sampling_method = "MANUAL"
-        world.cycles.sample_map_resolution = min(max(2 * dome.width for dome in domes), _AUTOMATIC)
+        world.cycles.sample_map_resolution = min(max(2 * dome.width for dome in domes), _MAX_MAP_WIDTH)
     else:
         world.cycles.sampling_method = "NONE"
     return world
 
 
 def _add_dome(tree: Any, dome: Dome, turn: float, height: float) -> Any:
-    """Add the nodes of one dome; return its background."""
+    """Add the nodes of a dome; return its background node."""
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     mapping = tree.nodes.new("ShaderNodeMapping")
-    # The node transforms the direction that is looked up, not the map: first the scale, then the rotation.
+    # The node transforms the direction of the look-up, not the map: first the scale, then the rotation.
     mapping.vector_type = "POINT"
     axes = np.array(dome.axes)
     mirror = np.diag([np.sign(np.linalg.det(axes)), 1.0, 1.0])
     angle = math.radians(turn)
-    # Rows of `axes` express a direction that is turned back; a mirror leaves a rotation.
+    # `axes` transforms a direction that is turned back; after the mirror the product is a rotation.
     back = np.array(Matrix.Rotation(-angle, 3, "Z"))
     rotation = Matrix((axes @ back @ mirror).tolist()).to_euler("XYZ")
-    plain = np.array_equal(axes, np.eye(3))
-    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -angle) if plain else tuple(rotation)
+    is_identity = np.array_equal(axes, np.eye(3))
+    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -angle) if is_identity else tuple(rotation)
     mapping.inputs["Scale"].default_value = tuple(np.diag(mirror))
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
     texture.image = load_image(dome.radiance_file.path)
@@ -109,22 +109,22 @@ def _add_dome(tree: Any, dome: Dome, turn: float, height: float) -> Any:
         color = tinted.outputs[0]
         nodes.insert(3, tinted)
     tree.links.new(color, background.inputs["Color"])
-    for place, node in enumerate(nodes):
-        node.location = (300.0 * place, height)
+    for column, node in enumerate(nodes):
+        node.location = (300.0 * column, height)
     return background
 
 
-def _passed_portals(tree: Any, strength: float) -> Any:
-    """Return the strength for rays that passed a portal, 0 for others."""
+def _add_portal_strength(tree: Any, strength: float) -> Any:
+    """Add nodes of a strength that is 0 for rays that did not pass a portal; return their output."""
     path = tree.nodes.new("ShaderNodeLightPath")
-    passed = tree.nodes.new("ShaderNodeMath")
-    passed.operation = "GREATER_THAN"
-    passed.inputs[1].default_value = 0.5
-    shown = tree.nodes.new("ShaderNodeMath")
-    shown.operation = "MULTIPLY"
-    shown.inputs[1].default_value = strength
-    tree.links.new(path.outputs["Transparent Depth"], passed.inputs[0])
-    tree.links.new(passed.outputs[0], shown.inputs[0])
-    for place, node in enumerate((path, passed, shown)):
-        node.location = (300.0 * place, 300.0)
-    return shown.outputs[0]
+    has_passed = tree.nodes.new("ShaderNodeMath")
+    has_passed.operation = "GREATER_THAN"
+    has_passed.inputs[1].default_value = 0.5
+    product = tree.nodes.new("ShaderNodeMath")
+    product.operation = "MULTIPLY"
+    product.inputs[1].default_value = strength
+    tree.links.new(path.outputs["Transparent Depth"], has_passed.inputs[0])
+    tree.links.new(has_passed.outputs[0], product.inputs[0])
+    for column, node in enumerate((path, has_passed, product)):
+        node.location = (300.0 * column, 300.0)
+    return product.outputs[0]

@@ -34,7 +34,7 @@ def _line(**changes: object) -> str:
         (_line(params={"baseColor": ["0", "0", "1"]}), "three numbers would be right"),
         (_line(params={"roughness": 10**400}), "a number would be right"),
         (_line(params={"roughness": "x" * 300_000}), "disney.roughness is 'xxx"),
-        (_line(params={"roughness": "view + dirt"}), "'view + dirt', no expression of the view: unknown"),
+        (_line(params={"roughness": "view + dirt"}), "'view + dirt', which is not an expression of the view: unknown"),
         (_line(params={"roughness": "[view, 0, 0]"}), "the result is a color ('roughness' is a float)"),
         (_line(params={"roughness": "0.5"}), "does not depend on the view (a number would be right)"),
         (_line(params={"normal": "view"}), "the result is a float ('normal' is a normal)"),
@@ -118,5 +118,5 @@ def test_fresnel_answers_with_the_reflectance() -> None:
 
 
 def test_fresnel_is_not_for_cycles() -> None:
-    with pytest.raises(ModelError, match=r"line 1: 'fresnel' is no surface .*; --backend numpy would be right"):
+    with pytest.raises(ModelError, match=r"line 1: 'fresnel' is not a surface, .*; --backend numpy would be right"):
         list(evaluate_lines([_fresnel()], "cycles"))

@@ -10,7 +10,7 @@ import pytest
 from webgl import POINTS, Picture, draw_pictures, read_columns
 
 from lookdev.brdf import CONTINUOUS, sample
-from lookdev.checks.evaluate import Batch, batches_of, evaluate_numpy, point_table
+from lookdev.checks.evaluate import Batch, evaluate_numpy, parse_batches, point_table
 from lookdev.codegen.glsl.functions import PRELUDE, point_functions, table_texels
 from lookdev.codegen.points import point_columns
 
@@ -78,7 +78,7 @@ def picture(batch: Batch, call: str) -> Picture:
 def test_glsl_agrees_with_the_models(name: str, whole: bool, tab: Any) -> None:
     """Relative to f, and where it is small to the thousandth part of the largest: 2e-4 in 99 % of the channels."""
     oracle = next(path for path in ORACLES if path.stem == name)
-    batches = [batch.rounded() for batch in batches_of(oracle.read_text().splitlines())]
+    batches = [batch.round_to_float32() for batch in parse_batches(oracle.read_text().splitlines())]
     batches = batches if whole else quick(batches)
     assert batches
     differences: dict[str, list[Any]] = {}
@@ -100,7 +100,7 @@ def test_directions_are_drawn_as_by_the_models(tab: Any) -> None:
     """
     oracles = [path.read_text() for path in ORACLES if path.stem in ("disney", "classic")]
     lines = [line for text in oracles for line in text.splitlines() if '"normalisation": "pi"' not in line]
-    batches = quick([batch.rounded() for batch in batches_of(lines)])
+    batches = quick([batch.round_to_float32() for batch in parse_batches(lines)])
     differences = []
     for batch, found in zip(batches, draw_pictures(tab, [picture(batch, DRAW) for batch in batches]), strict=True):
         above = np.flatnonzero((batch.wo[:, 2] > 0.0) & (batch.wi[:, 2] > 0.0))

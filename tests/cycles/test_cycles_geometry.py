@@ -86,12 +86,12 @@ def crowd(each: int = 3) -> Asset:
 def built(blender: BlenderProcess) -> dict[str, Any]:
     cases = {
         "balls": (balls(), SOURCES, (0, 1, 2, 3, 2, 1), {}),
-        "covered": (balls(), SOURCES, (0,) * 6, {"covered": True}),
-        "apart": (balls(), SOURCES, (0,) * 6, {"apart": True}),
+        "covered": (balls(), SOURCES, (0,) * 6, {"add_uv": True}),
+        "apart": (balls(), SOURCES, (0,) * 6, {"separate": True}),
         "shared": (sharing(), SOURCES, (1,), {}),
         "odd": (oddly_named(), (ODD,), (0,), {}),
         "crowd": (crowd(), SOURCES, (0,), {}),
-        "crowd apart": (crowd(), SOURCES, (0,), {"apart": True}),
+        "crowd apart": (crowd(), SOURCES, (0,), {"separate": True}),
         "crowd of many": (crowd(1000), SOURCES, (0,), {}),
     }
     answers: dict[str, Any] = blender.call("probes.build_assets", cases)
