@@ -2,6 +2,7 @@
 
 import difflib
 import io
+import keyword
 import re
 import subprocess
 import tokenize
@@ -41,7 +42,7 @@ def tokens_of(lines: Sequence[str], first: int, last: int) -> list[Token]:
         after = tokens[number + 1].string if number + 1 < len(tokens) else ""
         if token.type == tokenize.STRING and token.line.strip().startswith(('"""', 'r"""')) and before in (":", ""):
             continue
-        is_name = token.type == tokenize.NAME and not token.string.isupper()
+        is_name = token.type == tokenize.NAME and not keyword.iskeyword(token.string)
         is_member = before == "." or (after == "=" and before in ("(", ","))
         result.append(Token(token.string, token.start[0] + first - 1, is_name, is_member))
     return result
