@@ -2,7 +2,7 @@
 // The page: what is where, what happens when something changes, keys, copying and saving.
 import { Balls } from "./ball.js";
 import { Exact } from "./exact.js";
-import { gl, Shaders, works } from "./gl.js";
+import { gl, Shaders, whenDrawn, works } from "./gl.js";
 import { Link } from "./link.js";
 import { Lobes } from "./lobe.js";
 import { showOffers, showSurfaces, watchDrops, watchOffers } from "./offers.js";
@@ -271,7 +271,7 @@ const drawBall = () => {
           context.drawImage(from, x, y, width, height, 0, 0, width, height);
         },
       );
-      await balls.drawn();
+      await whenDrawn();
       ballCosts.push(performance.now() - began);
       ballCosts.splice(0, ballCosts.length - 3);
       if (more) drawBall();

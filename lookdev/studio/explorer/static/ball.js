@@ -1,7 +1,7 @@
 // @ts-check
 // Lit spheres: under a point light at once, in the studio dome by samples that accumulate while the
 // page rests.
-import { bound, gl, into, linked, checked, numberOf, sized, texture, works } from "./gl.js";
+import { colors, gl, into, linked, numberOf, sized } from "./gl.js";
 import { option, state } from "./state.js";
 
 const MOST = 192; // passes of 4 samples
@@ -30,14 +30,13 @@ export class Balls {
     this.link = link;
     this.shaders = shaders;
     this.made = new Map();
-    this.show = works ? linked(SHOW) : null;
     this.dome = null;
   }
 
   async light() {
     this.dome ??= this.link.ask({ do: "dome" }).then(({ arrays, shapes }) => ({
-      radiance: texture(shapes.radiance[1], shapes.radiance[0], 4, arrays.radiance),
-      drawn: texture(shapes.drawn[1], 2, 4, arrays.drawn),
+      radiance: colors(shapes.radiance[1], shapes.radiance[0], arrays.radiance),
+      drawn: colors(shapes.drawn[1], 2, arrays.drawn),
     }));
     return this.dome;
   }
@@ -45,10 +44,7 @@ export class Balls {
   // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with
   // whether it lacks passes.
   async draw(place, surface, light, width, height, exposure, onto) {
-    if (!works)
-      throw new Error(
-        "this browser has no WebGL 2 with float textures, which spheres and lobes need",
-      );
+    const show = await linked(SHOW);
     const [shader, dome] = [
       await this.shaders.of(surface),
       light === "dome" ? await this.light() : null,
@@ -68,7 +64,7 @@ export class Balls {
       kept = {
         width,
         height,
-        sums: [0, 1].map(() => texture(width, height, 4, null)),
+        sums: [0, 1].map(() => colors(width, height)),
         key: "",
         shader: null,
         count: 0,
@@ -78,30 +74,21 @@ export class Balls {
     if (kept.key !== key || kept.shader !== shader) Object.assign(kept, { key, shader, count: 0 });
     const done = light === "dome" ? MOST : 1;
     if (kept.count < done) {
-      const program = shader.use(shader.sphere, number);
-      bound(program, "before", kept.sums[0], 0);
-      if (dome) {
-        bound(program, "dome", dome.radiance, 1);
-        bound(program, "drawn", dome.drawn, 2);
-      } else
-        for (const [name, unit] of [
-          ["dome", 1],
-          ["drawn", 2],
-        ])
-          bound(program, name, kept.sums[0], unit);
-      const [theta, phi] = state.lightAt.map((each) => (each * Math.PI) / 180);
-      const set = (name, ...values) =>
-        gl[`uniform${values.length}f`](gl.getUniformLocation(program, name), ...values);
-      set("size", width, height);
-      set("corner", 0, 0);
-      set(
-        "light",
-        Math.sin(theta) * Math.cos(phi),
-        Math.sin(theta) * Math.sin(phi),
-        Math.cos(theta),
+      const [theta, phi] = state.lightAt.map((degrees) => (degrees * Math.PI) / 180);
+      const across = Math.sin(theta);
+      const [before] = kept.sums;
+      shader.use(
+        shader.sphere,
+        number,
+        {
+          size: [width, height],
+          corner: [0, 0],
+          light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
+          count: kept.count,
+          lit: light === "dome" ? 1 : 0,
+        },
+        { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
       );
-      gl.uniform1i(gl.getUniformLocation(program, "count"), kept.count);
-      gl.uniform1i(gl.getUniformLocation(program, "lit"), light === "dome" ? 1 : 0);
       gl.disable(gl.DEPTH_TEST);
       into(kept.sums[1], width, height);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -112,27 +99,12 @@ export class Balls {
     into(null, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.useProgram(checked(this.show));
-    bound(this.show, "sum", kept.sums[0], 0);
     const chroma = place !== "ball" && option("chroma");
-    gl.uniform1f(
-      gl.getUniformLocation(this.show, "factor"),
-      2 ** exposure / (chroma ? 1 : kept.count),
-    );
-    gl.uniform1i(gl.getUniformLocation(this.show, "chroma"), chroma ? 1 : 0);
-    gl.uniform2f(gl.getUniformLocation(this.show, "size"), width, height);
+    const factor = 2 ** exposure / (chroma ? 1 : kept.count);
+    show.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: kept.sums[0] });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     onto(canvas, 0, canvas.height - height);
     return kept.count < done;
-  }
-
-  // Resolves when the graphics driver has drawn what it was given: calls return before that.
-  async drawn() {
-    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    gl.flush();
-    while (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED)
-      await new Promise((done) => setTimeout(done, 4));
-    gl.deleteSync(fence);
   }
 
   // Forget spheres that are no longer drawn.

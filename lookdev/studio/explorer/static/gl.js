@@ -3,6 +3,8 @@
 // a form of a surface;
 // its sliders set uniforms.
 import { wordsOf } from "./state.js";
+import { finished, Programs, texture } from "./viewport/gl.js";
+import { OVER_ALL } from "./viewport/shaders.js";
 
 const canvas = document.createElement("canvas");
 export const gl = canvas.getContext("webgl2", {
@@ -13,8 +15,8 @@ export const gl = canvas.getContext("webgl2", {
 });
 export const works = Boolean(gl?.getExtension("EXT_color_buffer_float"));
 
-const VERTEX = `#version 300 es
-void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
+const programs = works ? new Programs(gl) : null;
+
 const HEAD = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D;
 `;
@@ -121,48 +123,20 @@ void main() {
     result = vec4(sum.rgb + total, 1.0);
 }`;
 
-const compiled = (type, text) => {
-  const shader = gl.createShader(type);
-  gl.shaderSource(shader, text);
-  gl.compileShader(shader);
-  return shader;
+/** Return the program of a fragment shader, once it is linked; throws what is wrong with it. */
+export const linked = async (fragment, vertex = OVER_ALL) => {
+  if (!works)
+    throw new Error(
+      "this browser has no WebGL 2 with float textures, which spheres and lobes need",
+    );
+  return programs.get(vertex, fragment);
 };
 
-// A program of fragment shader text; errors are thrown when it is first used.
-export const linked = (fragment, vertex = VERTEX) => {
-  const program = gl.createProgram();
-  for (const [type, text] of [
-    [gl.VERTEX_SHADER, vertex],
-    [gl.FRAGMENT_SHADER, fragment],
-  ])
-    gl.attachShader(program, compiled(type, text));
-  gl.linkProgram(program);
-  return program;
-};
-export const checked = (program) => {
-  if (gl.getProgramParameter(program, gl.LINK_STATUS)) return program;
-  const logs = gl.getAttachedShaders(program).map((each) => gl.getShaderInfoLog(each));
-  const words = [gl.getProgramInfoLog(program), ...logs].join(" ");
-  throw new Error(`the graphics driver refuses a shader: ${words.slice(0, 300)}`);
-};
+/** Return a texture of float colours, by default without content. */
+export const colors = (width, height, data = null) => texture(gl, "RGBA32F", width, height, data);
 
-export const texture = (width, height, channels, data, unit = 15) => {
-  const made = gl.createTexture();
-  gl.activeTexture(gl.TEXTURE0 + unit);
-  gl.bindTexture(gl.TEXTURE_2D, made);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
-    gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
-    gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
-  const [internal, format] = channels === 1 ? [gl.R32F, gl.RED] : [gl.RGBA32F, gl.RGBA];
-  gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, format, gl.FLOAT, data);
-  return made;
-};
-export const bound = (program, name, made, unit) => {
-  gl.activeTexture(gl.TEXTURE0 + unit);
-  gl.bindTexture(gl.TEXTURE_2D, made);
-  gl.uniform1i(gl.getUniformLocation(program, name), unit);
-};
+/** Wait until the graphics driver has drawn what it was given: calls return before that. */
+export const whenDrawn = () => finished(gl);
 
 const frame = works ? gl.createFramebuffer() : null;
 export const into = (target, width, height) => {
@@ -196,27 +170,34 @@ export const groupOf = (parameter) =>
 
 // A compiled surface: its two programs, its tables, and where its numbers go.
 export class Shader {
-  constructor(answer) {
+  constructor(answer, evaluate, sphere) {
     this.answer = answer;
+    this.evaluate = evaluate;
+    this.sphere = sphere;
+    this.tables = Object.fromEntries(
+      Object.entries(answer.arrays).map(([name, data]) => {
+        const [height, width] = answer.shapes[name];
+        return [name, texture(gl, "R32F", width, height, data)];
+      }),
+    );
+  }
+
+  /** Return the shader of a surface by the server's answer, compiled. */
+  static async of(answer) {
     const deltas = Array.from({ length: answer.deltas }, (_, k) => k);
-    const replaced = (text, delta) =>
+    const filled = (text, delta) =>
       text
         .replaceAll("TRANSMITS", answer.transmits)
         .replace("DELTAS", deltas.map(delta).join("\n"));
     const start = HEAD + answer.prelude + answer.text + CALL;
-    this.evaluate = linked(
-      start +
-        replaced(
-          EVALUATE,
-          (k) => `if (which > 0 && (which - 1) / 2 == ${k}) look_delta${k}(direction, factor);`,
-        ),
+    const evaluate = filled(
+      EVALUATE,
+      (k) => `if (which > 0 && (which - 1) / 2 == ${k}) look_delta${k}(direction, factor);`,
     );
     // What passes a smooth solid leaves it on the other side of the sphere.
-    this.sphere = linked(
-      start +
-        replaced(
-          SPHERE.replaceAll("SAMPLES", "4"),
-          (k) => `{ vec3 d, f; pair(wo, wo); look_delta${k}(d, f);
+    const sphere = filled(
+      SPHERE.replaceAll("SAMPLES", "4"),
+      (k) => `{ vec3 d, f; pair(wo, wo); look_delta${k}(d, f);
         if (d.z > 0.0) total += f * around(toWorld * d).rgb;
         if (d.z < 0.0) {
             vec3 inward = toWorld * d, m = n - 2.0 * dot(n, inward) * inward;
@@ -226,25 +207,17 @@ export class Shader {
             vec3 out_d, out_f; look_delta${k}(out_d, out_f); inside = 0.0;
             if (out_d.z < 0.0) total += f * out_f * around(there * out_d).rgb;
         } }`,
-        ),
     );
-    this.tables = Object.entries(answer.arrays).map(([name, data]) => [
-      name,
-      texture(answer.shapes[name][1], answer.shapes[name][0], 1, data),
-    ]);
+    return new Shader(answer, await linked(start + evaluate), await linked(start + sphere));
   }
 
-  // Use a program with a surface's numbers.
-  use(program, numbers) {
-    gl.useProgram(checked(program));
-    this.tables.forEach(([name, made], k) => bound(program, name, made, 8 + k));
-    for (const [name, usual] of Object.entries(this.answer.numbers)) {
-      const value = numbers(this.answer.places[name]) ?? usual;
-      const place = gl.getUniformLocation(program, name);
-      if (usual.length === 3) gl.uniform3fv(place, value);
-      else gl.uniform1f(place, Array.isArray(value) ? value[0] : value);
-    }
-    return program;
+  /** Use a program with a surface's numbers, and with others. */
+  use(program, numberOfPlace, numbers, textures) {
+    const own = Object.entries(this.answer.numbers).map(([name, usual]) => {
+      const value = numberOfPlace(this.answer.places[name]) ?? usual;
+      return [name, usual.length === 3 || !Array.isArray(value) ? value : value[0]];
+    });
+    program.use({ ...Object.fromEntries(own), ...numbers }, { ...this.tables, ...textures });
   }
 
   // Values times the cosine, and pdf, of pairs of directions, 4 numbers each; or a delta's
@@ -253,31 +226,25 @@ export class Shader {
     const count = wo.length / 3,
       width = 256,
       height = Math.ceil(count / width);
-    const program = this.use(this.evaluate, numbers);
-    const made = [
-      ["all_wo", wo],
-      ["all_wi", wi],
-    ].map(([name, data], k) => {
+    const [all_wo, all_wi] = [wo, wi].map((directions) => {
       const texels = new Float32Array(4 * width * height);
-      for (let i = 0; i < count; i++) texels.set(data.subarray(3 * i, 3 * i + 3), 4 * i);
-      const each = texture(width, height, 4, texels);
-      bound(program, name, each, k);
-      return each;
+      for (let i = 0; i < count; i++) texels.set(directions.subarray(3 * i, 3 * i + 3), 4 * i);
+      return colors(width, height, texels);
     });
-    gl.uniform1i(gl.getUniformLocation(program, "which"), which);
-    const target = texture(width, height, 4, null);
+    const target = colors(width, height);
+    this.use(this.evaluate, numbers, { which }, { all_wo, all_wi });
     into(target, width, height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    const found = new Float32Array(4 * width * height);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, found);
+    const values = new Float32Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, values);
     into(null, canvas.width, canvas.height);
-    for (const each of [...made, target]) gl.deleteTexture(each);
-    return found.subarray(0, 4 * count);
+    for (const used of [all_wo, all_wi, target]) gl.deleteTexture(used);
+    return values.subarray(0, 4 * count);
   }
 
   free() {
-    for (const program of [this.evaluate, this.sphere]) gl.deleteProgram(program);
-    for (const [, made] of this.tables) gl.deleteTexture(made);
+    programs.delete(this.evaluate, this.sphere);
+    for (const table of Object.values(this.tables)) gl.deleteTexture(table);
   }
 }
 
@@ -299,7 +266,7 @@ export class Shaders {
         key,
         this.link.ask({ do: "shader", surface: words, live: extra }).then((answer) => {
           this.compiled++;
-          return new Shader(answer);
+          return Shader.of(answer);
         }),
       );
       this.known.get(key).catch(() => this.known.delete(key));

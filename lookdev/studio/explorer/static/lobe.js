@@ -1,7 +1,7 @@
 // @ts-check
 // The lobe in three dimensions: f over all lights above the horizon as a surface, turned by the
 // hand.
-import { checked, gl, into, linked, numberOf, sized, works } from "./gl.js";
+import { gl, into, linked, numberOf, sized, works } from "./gl.js";
 import { state } from "./state.js";
 
 const VERTEX = `#version 300 es
@@ -42,7 +42,7 @@ const dense = (low, high, about, count) => {
 export class Lobes {
   constructor(shaders) {
     this.shaders = shaders;
-    this.program = works ? linked(FRAGMENT, VERTEX) : null;
+    this.program = null;
     this.buffers = works
       ? {
           place: gl.createBuffer(),
@@ -59,6 +59,7 @@ export class Lobes {
       throw new Error(
         `${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`,
       );
+    this.program ??= await linked(FRAGMENT, VERTEX);
     const shader = await this.shaders.of(surface);
     const thetas = dense(0, Math.PI / 2, theta, COUNT),
       phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((each) => each + phi);
@@ -102,11 +103,8 @@ export class Lobes {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
-    const program = checked(this.program);
-    gl.useProgram(program);
     const { view, turn } = this.camera(width, height);
-    gl.uniformMatrix4fv(gl.getUniformLocation(program, "view"), false, view);
-    gl.uniformMatrix3fv(gl.getUniformLocation(program, "turn"), false, turn);
+    this.program.use({ view, turn });
     const top = Math.max(...lobes.map((each) => each.peak), 1e-30);
     const radius = (f) =>
       scale === "log"
@@ -120,23 +118,22 @@ export class Lobes {
       Math.sin((i * Math.PI) / 48),
       0,
     ]).flat();
-    this.lines(program, ring, gl.LINE_STRIP, [...ink, 0.35]);
-    this.lines(program, [-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [
+    this.lines(ring, gl.LINE_STRIP, [...ink, 0.35]);
+    this.lines([-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [
       ...ink,
       0.25,
     ]);
     lobes.forEach((lobe, index) => {
       const [x, y, z] = lobe.view;
-      if (index === 0)
-        this.lines(program, [0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
-      if (lobe.solid) this.mesh(program, lobe, radius, colors[index]);
+      if (index === 0) this.lines([0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
+      if (lobe.solid) this.mesh(lobe, radius, colors[index]);
     });
     // Nets are seen through what is before them.
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     lobes.forEach((lobe, index) => {
-      if (!lobe.solid) this.mesh(program, lobe, radius, colors[index]);
+      if (!lobe.solid) this.mesh(lobe, radius, colors[index]);
     });
     gl.disable(gl.BLEND);
     gl.bindVertexArray(null);
@@ -148,19 +145,18 @@ export class Lobes {
     };
   }
 
-  lines(program, places, mode, color) {
+  lines(places, mode, color) {
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.place);
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(places), gl.STREAM_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
     gl.disableVertexAttribArray(1);
     gl.vertexAttrib3f(1, 0, 0, 1);
-    gl.uniform4fv(gl.getUniformLocation(program, "color"), color);
-    gl.uniform1f(gl.getUniformLocation(program, "shaded"), 0);
+    this.program.use({ color, shaded: 0 });
     gl.drawArrays(mode, 0, places.length / 3);
   }
 
-  mesh(program, { f, wi, rows, columns, solid }, radius, color) {
+  mesh({ f, wi, rows, columns, solid }, radius, color) {
     const count = rows * columns,
       places = new Float32Array(3 * count),
       normals = new Float32Array(3 * count);
@@ -203,8 +199,7 @@ export class Lobes {
     }
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers.index);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(index), gl.STREAM_DRAW);
-    gl.uniform4fv(gl.getUniformLocation(program, "color"), [...color, solid ? 1 : 0.7]);
-    gl.uniform1f(gl.getUniformLocation(program, "shaded"), solid ? 1 : 0);
+    this.program.use({ color: [...color, solid ? 1 : 0.7], shaded: solid ? 1 : 0 });
     gl.drawElements(solid ? gl.TRIANGLES : gl.LINES, index.length, gl.UNSIGNED_INT, 0);
   }
 

@@ -95,10 +95,20 @@ export class Programs {
     shaders.forEach((each) => gl.deleteShader(each));
     return new Program(gl, handle);
   }
+
+  /** Delete programs, which nobody else uses; their texts are compiled anew. */
+  async delete(...programs) {
+    for (const [key, made] of this.made) {
+      const program = await made;
+      if (!programs.includes(program)) continue;
+      this.made.delete(key);
+      this.gl.deleteProgram(program.handle);
+    }
+  }
 }
 
 /** A linked program: its uniforms by name, and a texture unit for each sampler. */
-class Program {
+export class Program {
   constructor(gl, handle) {
     this.gl = gl;
     this.handle = handle;
@@ -130,17 +140,30 @@ class Program {
     }
   }
 
-  /** Set numbers and textures by name; names that the program does not read are passed over. */
+  /**
+   * Use the program with numbers, vectors, matrices and textures by their names; those that it does
+   * not read are passed over.
+   */
   use(numbers, textures = {}) {
     const { gl } = this;
     gl.useProgram(this.handle);
     for (const [name, value] of Object.entries(numbers)) {
       const uniform = this.uniforms.get(name);
       if (!uniform) continue;
-      const values = Array.isArray(value) ? value : [value];
-      const whole = [gl.INT, gl.INT_VEC2].includes(uniform.type);
-      gl[`uniform${values.length}${whole ? "iv" : "fv"}`](uniform.at, values);
+      const values = typeof value === "object" ? value : [value];
+      if (uniform.type === gl.FLOAT_MAT3) gl.uniformMatrix3fv(uniform.at, false, values);
+      else if (uniform.type === gl.FLOAT_MAT4) gl.uniformMatrix4fv(uniform.at, false, values);
+      else {
+        const whole = [gl.INT, gl.INT_VEC2, gl.BOOL].includes(uniform.type);
+        gl[`uniform${values.length}${whole ? "iv" : "fv"}`](uniform.at, values);
+      }
     }
+    this.bind(textures);
+  }
+
+  /** Bind a texture to each sampler. */
+  bind(textures) {
+    const { gl } = this;
     for (const [name, unit] of this.units) {
       const bound = textures[name];
       if (!bound) throw new Error(`no texture '${name}'`);
