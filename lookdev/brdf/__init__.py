@@ -1,7 +1,7 @@
-"""Reflectance models in plain NumPy, each written once and traced into every other language.
+"""Reflectance models in plain NumPy, which code generation traces into every other language.
 
 A model is one record (`model.Model`) in one registry (`models.MODELS`); its file contains its parameters and lobes.
-Lobes are combined by `mixture`, layers by `stack`.
+`mixture` combines lobes, `stack` combines layers.
 """
 
 from lookdev.brdf.lobes import Bsdf, Delta, Lobe

@@ -1,12 +1,13 @@
 """Metals: their measured eta and k, and the colour that follows from them.
 
-The numbers, in ``data/metals.csv``, are as in the refractiveindex.info database (public domain, CC0), from 365 to
-821 nm, thinned where they are smooth. Publications differ by some hundredths of reflectance, which depends on how the
-surface was made. Gold is a smooth film's, 0.05 brighter in green than Johnson and Christy's. Silver is a fit to several
-sources, 0.03 to 0.06 darker than Johnson and Christy's fresh film and slightly warm, as in the usual look-dev tables.
+The numbers in ``data/metals.csv`` are those of the refractiveindex.info database (public domain, CC0), from 365 to
+821 nm, with fewer wavelengths where the curves are smooth. Publications differ by some hundredths of reflectance,
+because their samples were prepared differently. Gold is measured on a smooth film, and is 0.05 brighter in green than
+Johnson and Christy's. Silver is a fit to several sources: it is 0.03 to 0.06 darker than Johnson and Christy's fresh
+film and slightly warm, as in the usual look-dev tables.
 
-A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of Rec.709:
-what reflects all light is exactly (1, 1, 1).
+A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of Rec.709.
+A surface that reflects all light is exactly (1, 1, 1).
 
 References
 ----------
@@ -48,7 +49,7 @@ METALS: dict[str, str] = {
     "titanium": "Johnson and Christy 1974",
     "tungsten": "Rakić et al. 1998",
 }
-"""Each metal, and who published its eta and k. Brass is 70 % copper and 30 % zinc."""
+"""The publication of eta and k of each metal, by the metal's name. Brass is 70 % copper and 30 % zinc."""
 
 _DATA = Path(__file__).parent / "data" / "metals.csv"
 
@@ -87,25 +88,25 @@ _XYZ_TO_REC709 = np.array([
 
 
 def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
-    """Return eta and k, (...) each, of one of `METALS` at `wavelengths`, (...), in nanometres.
+    """Return eta and k, each (...), of one of `METALS` at `wavelengths`, (...), in nanometres.
 
-    An unknown metal, or a wavelength outside 380 to 780 nm, raises ModelError.
+    Raises ModelError if the metal is unknown, or if a wavelength is outside 380 to 780 nm.
     """
     if name not in METALS:
         raise ModelError(f"unknown metal '{name}' ({nearest_hint(name, list(METALS))})")
     if np.any((wavelengths < _WAVELENGTHS[0]) | (wavelengths > _WAVELENGTHS[-1])):
         raise ModelError(f"{name}: a wavelength is outside 380 to 780 nm")
-    measured, eta, k = _measured()[name].T
-    return np.interp(wavelengths, measured, eta), np.interp(wavelengths, measured, k)
+    grid, eta, k = _load_spectra()[name].T
+    return np.interp(wavelengths, grid, eta), np.interp(wavelengths, grid, k)
 
 
 def metal_curve(name: str, cos_theta: Array) -> Array:
     """Return the colour, (..., 3), of the light that one of `METALS` reflects at cosines of incidence (...).
 
-    Linear Rec.709, not clipped: red of gold is above 1. An unknown metal raises ModelError.
+    The colour is linear Rec.709 and not clipped: the red of gold is above 1. An unknown metal raises ModelError.
     """
     spectrum = conductor_fresnel(np.expand_dims(cos_theta, -1), *metal_indices(name, _WAVELENGTHS))
-    # Ten nanometres give D65 a white that is not exactly that of Rec.709.
+    # Sampled at steps of 10 nm, D65 is not exactly the white of Rec.709.
     white: Array = _rec709(np.ones_like(_WAVELENGTHS))
     return _rec709(spectrum) / white
 
@@ -117,17 +118,18 @@ def metal_reflectance(name: str) -> NDArray[np.float64]:
     An unknown metal raises ModelError.
     """
     color: NDArray[np.float64] = np.clip(np.asarray(metal_curve(name, np.ones(()))), 0.0, 1.0)
-    color.setflags(write=False)  # it is cached
+    color.setflags(write=False)  # the result is cached
     return color
 
 
 def _rec709(spectrum: Array) -> Array:
+    """Return the linear Rec.709 colour (..., 3) of a spectrum (..., wavelengths) under D65, not normalised."""
     color: Array = (_D65 * np.asarray(spectrum)) @ _OBSERVER.T @ _XYZ_TO_REC709.T
     return color
 
 
 @cache
-def _measured() -> dict[str, NDArray[np.float64]]:
+def _load_spectra() -> dict[str, NDArray[np.float64]]:
     """Read wavelength, eta and k, (n, 3), of every metal."""
     rows: dict[str, list[list[float]]] = {}
     with _DATA.open(newline="", encoding="ascii") as file:

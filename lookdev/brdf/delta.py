@@ -1,7 +1,8 @@
 """Smooth surfaces: a mirror of metal, and a solid of glass. They scatter light along single directions.
 
-Both are exact: Fresnel's equations, the law of reflection, Snell's law, total reflection inside. The scattering is a
-delta distribution, so f is 0 for every pair of directions; `Delta` has what a renderer follows.
+Both are exact: they follow Fresnel's equations, the law of reflection and Snell's law, with total internal reflection.
+Their scattering is a delta distribution, so f is 0 for every pair of directions; a `Delta` has the direction and the
+value.
 
 References
 ----------
@@ -27,50 +28,50 @@ from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vec
 _NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map; the shading normal by default.")
 
 
-def _seen(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Array]:
-    """Return the frame about a normal, bent towards the view, and x, y and z of the view in it."""
+def _frame_and_view(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Array]:
+    """Return the frame about a normal, bent towards the view, and the x, y and z of the view in that frame."""
     frame = frame_of(normal).facing(wo)
     local = frame.to_local(wo)
-    # At a right angle to the bent normal, z is rounded.
+    # Rounding may make z negative where the view is at a right angle to the bent normal.
     return frame, local[..., 0], local[..., 1], np.maximum(local[..., 2], 0.0)
 
 
-def _above(frame: Frame, w: Array) -> Array:
-    """Return a direction of a frame in the shading frame; z is 0 where it is below that frame's horizon."""
+def _direction_above(frame: Frame, w: Array) -> Array:
+    """Express a direction of `frame` in the shading frame; set z to 0 where it is below the shading frame's horizon."""
     out = frame.from_local(w)
     return vector(out[..., 0], out[..., 1], np.maximum(out[..., 2], 0.0))
 
 
 def _mirror(p: Parameters) -> Bsdf:
     def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
-        frame, x, y, cosine = _seen(p["normal"], wo)
+        frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         value = p["tint"] * conductor_fresnel(np.expand_dims(cosine, -1), p["eta"], p["k"])
-        onto = vector(-x, -y, cosine)
-        return (Delta("mirror", "reflection", _above(frame, onto), value),)
+        mirrored = vector(-x, -y, cosine)
+        return (Delta("mirror", "reflection", _direction_above(frame, mirrored), value),)
 
     return Bsdf(lambda wo: (), deltas=deltas)
 
 
 def _glass(p: Parameters) -> Bsdf:
     def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
-        frame, x, y, cosine = _seen(p["normal"], wo)
-        here, there = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
-        n = here / there
-        reflectance = conductor_fresnel(cosine, there, 0.0, here)
+        frame, x, y, cosine = _frame_and_view(p["normal"], wo)
+        eta_i, eta_t = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
+        n = eta_i / eta_t
+        reflectance = conductor_fresnel(cosine, eta_t, 0.0, eta_i)
         # Snell's law. 1 - n^2 (1 - cos^2) would cancel near the critical angle.
         cos2 = 1.0 - n * n * (x * x + y * y)
         cos_t = np.sqrt(np.maximum(cos2, 0.0))
         refracted = frame.from_local(vector(-n * x, -n * y, -cos_t))
-        passes = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
-        refracted = vector(refracted[..., 0], refracted[..., 1], np.where(passes, refracted[..., 2], 0.0))
-        # Born and Wolf, 1.5.2, the transmissivities, not as a difference to 1.
+        is_refracted = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
+        refracted = vector(refracted[..., 0], refracted[..., 1], np.where(is_refracted, refracted[..., 2], 0.0))
+        # The transmissivities of Born and Wolf, 1.5.2; 1 less the reflectance would cancel.
         s, t = n * cosine + cos_t, cosine + n * cos_t
         transmittance = 2.0 * n * cosine * cos_t * (1.0 / np.maximum(s * s, TINY) + 1.0 / np.maximum(t * t, TINY))
         # Pharr et al., section 16.1.3: radiance is compressed, or spread, with the solid angle.
-        passed = scale(p["tint"], transmittance * n * n)
+        refracted_value = scale(p["tint"], transmittance * n * n)
         return (
-            Delta("glass", "reflection", _above(frame, vector(-x, -y, cosine)), vector(*[reflectance] * 3)),
-            Delta("glass", "refraction", refracted, passed, transmits=True),
+            Delta("glass", "reflection", _direction_above(frame, vector(-x, -y, cosine)), vector(*[reflectance] * 3)),
+            Delta("glass", "refraction", refracted, refracted_value, transmits=True),
         )
 
     return Bsdf(lambda wo: (), deltas=deltas)
@@ -98,9 +99,9 @@ def _model(
     preview: Callable[[Parameters], dict[str, Real]],
     *parameters: Parameter,
 ) -> Model:
-    by_name = {each.name: each for each in (*parameters, _NORMAL)}
+    by_name = {parameter.name: parameter for parameter in (*parameters, _NORMAL)}
     return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True,
-        quotes={key: each for key, each in OF_INDICES.items() if key in by_name}, quoted="Trent 2017, section 4",
+        quotes={key: quote for key, quote in OF_INDICES.items() if key in by_name}, quoted="Trent 2017, section 4",
     )  # fmt: skip
 
 

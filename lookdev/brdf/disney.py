@@ -5,9 +5,9 @@
 - Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
-``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. Normals of single
-lobes, the general GTR and thin films are what section 6 and appendix B suggest. Not of the model: `presence` is the
-part of the surface that is there at all, and metals may have their exact Fresnel term.
+``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. Section 6 and
+appendix B suggest a normal for each lobe, the general GTR and thin films. Two inputs are not of the published model:
+`presence`, the coverage of the surface, and the exact Fresnel term of metals.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from lookdev.brdf.reflectance import ggx_albedo, ggx_reflectance
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, same, scale
 
 COAT_F0 = 0.04
-"""Reflectance of the clearcoat at normal incidence: an index of 1.5 (Burley 2012, section 5.4)."""
+"""Reflectance of the clearcoat at normal incidence, of an index of 1.5 (Burley 2012, section 5.4)."""
 
 
 def _tint(base_color: Array) -> Array:
-    """Hue and saturation of the base colour: divided by its luminance, white where that is 0 (section 5.1)."""
+    """Return the base colour divided by its luminance, or white where that is 0 (section 5.1)."""
     luminance = 0.3 * base_color[..., 0] + 0.6 * base_color[..., 1] + 0.1 * base_color[..., 2]
     positive = np.expand_dims(luminance > 0.0, -1)
     return np.where(positive, base_color / np.where(positive, np.expand_dims(luminance, -1), 1.0), np.ones(3))
@@ -62,7 +62,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "diffuse",
-        # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
+        # The factor (1 - cos theta_d)^5 leaves about a tenth of the sheen.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
@@ -81,14 +81,14 @@ def _alphas(p: Parameters) -> tuple[Array, Array]:
     return np.maximum(0.001, square / aspect), np.maximum(0.001, square * aspect)
 
 
-# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour, unless they are exact.
+# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals have the base colour, unless they are exact.
 def _f0(p: Parameters) -> Array:
     dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
     return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
 
 
 def specular_fresnel(p: Parameters, cos_theta: Array) -> Array:
-    """Return the specular lobe's term (..., 3) at a cosine (...)."""
+    """Return the Fresnel term (..., 3) of the specular lobe at a cosine (...)."""
     term = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
     film = () if same(p["filmThickness"], 0.0) else (cos_theta, p["filmThickness"], p["filmIor"])
     if film:
@@ -110,7 +110,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
             return mf.smith_ggx(cos_theta, alpha_g * alpha_g)
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
-    # GGX, for which visible normals are sampled; or the general distribution of appendix B.
+    # GGX, of which the visible normals are sampled, or the general distribution of appendix B.
     ggx = same(p["gamma"], 2.0)
 
     def distribution(wm: Array) -> Array:
@@ -266,8 +266,8 @@ def _bsdf(parameters: Parameters) -> Bsdf:
         def lobe(build: Callable[[Parameters, Array, Frame], Lobe], normal: str) -> Lobe:
             # Lobes about one normal share its frame.
             shared = same(parameters[normal], parameters["normal"])
-            own = frame if shared else frame_of(parameters[normal]).facing(wo)
-            return build(parameters, own.to_local(wo), own).blended(presence)
+            lobe_frame = frame if shared else frame_of(parameters[normal]).facing(wo)
+            return build(parameters, lobe_frame.to_local(wo), lobe_frame).blended(presence)
 
         parts = (_diffuse, "normal"), (_specular, "specularNormal"), (_clearcoat, "clearcoatNormal")
         return tuple(lobe(build, normal) for build, normal in parts)
@@ -279,7 +279,7 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
     """Return the albedo of the specular lobe, fitted for the variant of 2014 and gamma 2."""
     cos_theta = frame_of(p["specularNormal"]).facing(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
-    # A lobe of both alphas resembles one of their mean.
+    # An anisotropic lobe has about the albedo of an isotropic one of the geometric mean of both alphas.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
     if is_exact(p) or not same(p["filmThickness"], 0.0):
         whole, typical = ggx_albedo(cos_theta, alpha)
@@ -292,7 +292,7 @@ def _preview(p: Parameters) -> dict[str, Real]:
     if is_exact(p):
         exact["diffuseColor"] = mix_color(p["baseColor"], metal_fresnel(p, np.ones(())), p["metallic"])
     return exact | {
-        # The model's weight of the clearcoat, and the root of its alpha.
+        # The weight of the clearcoat lobe, and the root of its alpha.
         "clearcoat": 0.25 * p["clearcoat"],
         "clearcoatRoughness": np.sqrt(mix(0.1, 0.001, p["clearcoatGloss"])),
         "f0": 0.08 * p["specular"],
@@ -306,7 +306,8 @@ DISNEY = Model(
     parameters=_PARAMETERS,
     bsdf=_bsdf,
     identifier="LookdevDisney",
-    # Saturated tints are up to ten times brighter than white, and a rough surface retroreflects: 2.5 was found.
+    # Saturated tints are up to ten times brighter than white, and a rough surface retroreflects. The largest albedo
+    # observed is 2.5.
     energy=lambda tokens: 4.0,
     reciprocal=lambda tokens: ("diffuse", "specular", "clearcoat"),
     modes=("over", "coat"),

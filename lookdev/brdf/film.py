@@ -1,16 +1,16 @@
-"""Iridescence: a thin film of a clear dielectric on a surface whose reflectance, or index, is known, in colour.
+"""Iridescence: the colour of a surface of known reflectance, or known index, under a thin film of a clear dielectric.
 
-Light that has crossed the film m times interferes with what the film's face reflects. Its amplitudes are summed to all
-orders (Airy), once for each polarisation; spectra become colour by the CIE 1931 observer under D65, linear Rec.709.
-Without an index of its own, a film has no effect, nor has one of no thickness.
+Light that has crossed the film m times interferes with the light that the film's face reflects. Airy's sum adds their
+amplitudes over all orders m, once for each polarisation. Spectra become linear Rec.709 by the CIE 1931 observer under
+D65. A film of index 1, or of no thickness, has no effect.
 
-A surface whose reflectance alone is known reflects amplitudes of the phase of a dielectric's, the same for both
-polarisations, and its reflectance without a film is what it is at the same angle. A metal of an index of refraction
-reflects the complex amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
+Where a surface's reflectance alone is known, its amplitudes have the phase of a dielectric's and are the same for both
+polarisations; its reflectance without a film is taken at the same angle. A metal of known index reflects the complex
+amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
 
-The series of Airy's sum over m has the colours of ``cos(2 pi m x / wavelength)``, x being the optical path: functions
-of m x alone, here sums of Gaussians of wavenumber, evenly spaced. Two approximations remain: those sums, and that the
-series ends. docs/models.md has their errors.
+The terms of Airy's sum have the colours of ``cos(2 pi m x / wavelength)``, where x is the optical path. These are
+functions of m x alone, which sums of Gaussians, evenly spaced in wavenumber, approximate. A second approximation ends
+the series at a largest m. docs/models.md has the errors of both.
 
 - Airy, G. B. 1833. On the phenomena of Newton's rings when formed between two transparent substances of different
   refractive powers. Philosophical Magazine 2.
@@ -43,7 +43,7 @@ _WEIGHTS = np.array([
 def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) -> Array:
     """Return the reflectance (..., 3), in [0, 1], of a surface under a film, in air.
 
-    bare : (..., 3), reflectance of the surface without the film, at the same angle; above 1 it counts as 1.
+    bare : (..., 3), reflectance of the surface without the film, at the same angle; values above 1 count as 1.
     cos_theta : (...), cosine of the angle of incidence.
     thickness : (...), in nanometres.
     ior : (...), index of refraction of the film, at least 1.
@@ -53,7 +53,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     root = np.sqrt(np.minimum(bare, 1.0))
     whole = (1.0 - root) / (1.0 + root)
     total: Real = 0.0
-    # An amplitude r as the ratio (1 + r) / (1 - r) of admittances: those of successive faces are multiplied.
+    # An amplitude r is written as a ratio of admittances, (1 + r) / (1 - r); the ratios of successive faces multiply.
     for face in (cos_theta / inside, inside / (ior * ior * cos_theta)):
         a = np.expand_dims(face, -1)
         b = whole / a
@@ -61,7 +61,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
         incoherent = (a * below * below + b * (1.0 - a) * (1.0 - a)) / both
         transmitted = 4.0 * whole / both
         product = (a - 1.0) * below / ((a + 1.0) * (1.0 + b))
-        # By powers of minus the product of the faces' amplitudes.
+        # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
         series: Real = 0.0
         for color, _ in reversed(colors):
             series = product * (color + series)
@@ -73,13 +73,13 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
 def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Real, ior: Real) -> Array:
     """Return the reflectance (..., 3), in [0, 1], of a metal under a film, in air.
 
-    eta, k : (..., 3), of the metal, by channel.
-    cos_theta, thickness, ior : as of `film_reflectance`.
+    eta, k : (..., 3), index of refraction of the metal, by channel.
+    cos_theta, thickness, ior : as in `film_reflectance`.
     """
     cos_theta, inside = _cosines(cos_theta, ior)
     colors = _path_colors(2.0 * inside * thickness)
-    c, film, square = (np.expand_dims(each, -1) for each in (cos_theta, inside, ior * ior))
-    # u + iv is the metal's index times the cosine in it.
+    c, film, square = (np.expand_dims(quantity, -1) for quantity in (cos_theta, inside, ior * ior))
+    # u + iv is the metal's index times the cosine of the refracted angle.
     u, v = square_root((eta - 1.0) * (eta + 1.0) - k * k + c * c, eta * k)
     # Amplitudes are (a - b) / (a + b): at the upper face both are real, at the lower one a + ia' and b + ib'.
     perpendicular = c, film, (film, 0.0), (u, v)
@@ -87,12 +87,12 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
     total: Real = 0.0
     for over, under, (a, ia), (b, ib) in (perpendicular, parallel):
         amplitude = (over - under) / (over + under)
-        enters = 4.0 * (over / (over + under)) * (under / (over + under))
+        transmitted = 4.0 * (over / (over + under)) * (under / (over + under))
         norm = np.maximum((a + b) * (a + b) + (ia + ib) * (ia + ib), TINY * TINY)
         reflected, absorbed = ((a - b) * (a - b) + (ia - ib) * (ia - ib)) / norm, 4.0 * (a * b + ia * ib) / norm
-        twice = amplitude * amplitude
-        both = np.maximum(enters + twice * absorbed, TINY)
-        # By powers of minus the product of the faces' amplitudes.
+        squared = amplitude * amplitude
+        both = np.maximum(transmitted + squared * absorbed, TINY)
+        # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
         real = amplitude * ((b - a) * (b + a) + (ib - ia) * (ib + ia)) / norm
         imaginary = amplitude * 2.0 * (a * ib - ia * b) / norm
         series: Real = 0.0
@@ -101,13 +101,15 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
             next_real, next_imaginary = cosine + series, sine + iseries
             series = real * next_real - imaginary * next_imaginary
             iseries = real * next_imaginary + imaginary * next_real
-        total = total + 0.5 * (enters * reflected + twice * absorbed - 2.0 * enters * absorbed * series) / both
+        total = (
+            total + 0.5 * (transmitted * reflected + squared * absorbed - 2.0 * transmitted * absorbed * series) / both
+        )
     reflectance: Array = np.clip(total, 0.0, 1.0)
     return reflectance
 
 
 def _cosines(cos_theta: Array, ior: Real) -> tuple[Array, Array]:
-    """Return the cosine of incidence, above 0, and ior times the cosine in the film."""
+    """Return the cosine of incidence, above 0, and `ior` times the cosine of the angle inside the film."""
     cos_theta = np.maximum(cos_theta, TINY)
     return cos_theta, np.sqrt((ior - 1.0) * (ior + 1.0) + cos_theta * cos_theta)
 
@@ -118,20 +120,21 @@ def _path_colors(path: Array) -> list[tuple[Array, Array]]:
     Paths (...) are in nanometres.
     """
     decay = 2.0 * np.square(np.pi * _WIDTH * path)
-    waves = [2.0 * np.pi * centre * path for centre in _CENTRES]
-    now = [(np.cos(wave), np.sin(wave)) for wave in waves]
-    twice, before = [2.0 * cosine for cosine, _ in now], [(1.0 + 0.0 * path, 0.0 * path) for _ in now]
+    phases = [2.0 * np.pi * centre * path for centre in _CENTRES]
+    waves = [(np.cos(phase), np.sin(phase)) for phase in phases]
+    doubled, previous = [2.0 * cosine for cosine, _ in waves], [(1.0 + 0.0 * path, 0.0 * path) for _ in waves]
     colors = []
     for order in range(1, _ORDERS + 1):
-        fades = np.expand_dims(np.exp(-float(order * order) * decay), -1)
+        envelope = np.expand_dims(np.exp(-float(order * order) * decay), -1)
         cosine, sine = (
-            fades * sum(np.expand_dims(wave[part], -1) * weight for wave, weight in zip(now, _WEIGHTS, strict=True))
+            envelope
+            * sum(np.expand_dims(phase[part], -1) * weight for phase, weight in zip(waves, _WEIGHTS, strict=True))
             for part in (0, 1)
         )
         colors.append((cosine, sine))
-        # Chebyshev's recurrence for cosines and sines of multiples.
-        now, before = (
-            [(t * c - a, t * s - b) for t, (c, s), (a, b) in zip(twice, now, before, strict=True)],
-            now,
+        # Chebyshev's recurrence for cosines and sines of multiples of an angle.
+        waves, previous = (
+            [(t * c - a, t * s - b) for t, (c, s), (a, b) in zip(doubled, waves, previous, strict=True)],
+            waves,
         )
     return colors

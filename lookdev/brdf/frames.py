@@ -1,4 +1,4 @@
-"""Frames of lobes inside the frame of the shading normal: that frame itself, or one about another normal.
+"""Frames of lobes: the frame of the shading normal, or a frame about another normal.
 
 - Duff, T. et al. 2017. Building an Orthonormal Basis, Revisited. JCGT 6(1).
 """
@@ -24,10 +24,10 @@ class Upright:
     """The shading frame itself."""
 
     normal: ClassVar[Array] = ZENITH
-    """The unit z axis, (..., 3), above the horizon of the shading frame."""
+    """The unit z axis of the frame, (..., 3), above the horizon of the shading frame."""
 
     def to_local(self, w: Array) -> Array:
-        """Express directions (..., 3) of the shading frame in this one."""
+        """Express directions (..., 3) of the shading frame in this frame."""
         return w
 
     def from_local(self, w: Array) -> Array:
@@ -62,19 +62,19 @@ class Leaning:
     def _axes(self) -> tuple[Array, Array]:
         x, y = self.normal[..., 0], self.normal[..., 1]
         a = -1.0 / (1.0 + self.normal[..., 2])
-        xy = x * y * a
-        return vector(1.0 + x * x * a, xy, -x), vector(xy, 1.0 + y * y * a, -y)
+        b = x * y * a
+        return vector(1.0 + x * x * a, b, -x), vector(b, 1.0 + y * y * a, -y)
 
 
 Frame: TypeAlias = Upright | Leaning
 
 
-def frame_of(mapped: Array) -> Frame:
-    """Return the frame about the direction of vectors of a normal map, (..., 3), with z at least 0.01."""
-    normal = normalize(vector(mapped[..., 0], mapped[..., 1], np.maximum(mapped[..., 2], _LOWEST)))
+def frame_of(normal_map: Array) -> Frame:
+    """Return the frame about a normal, (..., 3), as of a normal map: of any length, its z raised to at least 0.01."""
+    normal = normalize(vector(normal_map[..., 0], normal_map[..., 1], np.maximum(normal_map[..., 2], _LOWEST)))
     return Upright() if same(normal, ZENITH) else Leaning(normal)
 
 
 def mirrored(w: Array) -> Array:
-    """Mirror directions (..., 3) in the plane of the surface."""
+    """Mirror directions (..., 3) across the plane of the surface."""
     return vector(w[..., 0], w[..., 1], -w[..., 2])

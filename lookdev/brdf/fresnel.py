@@ -11,7 +11,7 @@ import numpy as np
 from lookdev.brdf.vectors import TINY, Array, Real, same
 
 
-# Schlick 1994, eq. 15, the weights of normal and of grazing incidence.
+# Schlick 1994, eq. 15: the weights of normal and of grazing incidence.
 def schlick_weights(cos_theta: Array) -> tuple[Array, Array]:
     """Return ``1 - (1 - cos_theta)^5`` and ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
     # The cosine of equal directions can round to above 1, where the odd power is negative.
@@ -30,7 +30,7 @@ def schlick_weight(cos_theta: Array) -> Array:
 def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
     """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
     if same(normal, grazing):
-        return normal + 0.0 * cos_theta  # of the cosine's shape, in less generated code
+        return normal + 0.0 * cos_theta  # has the shape of the cosine, and needs less generated code
     at_normal, at_grazing = schlick_weights(cos_theta)
     return normal * at_normal + grazing * at_grazing
 
@@ -55,26 +55,26 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     """
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
-    # Of the relative index: its square less 1, which cancels for like media, and half the imaginary part of its square.
+    # The square of the relative index less 1, which would cancel for similar media, and half of its imaginary part.
     inverse = 1.0 / (external_ior * external_ior)
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
     real = excess + cos2
     a, b = square_root(real, cross)
-    travels = real >= 0.0
+    is_real = real >= 0.0
     b2, plus = b * b, cos_theta + a
-    # Where b is small so is cos - a, for like media: cos^2 - a^2 = -(excess + b^2).
-    minus = np.where(travels, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
+    # For similar media b and cos - a are small: cos^2 - a^2 = -(excess + b^2) does not cancel.
+    minus = np.where(is_real, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
     reflectance_s = (minus * minus + b2) / np.maximum(plus * plus + b2, TINY)
     less, more, b2_cos2 = cos_theta * a - sin2, cos_theta * a + sin2, b2 * cos2
-    # 0 / 0 where light without absorption grazes like media.
+    # The floor avoids 0 / 0 at grazing incidence between equal media without absorption.
     ratio = (less * less + b2_cos2) / np.maximum(more * more + b2_cos2, TINY)
     reflectance: Array = reflectance_s * (1.0 - polarisation + polarisation * ratio)
     return reflectance
 
 
-# Born and Wolf, 1.5 (34) and 14.2: 1 less both reflectances, in which r_p / r_s is as above.
+# Born and Wolf, 1.5 (34) and 14.2: 1 less the reflectance of each polarisation, with r_p / r_s as above.
 def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
-    """Return ``1 - conductor_fresnel(cos_theta, eta, k)``, in air, of unpolarised light, exact where it is small."""
+    """Return ``1 - conductor_fresnel(cos_theta, eta, k)`` in air for unpolarised light, without cancellation."""
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
     a, b = square_root((eta - 1.0) * (eta + 1.0) - k * k + cos2, eta * k)
@@ -86,9 +86,9 @@ def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
 
 
 def square_root(real: Real, half: Real) -> tuple[Array, Array]:
-    """Return a and b, at least 0, of ``a + ib``, the root of ``real + 2i half``; half is at least 0."""
-    # a^2 - b^2 = real and a b = half: the larger part first, as the other is a small difference of squares.
+    """Return a and b, both at least 0, of ``a + ib``, the square root of ``real + 2i half``, with half at least 0."""
+    # a^2 - b^2 = real and a b = half. The larger part comes first; by itself, the other would be a small difference.
     large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * half * half) + np.absolute(real)))
     small = half / np.maximum(large, TINY)
-    first = real >= 0.0
-    return np.where(first, large, small), np.where(first, small, large)
+    is_real = real >= 0.0
+    return np.where(is_real, large, small), np.where(is_real, small, large)

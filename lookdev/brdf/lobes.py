@@ -1,6 +1,6 @@
 """Lobes, and the surface that they belong to.
 
-`lookdev.brdf.mixture` states how lobes are chosen, summed and weighted. A lobe with share 0 is 0 everywhere: code
+`lookdev.brdf.mixture` states how lobes are selected, summed and weighted. A lobe with share 0 is 0 everywhere: code
 generation drops it where the 0 is constant, and guards it by an ``if`` where the share varies.
 """
 
@@ -16,17 +16,17 @@ from lookdev.brdf.frames import Frame, Leaning, Upright, mirrored
 from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, dot, scale, vector
 
 Group = Literal["diffuse", "specular", "clearcoat"]
-"""The kind of response; a lobe of any kind may transmit."""
+"""The kind of a lobe's response; a lobe of any kind may transmit."""
 
 PartGroup = Literal["sheen"]
-"""The kind of a term that a lobe of another kind has."""
+"""The kind of a term within a lobe of another kind."""
 
 
 @dataclass(frozen=True)
 class Directions:
     """A pair of unit directions (..., 3) in a lobe's frame, both above its horizon, with half vector and cosines (...).
 
-    cos_theta_d is ``wi . wm``, the cosine between either direction and the half vector `wm`.
+    `cos_theta_d` is ``wi . wm``, the cosine between either direction and the half vector `wm`.
     """
 
     wo: Array
@@ -40,7 +40,7 @@ class Directions:
     def of(cls, wo: Array, wi: Array) -> Directions:
         """Derive the half vector and the cosines from `wo` and `wi`."""
         x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
-        # Opposite directions along the horizon: the floor's square is still a normal float32.
+        # The floor is for opposite directions along the horizon: its square is still a normal float32.
         half = vector(x, y, np.maximum(z, TINY))
         length = np.sqrt(dot(half, half))
         # wi . wm is half the length of wo + wi; the dot product cancels as wi nears -wo.
@@ -52,9 +52,9 @@ class Lobe:
     """One term of a BSDF, at a viewing direction, in a `frame` of its own.
 
     model, name
-        Of the model, and of the lobe within it.
+        The names of the model, and of the lobe within it.
     share : (...)
-        Unnormalised probability, at least 0, with which the lobe is chosen when a direction is sampled.
+        Unnormalised probability, at least 0, of selecting the lobe when a direction is sampled.
     evaluate
         From `Directions` to f in 1/sr, cosine and `weight` excluded, (..., 3).
     pdf
@@ -62,24 +62,25 @@ class Lobe:
     sample
         From two uniform numbers (...) to unit directions (..., 3) of the frame, which may be below the horizon.
     group
-        The kind of response, by which lights have multipliers: ``"diffuse"`` is body reflection, with what a model adds
-        to it in the same lobe (retro-reflection, a stand-in for subsurface scattering, sheen), and its transmission.
+        The kind of response; lights have a multiplier for each kind. ``"diffuse"`` is body reflection and its
+        transmission, with the terms that a model adds to it in the same lobe: retro-reflection, an approximation of
+        subsurface scattering, sheen.
     frame
-        About the lobe's normal, facing the viewer.
+        The frame about the lobe's normal, facing the viewer.
     transmits
-        The light is on the other side than the viewer; the functions above take and return its direction mirrored to
-        the viewer's side.
+        Whether light and viewer are on opposite sides; the functions above take and return the light's direction
+        mirrored to the viewer's side.
     own_side
-        Where the lobe leans, its own normal alone decides on which side a direction is. Otherwise the shading normal
-        must agree.
+        Whether, where the lobe leans, the lobe's normal alone decides on which side a direction is. Otherwise the
+        shading normal must agree.
     broad
-        The lobe is nearly constant: samples in proportion to light times cosine suit it as well as its own.
+        Whether the lobe is nearly constant: samples in proportion to light times cosine suit it as well as its own.
     weight : (...)
         Factor in [0, 1] of f in a blend with other surfaces.
     values
-        What f is computed from, by name, for stand-ins (`lookdev.closures`).
+        The quantities from which f is computed, by name, for approximations by closures (`lookdev.closures`).
     parts
-        Terms of f that are passes of their own, by their groups: functions as `evaluate`.
+        Terms of f that are render passes of their own, by group: functions such as `evaluate`.
     """
 
     model: str
@@ -108,23 +109,23 @@ class Lobe:
         return self.leans and self.own_side
 
     def blended(self, weight: Real) -> Lobe:
-        """Return the lobe with a weight (...) in a blend."""
+        """Return the lobe, its weight and share multiplied by a weight (...) in a blend."""
         return replace(self, share=self.share * weight, weight=self.weight * weight)
 
     def pair(self, wo: Array, wi: Array) -> tuple[Array, Array]:
-        """Express directions of the shading frame in the lobe's."""
+        """Express directions of the shading frame in the lobe's frame, `wi` mirrored if the lobe transmits."""
         wi = self.frame.to_local(wi)
         return self.frame.to_local(wo), mirrored(wi) if self.transmits else wi
 
     def draw(self, u1: Array, u2: Array) -> Array:
-        """Draw a direction in the shading frame, with z = 0 where the lobe itself is 0.
+        """Draw a direction in the shading frame, with z = 0 where this lobe is 0 in the direction.
 
-        The pdf of the mixture excludes this lobe there, so the direction must not be used, though another lobe may be
+        The pdf of the mixture excludes this lobe there. So the direction must not be used, even if another lobe is
         above 0.
         """
-        drawn = self.sample(u1, u2)
-        wi = self.frame.from_local(mirrored(drawn) if self.transmits else drawn)
-        valid = drawn[..., 2] > 0.0
+        local = self.sample(u1, u2)
+        wi = self.frame.from_local(mirrored(local) if self.transmits else local)
+        valid = local[..., 2] > 0.0
         if self.leans and not self.crosses:
             valid = valid & ((wi[..., 2] < 0.0) if self.transmits else (wi[..., 2] > 0.0))
         return vector(wi[..., 0], wi[..., 1], np.where(valid, wi[..., 2], 0.0))
@@ -132,16 +133,16 @@ class Lobe:
 
 @dataclass(frozen=True)
 class Delta:
-    """Scattering along a single direction: what a smooth surface adds to the lobes.
+    """Scattering along a single direction, a term of a smooth surface beside its lobes.
 
     model, name
-        Of the model, and of the term within it.
+        The names of the model, and of the term within it.
     direction : (..., 3)
-        To the light, unit, in the shading frame; z is 0 where there is none.
+        Unit direction to the light in the shading frame; z is 0 where there is no such direction.
     value : (..., 3)
-        Radiance to the viewer over radiance from there.
+        Radiance to the viewer over radiance from `direction`.
     transmits
-        The light is on the other side than the viewer.
+        Whether light and viewer are on opposite sides.
     """
 
     model: str
@@ -151,7 +152,7 @@ class Delta:
     transmits: bool = False
 
     def blended(self, weight: Real) -> Delta:
-        """Return the term with a weight (...) in a blend."""
+        """Return the term, its value multiplied by a weight (...) in a blend."""
         return replace(self, value=scale(self.value, weight))
 
 
@@ -159,12 +160,13 @@ class Delta:
 class Bsdf:
     """The lobes of a surface as a function of the view (..., 3), above the horizon of the shading frame.
 
-    `presence`, (...), is how much of the surface is there: a ray goes on unchanged with weight ``1 - presence``, which
-    the functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: seen from below the horizon, f is
-    that of both directions flipped. Any other surface is black from below.
+    `presence`, (...), is the coverage of the surface: a ray continues unchanged with weight ``1 - presence``, which the
+    functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: for a view below the horizon, f is that
+    of both directions flipped. Any other surface is black from below.
 
-    `deltas` are functions of the view, too, and of where the viewer is inside the solid that the surface bounds, (...):
-    where its normals point away from the viewer. The functions of `lookdev.brdf.mixture` exclude them.
+    `deltas` is a function of the view and of a mask, (...), that is true where the viewer is inside the solid that the
+    surface bounds: where the solid's normals point away from the viewer. The functions of `lookdev.brdf.mixture`
+    exclude these terms.
     """
 
     lobes: Callable[[Array], tuple[Lobe, ...]]
@@ -173,37 +175,37 @@ class Bsdf:
     deltas: Callable[[Array, Mask], tuple[Delta, ...]] = lambda wo, inside: ()
 
     def transmits(self, wo: Array) -> bool:
-        """Return whether light passes, seen along any of some views (..., 3); what is opaque is lit from its front."""
+        """Return whether light passes through the surface for any of the views (..., 3)."""
         lobes = any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
-        return lobes or any(each.transmits for each in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
+        return lobes or any(delta.transmits for delta in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
 
     def converted(self, matrix: Array) -> Bsdf:
-        """Return a BSDF whose f has the coordinates of another linear space.
+        """Return a BSDF whose f is in the coordinates of another linear colour space.
 
-        `matrix` (3, 3) leads there, and its rows sum up to 1. Models are as published, in linear Rec.709: their tints
-        by luminance, exact metals and films, which are sums over a spectrum, keep their colours. What is linear in a
-        colour is as if that colour had been converted.
+        `matrix` (3, 3) converts from linear Rec.709 to that space; its rows sum to 1. Models are evaluated as
+        published, in linear Rec.709: tints by luminance, exact metals and films, which are sums over a spectrum, keep
+        their colours. A term that is linear in a colour parameter equals the term of the converted colour.
         """
         rows = np.asarray(matrix, np.float64).tolist()
 
-        def convert(color: Array) -> Array:
+        def convert_color(color: Array) -> Array:
             r, g, b = color[..., 0], color[..., 1], color[..., 2]
             return vector(*(row[0] * r + row[1] * g + row[2] * b for row in rows))
 
-        def function(evaluate: Callable[[Directions], Array]) -> Callable[[Directions], Array]:
-            return lambda d: convert(evaluate(d))
+        def convert_values(evaluate: Callable[[Directions], Array]) -> Callable[[Directions], Array]:
+            return lambda d: convert_color(evaluate(d))
 
         def lobes(wo: Array) -> tuple[Lobe, ...]:
             return tuple(
                 replace(
                     lobe,
-                    evaluate=function(lobe.evaluate),
-                    parts={name: function(part) for name, part in lobe.parts.items()},
+                    evaluate=convert_values(lobe.evaluate),
+                    parts={name: convert_values(part) for name, part in lobe.parts.items()},
                 )
                 for lobe in self.lobes(wo)
             )
 
         def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
-            return tuple(replace(each, value=convert(each.value)) for each in self.deltas(wo, inside))
+            return tuple(replace(delta, value=convert_color(delta.value)) for delta in self.deltas(wo, inside))
 
         return replace(self, lobes=lobes, deltas=deltas)

@@ -28,16 +28,15 @@ INTERFACE: dict[str, Parameter] = {
         Parameter("polarisation", "float", 0.5, help="0 all perpendicular to the plane of incidence, 1 all parallel."),
     )
 }
-"""Between a dielectric and what may be a conductor, for one wavelength."""
+"""Parameters of an interface between a dielectric and a dielectric or conductor, at one wavelength."""
 
 METAL_TABLE = Path(__file__).parent / "data" / "metal_indices.json"
-"""The file of eta and k of metals by name, of each channel."""
+"""The file with eta and k of each channel, by name of the metal."""
 
 CONDUCTOR = "conductor"
 
-
 METAL_COLORS = ("nearest", "bands")
-"""How the index of a channel follows from a metal's spectra."""
+"""The ways to derive a channel's index from a metal's spectra."""
 
 _NONE = "none"
 
@@ -46,27 +45,27 @@ OF_INDICES = {
     "k": "the extinction coefficient (k) is effectively how conductive the material is",
     "externalIor": "the external IOR (η_o) is the index of refraction of the material the object is contained in.",
 }
-"""What Trent 2017, section 4, says of indices."""
+"""Quotations from Trent 2017, section 4, by parameter."""
 
 
 @cache
 def metal_table() -> Any:
-    """Return what `METAL_TABLE` has: by metal and color, eta, k and the deviation of each channel."""
+    """Return the data of `METAL_TABLE`: eta, k and deviation of each channel, by metal and by `METAL_COLORS`."""
     return json.loads(METAL_TABLE.read_text())
 
 
 def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, Value]:
-    """Return eta and k of one of `METALS`, by one of `METAL_COLORS`."""
+    """Return eta and k of one of `METALS`, derived by one of `METAL_COLORS`."""
     entry = metal_table()[name][color]
     return {index: tuple(entry[index]) for index in ("eta", "k")}
 
 
-def named_metal(**also: str) -> tuple[Parameter, ...]:
-    """Return the parameters by which a model with eta and k takes metals by name; a metal stands for `also`, too."""
+def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
+    """Return the parameters that select a metal by name; a metal expands to eta and k, and to `other_tokens`."""
 
-    def stands(tokens: Mapping[str, str]) -> Mapping[str, Value]:
+    def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, Value]:
         name = tokens["metal"]
-        return {} if name == _NONE else {**also, **metal_index(name, tokens["metalColor"])}
+        return {} if name == _NONE else {**other_tokens, **metal_index(name, tokens["metalColor"])}
 
     return (
         Parameter(
@@ -74,9 +73,9 @@ def named_metal(**also: str) -> tuple[Parameter, ...]:
             "token",
             _NONE,
             choices=(_NONE, *METALS),
-            help=f"Stands for {', '.join([*also, 'eta and k'])} of a metal.",
+            help=f"Stands for {', '.join([*other_tokens, 'eta and k'])} of a metal.",
             among="own",
-            stands=stands,
+            stands=expand_tokens,
         ),
         Parameter(
             "metalColor",
@@ -85,13 +84,13 @@ def named_metal(**also: str) -> tuple[Parameter, ...]:
             choices=METAL_COLORS,
             help="Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
             among="own",
-            stands=stands,
+            stands=expand_tokens,
         ),
     )
 
 
 def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
-    """Return the parameters of a model whose metal may be exact; `among` is that of the choice."""
+    """Return the parameters of a model with exact metals; `among` is `Parameter.among` of the token ``"fresnel"``."""
     return (
         Parameter(
             "fresnel",
@@ -108,10 +107,10 @@ def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
 
 
 def is_exact(p: Parameters) -> bool:
-    """Return whether metals follow the exact curve."""
+    """Return whether metals have the exact Fresnel curve of eta and k."""
     return bool(p["fresnel"] == CONDUCTOR)
 
 
 def metal_fresnel(p: Parameters, cos_theta: Array) -> Array:
-    """Return the exact reflectance (..., 3) of a metal, in air and for unpolarised light, at a cosine (...)."""
+    """Return the exact reflectance (..., 3) of a metal in air for unpolarised light, at a cosine (...)."""
     return conductor_fresnel(np.expand_dims(cos_theta, -1), p["eta"], p["k"])

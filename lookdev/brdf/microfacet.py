@@ -44,8 +44,8 @@ def gtr2_aniso(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
 
 
 # Burley 2012, eq. 1. With L = log(alpha^2) and E(x) = (exp(x) - 1) / x, its constant is E(L) / (pi E((1 - gamma) L)),
-# which has no singularity at gamma = 1. Burley has no anisotropic form with a closed normalisation; here the slopes of
-# the isotropic one of the mean alpha are stretched, which is eq. 13 for gamma = 2.
+# which has no singularity at gamma = 1. Burley has no anisotropic form with a closed normalisation. This one stretches
+# the slopes of the isotropic distribution of the mean alpha; for gamma = 2 it is eq. 13.
 def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
     """D of the anisotropic GTR for any gamma."""
     alpha2 = alpha_x * alpha_y
@@ -55,7 +55,7 @@ def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
     # The squared length of the half vector with unstretched slopes.
     length2: Real = 1.0 if same(alpha_x, alpha_y) else x2 + y2 + z2
     log_alpha2 = np.log(alpha2)
-    c = _growth(log_alpha2) / (np.pi * _growth((1.0 - gamma) * log_alpha2))
+    c = _expm1_ratio(log_alpha2) / (np.pi * _expm1_ratio((1.0 - gamma) * log_alpha2))
     d: Array = c * np.power(length2 / (alpha2 * z2 + x2 + y2), gamma) / (length2 * length2)
     return d
 
@@ -68,21 +68,21 @@ def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: A
     log_alpha2 = np.log(alpha2)
     power = (gamma - 1.0) * log_alpha2
     # -w / log(alpha^2)
-    part = u2 * _growth(power) * _log_growth(u2 * np.expm1(power))
-    sin2 = np.minimum(alpha2 * part * _growth(-log_alpha2 * part) / _growth(log_alpha2), 1.0)
+    scaled_log = u2 * _expm1_ratio(power) * _log1p_ratio(u2 * np.expm1(power))
+    sin2 = np.minimum(alpha2 * scaled_log * _expm1_ratio(-log_alpha2 * scaled_log) / _expm1_ratio(log_alpha2), 1.0)
     phi = 2.0 * np.pi * u1
     sin_theta, stretch = np.sqrt(sin2), np.sqrt(alpha_x / alpha_y)
     x, y = sin_theta * np.cos(phi) * stretch, sin_theta * np.sin(phi) / stretch
     return normalize(vector(x, y, np.sqrt(1.0 - sin2)))
 
 
-def _growth(x: Array) -> Array:
+def _expm1_ratio(x: Array) -> Array:
     """``(exp(x) - 1) / x``, 1 at 0."""
     small = np.absolute(x) < 1e-6
     return np.where(small, 1.0 + 0.5 * x, np.expm1(x) / np.where(small, 1.0, x))
 
 
-def _log_growth(x: Array) -> Array:
+def _log1p_ratio(x: Array) -> Array:
     """``log(1 + x) / x``, 1 at 0."""
     small = np.absolute(x) < 1e-3
     series = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 3.0 - x * (1.0 / 4.0 - x * (1.0 / 5.0))))
@@ -118,7 +118,7 @@ def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: A
     sin_theta = np.sqrt(np.maximum((1.0 - z) * (1.0 + z), 0.0))
     x = sin_theta * np.cos(phi) + standard[..., 0]
     y = sin_theta * np.sin(phi) + standard[..., 1]
-    # z + standard_z is one_plus_z exactly, and so never negative.
+    # z + standard_z is exactly one_plus_z, which is never negative.
     return normalize(vector(x * alpha_x, y * alpha_y, one_plus_z))
 
 
@@ -127,7 +127,7 @@ def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
 
-# Smits, "Specular", normalised so that the integral of D cos theta_h is 1; in the scan, minus signs are lost.
+# Smits, "Specular", normalised: the integral of D cos theta_h is 1. The scan of the paper lost minus signs.
 def sin_gaussian(wm: Array, power: Real) -> Array:
     """D of a Gaussian of ``sin theta_h``."""
     sin2 = wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]

@@ -1,6 +1,6 @@
-"""The mixture of lobes: how they are chosen, summed and weighted.
+"""The mixture of lobes: how they are selected, summed and weighted.
 
-`Mixture` is the one definition. The functions below evaluate it over arrays; code generation traces it and adds only
+`Mixture` is the only definition. The functions below evaluate it over arrays; code generation traces it, and adds only
 the control flow that skips lobes at a point.
 """
 
@@ -21,7 +21,7 @@ from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, scale
 Floats = NDArray[np.float64]
 
 BELOW_ONE = 0.99999994
-"""The largest float32 below 1, an upper limit of uniform numbers."""
+"""The largest float32 below 1, the upper limit of uniform numbers."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,12 @@ class Term:
     directions
         The pair in the lobe's frame.
     valid : (...)
-        Where both directions are on the lobe's sides; `f`, `cosine` and `density` have a meaning only there.
+        Where both directions are on the sides on which the lobe scatters; `f`, `cosine` and `density` have a meaning
+        only there.
     f : (..., 3)
-        In 1/sr, cosine excluded.
+        The lobe's f in 1/sr, cosine excluded.
     cosine, density : (...)
-        Cosine of the light's direction to the lobe's own normal; share times the pdf of the lobe's samples.
+        The cosine of the light's direction to the lobe's normal, and the share times the pdf of the lobe's samples.
     """
 
     lobe: Lobe
@@ -47,18 +48,18 @@ class Term:
 
     @property
     def value(self) -> Array:
-        """f times the cosine, (..., 3), 0 where not valid."""
+        """f times the cosine, (..., 3); 0 where not valid."""
         return scale(self.f, np.where(self.valid, self.cosine, 0.0))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One lobe of the mixture and its interval of the uniform numbers, which begins where that of the lobe before ends.
+    """One lobe of the mixture, and its interval of the uniform numbers; each begins where the previous one ends.
 
     below : (...)
-        Whether the number is below the interval's end.
+        Whether the number is below the end of the interval.
     stretched : (...)
-        The number's place in the interval, in [0, 1): stratified numbers stay stratified within each lobe.
+        The position of the number in the interval, in [0, 1): stratified numbers stay stratified within each lobe.
     """
 
     lobe: Lobe
@@ -68,7 +69,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Mixture:
-    """The lobes of a surface seen from `wo`, (..., 3), unit, above the horizon; probabilities are as the shares."""
+    """The lobes of a surface for unit views `wo`, (..., 3), above the horizon; a lobe's probability is as its share."""
 
     lobes: Sequence[Lobe]
     wo: Array
@@ -80,20 +81,20 @@ class Mixture:
 
     def terms(self, wi: Array) -> Iterator[Term]:
         """Yield the terms of each lobe for light from `wi`, (..., 3), unit."""
-        known: dict[tuple[int, bool], tuple[Directions, Mask]] = {}
+        pairs: dict[tuple[int, bool], tuple[Directions, Mask]] = {}
         for lobe in self.lobes:
             key = id(lobe.frame), lobe.transmits
-            if key not in known:
-                known[key] = _directions(lobe, self.wo, wi)
-            directions, valid = known[key]
+            if key not in pairs:
+                pairs[key] = _directions(lobe, self.wo, wi)
+            directions, valid = pairs[key]
             f = scale(lobe.evaluate(directions), lobe.weight)
-            # A single lobe has probability 1, whatever its share is.
+            # A single lobe has probability 1, unless its share is 0.
             share = lobe.share if len(self.lobes) > 1 else np.where(lobe.share > 0.0, 1.0, 0.0)
             density = np.where(valid, share * lobe.pdf(directions), 0.0)
             yield Term(lobe, directions, valid, f, directions.cos_theta_i, density)
 
     def normalised(self, density: Array) -> Array:
-        """Return the pdf (...) of the mixture from the sum of its terms' densities."""
+        """Return the pdf (...) of the mixture from the sum of the densities of its terms."""
         if len(self.lobes) < 2:
             return density
         return density / np.where(self.total > 0.0, self.total, 1.0)
@@ -103,18 +104,18 @@ class Mixture:
         if len(self.lobes) == 1:
             yield Choice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
-        place = u * self.total
-        rest, upper = place, 0.0
+        position = u * self.total
+        rest, upper = position, 0.0
         for lobe in self.lobes:
             upper = upper + lobe.share  # type: ignore[assignment]
             width = np.where(lobe.share > 0.0, lobe.share, 1.0)
-            # Clipped before the division, which could overflow, and after it, which may round to 1.
+            # Clipped before the division, which could overflow, and after it, as it may round to 1.
             stretched = np.minimum(np.clip(rest, 0.0, width) / width, BELOW_ONE)
-            yield Choice(lobe, place < upper, stretched)
+            yield Choice(lobe, position < upper, stretched)
             rest = rest - lobe.share
 
     def response(self, wi: Array) -> tuple[Array, Array]:
-        """Return the sum of the values (..., 3) of the terms for light from `wi`, (..., 3), and the pdf (...) there."""
+        """Return the sum of the terms' values (..., 3) for light from `wi`, (..., 3), and the pdf (...) of `wi`."""
         total: Array = np.zeros(3)
         density: Array = np.zeros(())
         for term in self.terms(wi):
@@ -122,28 +123,28 @@ class Mixture:
         return total, self.normalised(density)
 
     def draw(self, u1: Array, u2: Array) -> Array:
-        """Draw directions (..., 3) by uniform numbers (...); z is 0 where the chosen lobe is 0 in the direction."""
+        """Draw directions (..., 3) by uniform numbers (...); z is 0 where the selected lobe is 0 in the direction."""
         wi: Array = np.zeros(3)
-        left: Mask = np.ones((), np.bool_)
-        # A number that float32 rounds to 1 is in no lobe's interval.
+        remaining: Mask = np.ones((), np.bool_)
+        # A number that float32 rounds to 1 would be in no interval.
         for choice in self.choices(np.minimum(u1, BELOW_ONE)):
-            here = left & choice.below
-            wi = np.where(np.expand_dims(here, -1), choice.lobe.draw(choice.stretched, u2), wi)
-            left = left & ~here
+            is_selected = remaining & choice.below
+            wi = np.where(np.expand_dims(is_selected, -1), choice.lobe.draw(choice.stretched, u2), wi)
+            remaining = remaining & ~is_selected
         return wi
 
 
 def middle_albedo(mixture: Mixture) -> Array:
-    """Return a colour (..., 3) near the albedo, without noise: the sum of the lobes' f cos / pdf in a middle direction.
+    """Return an estimate (..., 3) of the albedo without noise: the sum of the lobes' f cos / pdf in a middle direction.
 
-    Lobes whose pdf is in proportion to f times the cosine have their albedo.
+    It is exact for lobes whose pdf is in proportion to f times the cosine.
     """
     total: Array = np.zeros(3)
     for lobe in mixture.lobes:
-        alone = Mixture([lobe], mixture.wo)
-        (term,) = alone.terms(lobe.draw(*np.full(2, 0.5)))
-        there = term.density > 0.0
-        total = total + scale(term.value, np.where(there, 1.0, 0.0) / np.where(there, term.density, 1.0))
+        lobe_mixture = Mixture([lobe], mixture.wo)
+        (term,) = lobe_mixture.terms(lobe.draw(*np.full(2, 0.5)))
+        has_density = term.density > 0.0
+        total = total + scale(term.value, np.where(has_density, 1.0, 0.0) / np.where(has_density, term.density, 1.0))
     return total
 
 
@@ -156,18 +157,18 @@ def middle_normal(mixture: Mixture) -> Array:
 
 
 def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
-    """Return directions in the frame of a lobe, and where they are valid; elsewhere both are the normal."""
+    """Return directions in the frame of a lobe, and the mask of valid ones; invalid directions become the normal."""
     local_o, local_i = lobe.pair(wo, wi)
-    behind, before = wi[..., 2] < 0.0, wi[..., 2] > 0.0
-    valid = behind | before if lobe.crosses else behind if lobe.transmits else before
+    below, above = wi[..., 2] < 0.0, wi[..., 2] > 0.0
+    valid = below | above if lobe.crosses else below if lobe.transmits else above
     if lobe.leans:
         valid = valid & (local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
     return Directions.of(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
 
 
-def _seen(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
-    """Return the mixture seen along `wo`, flipped where seen from behind, as is `wi`, and where f may be above 0."""
+def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
+    """Return the mixture for views `wo`, lights `wi` flipped with the views from behind, and where f may be above 0."""
     if bsdf.two_sided:
         behind = wo[..., 2:] < 0.0
         wo, wi = np.where(behind, -wo, wo), np.where(behind, -wi, wi)
@@ -177,7 +178,7 @@ def _seen(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
 
 
 def seen_along(bsdf: Bsdf, wo: Floats) -> Bsdf:
-    """Return a BSDF for this view, (..., 3), above the horizon unless two-sided: its lobes are derived once."""
+    """Return a BSDF for views (..., 3), above the horizon unless it is two-sided, whose lobes are computed once."""
     lobes = bsdf.lobes(np.where(wo[..., 2:] < 0.0, -wo, wo) if bsdf.two_sided else wo)
     return replace(bsdf, lobes=lambda _: tuple(lobes))
 
@@ -185,42 +186,42 @@ def seen_along(bsdf: Bsdf, wo: Floats) -> Bsdf:
 def evaluate(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return f in 1/sr without the cosine, (..., 3), for unit directions to the viewer and to the light, (..., 3).
 
-    z is the shading normal. f is exactly 0 where either direction is on the horizon. A lobe about another normal has
-    the factor of its cosine over that of the shading normal.
+    z is the shading normal. f is exactly 0 where either direction is on the horizon. A lobe about another normal is
+    multiplied by the cosine of `wi` to that normal over the cosine to the shading normal.
     """
-    mixture, light, above = _seen(bsdf, wo, wi)
+    mixture, light, above = _mixture_for_view(bsdf, wo, wi)
     cosine = np.abs(light[..., 2])
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
-        # The quotient first: about the shading normal it is exactly 1, however small the cosines are. About another it
-        # has no bound at the horizon; the floor keeps it finite.
+        # The quotient comes first: for the shading normal it is exactly 1, however small the cosines are. For another
+        # normal it has no bound at the horizon; the floor keeps it finite.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(above & term.valid, ratio, 0.0))
     return np.asarray(total)
 
 
 def evaluate_cosine(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return the sum of f times the cosine of `wi` to each lobe's own normal, (..., 3): what a renderer integrates."""
+    """Return f times the cosine of `wi` to each lobe's normal, (..., 3), summed over lobes: a renderer's integrand."""
     return _sum_of_values(bsdf, wo, wi, lambda lobe: True)
 
 
 def evaluate_diffuse(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return the part of `evaluate_cosine`, (..., 3), that lobes of group ``"diffuse"`` have in it."""
+    """Return the part of `evaluate_cosine`, (..., 3), of the lobes of group ``"diffuse"``."""
     return _sum_of_values(bsdf, wo, wi, lambda lobe: lobe.group == "diffuse")
 
 
-def _sum_of_values(bsdf: Bsdf, wo: Floats, wi: Floats, counts: Callable[[Lobe], bool]) -> Floats:
-    mixture, light, above = _seen(bsdf, wo, wi)
+def _sum_of_values(bsdf: Bsdf, wo: Floats, wi: Floats, is_counted: Callable[[Lobe], bool]) -> Floats:
+    mixture, light, above = _mixture_for_view(bsdf, wo, wi)
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
-        if counts(term.lobe):
+        if is_counted(term.lobe):
             total = total + np.where(np.expand_dims(above, -1), term.value, 0.0)
     return np.asarray(total)
 
 
 def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return the pdf over solid angle, (...), with which `sample` draws `wi`."""
-    mixture, light, above = _seen(bsdf, wo, wi)
+    mixture, light, above = _mixture_for_view(bsdf, wo, wi)
     density: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape)[:-1])
     for term in mixture.terms(light):
         density = density + np.where(above, term.density, 0.0)
@@ -230,9 +231,9 @@ def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 def sample(bsdf: Bsdf, wo: Floats, u: Floats) -> Floats:
     """Draw unit directions to the light, (..., 3), for unit views (..., 3) that are not on the horizon.
 
-    `u`, (..., 2), are uniform numbers in [0, 1); the first also chooses the lobe. Where the chosen lobe is 0 in the
-    direction, its z is 0, and so are f and pdf.
+    `u`, (..., 2), are uniform numbers in [0, 1); the first also selects the lobe. Where the selected lobe is 0 in the
+    direction, z of the direction is 0, and so are f and pdf.
     """
-    mixture, _, _ = _seen(bsdf, wo, wo)
+    mixture, _, _ = _mixture_for_view(bsdf, wo, wo)
     wi = np.asarray(np.broadcast_to(mixture.draw(u[..., 0], u[..., 1]), wo.shape))
     return np.where(wo[..., 2:] < 0.0, -wi, wi) if bsdf.two_sided else wi

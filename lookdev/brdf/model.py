@@ -1,4 +1,4 @@
-"""The record of a reflectance model, and of a layer that is made of one."""
+"""The records of a reflectance model, and of a layer of a stack."""
 
 from __future__ import annotations
 
@@ -14,15 +14,18 @@ from lookdev.brdf.vectors import Array, Parameters, Real, mix, same
 from lookdev.errors import ModelError
 
 Mode = Literal["over", "transmit", "coat"]
-"""How a layer lies on what is beneath: it covers it by mask and presence; what it transmits meets it; or it reflects,
-and withholds that from it."""
+"""How a layer combines with the layers beneath.
+
+``"over"``: it covers them by mask and presence. ``"transmit"``: the light that it transmits meets them. ``"coat"``: it
+reflects, and withholds the reflected light from them.
+"""
 
 
 @dataclass(frozen=True)
 class StackLayer:
-    """One layer: its model, all of the model's parameters, its mask (...) in [0, 1], and how it meets what is beneath.
+    """One layer: its model, all of the model's parameters, its mask (...) in [0, 1], and its mode.
 
-    The mask of the base has no meaning: nothing is beneath it. `name` is for readers.
+    The mask of the base has no meaning, as nothing is beneath it. `name` is for readers.
     """
 
     model: str
@@ -36,9 +39,9 @@ class StackLayer:
 class Preview:
     """A model's approximation by UsdPreviewSurface.
 
-    `same` maps its inputs to the parameters that have the same meaning, ``opacity`` to the presence of a layer.
-    `derived` computes other inputs where they are not the defaults, and ``f0``, the reflectance at normal incidence,
-    for the index of refraction, from all parameters: tokens, and float64 arrays, () or (3,).
+    `same` maps inputs of UsdPreviewSurface to parameters of the same meaning, ``opacity`` to the presence of a layer.
+    `derived` computes the other inputs that differ from their defaults from all parameters: tokens, and float64 arrays,
+    () or (3,). Its ``f0``, the reflectance at normal incidence, determines the index of refraction.
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -52,34 +55,36 @@ class Model:
     name, title, text
         The token in files and messages, the short name for readers, and a sentence with the publication.
     parameters
-        By name, in the order in which they are documented.
+        The parameters by name, in the order of the documentation.
     bsdf
-        From all parameters to the surface of one layer.
+        Function of all parameters that returns the surface of one layer.
     combine
-        From layers of this model, base first, to one surface; None: their parameters are blended by the masks.
+        Function of layers of this model, base first, that returns one surface. Without it, the masks blend the layers'
+        parameters.
     identifier
         `info:id` of the UsdShade shader.
     energy
-        From tokens, by name, to an upper bound of the directional albedo where no normal leans, optional numbers are at
-        their defaults and no number whose default is at most 1 is above 1; the bound is above 1 where the published
-        model does not conserve energy.
+        Function of the tokens, by name, that returns an upper bound of the directional albedo. The bound holds where
+        all normals are the shading normal, optional numbers have their defaults, and numbers whose default is at most 1
+        are at most 1. It is above 1 where the published model does not conserve energy.
     reciprocal
-        From tokens, by name, to the names of the lobes with f(wo, wi) = f(wi, wo) where no normal leans.
+        Function of the tokens, by name, that returns the names of the lobes with f(wo, wi) = f(wi, wo) where all
+        normals are the shading normal.
     modes
-        How a layer may lie on others.
+        The modes that a layer may have.
     reflectance
-        In mode ``"coat"``: from all parameters and unit views (..., 3) above the horizon to the share of light, (...),
-        that a layer withholds from what is beneath, its directional albedo.
+        For mode ``"coat"``: function of all parameters and unit views (..., 3) above the horizon. It returns the
+        directional albedo of a layer, (...), which is the share of light that the layers beneath do not receive.
     two_sided
-        Whether the surface is thin and looks alike from both sides.
+        Whether the surface is thin and scatters alike from both sides.
     probe
         Parameters, the rest at their defaults, for which no lobe has share 0 and the surface is isotropic.
     preview
         The approximation by UsdPreviewSurface.
     delta
-        Whether it scatters along single directions alone, and has no lobes.
+        Whether the model scatters along single directions only, and has no lobes.
     quotes
-        What a publication says of parameters, word by word, by their names; `quoted` is the publication and the place.
+        Verbatim quotations about parameters, by parameter; `quoted` has the publication and the section.
     """
 
     name: str
@@ -107,56 +112,64 @@ class Model:
     def blended(self, layers: Sequence[StackLayer]) -> Parameters:
         """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
-        The result is exactly the upper layer's value where its mask is 1, exactly the value beneath where it is 0.
-        Tokens that differ raise ModelError. Presence is coverage, as the mask is: each layer has weight by what is seen
-        of it.
+        The result is exactly the upper layer's value where its mask is 1, and exactly the value beneath where it is 0.
+        Presence is coverage, as the mask is: the weight of a layer is its visible share. Raises ModelError for tokens
+        that differ.
         """
         blended = dict(layers[0].parameters)
         for layer in layers[1:]:
-            share, presence = _seen(blended, layer)
+            share, presence = _share_and_presence(blended, layer)
             for name, parameter in self.parameters.items():
-                blended[name] = _blended(parameter, blended[name], layer.parameters[name], share)
+                blended[name] = _blend(parameter, blended[name], layer.parameters[name], share)
             if _PRESENCE in self.parameters:
                 blended[_PRESENCE] = presence
         return blended
 
     def options_left_out(self) -> dict[str, float]:
         """Return the defaults of optional numbers, by name."""
-        optional = {name: each.default for name, each in self.parameters.items() if each.optional}
+        optional = {name: parameter.default for name, parameter in self.parameters.items() if parameter.optional}
         return {name: default for name, default in optional.items() if isinstance(default, float)}
 
-    def apart(self, one: Parameters, other: Parameters) -> bool:
-        """Return whether layers with these parameters differ in a token by which they cannot be combined."""
+    def must_blend_apart(self, first: Parameters, second: Parameters) -> bool:
+        """Return whether layers with these parameters differ in a token that the model cannot combine."""
         return any(
-            parameter.among == "apart" and one[name] != other[name] for name, parameter in self.parameters.items()
+            parameter.among == "apart" and first[name] != second[name] for name, parameter in self.parameters.items()
         )
 
     def forms(self) -> dict[str, tuple[str, ...]]:
-        """Return the choices of each token that chooses a form of the model, by name."""
-        return {each.name: each.choices for each in self.parameters.values() if each.choices and not each.stands}
+        """Return the choices of each token that selects a form of the model, by name."""
+        return {
+            parameter.name: parameter.choices
+            for parameter in self.parameters.values()
+            if parameter.choices and not parameter.stands
+        }
 
-    def tokens(self, given: Mapping[str, str]) -> dict[str, str]:
-        """Return all tokens of the model, by name: those that are given, and defaults."""
-        return {each.name: str(each.default) for each in self.parameters.values() if each.kind == "token"} | dict(given)
+    def tokens(self, values: Mapping[str, str]) -> dict[str, str]:
+        """Return all tokens of the model by name: `values`, and the defaults of the rest."""
+        return {
+            parameter.name: str(parameter.default)
+            for parameter in self.parameters.values()
+            if parameter.kind == "token"
+        } | dict(values)
 
-    def complete(self, given: Mapping[str, object]) -> dict[str, Any]:
+    def complete(self, constants: Mapping[str, object]) -> dict[str, Any]:
         """Return `lookdev.brdf.parameters.complete` of this model."""
-        return complete(self.name, self.parameters, given)
+        return complete(self.name, self.parameters, constants)
 
 
 _PRESENCE = "presence"
 
 
-def _seen(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
-    """Return the layer's share of what is there of it and of a layer below, and how much is there of both."""
-    covered, beneath = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
-    if same(beneath, 1.0):
-        return covered, beneath + 0.0 * covered  # of the mask's shape
-    presence = covered + (1.0 - covered) * beneath
-    return np.where(presence > 0.0, covered / np.where(presence > 0.0, presence, 1.0), 0.0), presence
+def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
+    """Return the layer's share of the coverage of both layers, and that coverage: the presence of the blend."""
+    coverage, presence_below = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
+    if same(presence_below, 1.0):
+        return coverage, presence_below + 0.0 * coverage  # has the shape of the mask
+    presence = coverage + (1.0 - coverage) * presence_below
+    return np.where(presence > 0.0, coverage / np.where(presence > 0.0, presence, 1.0), 0.0), presence
 
 
-def _blended(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
+def _blend(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
     if parameter.kind != "token":
         return mix(below, above, mask if parameter.kind == "float" else np.expand_dims(mask, -1))
     if below != above:

@@ -52,10 +52,10 @@ def model_named(name: str) -> Model:
 
 
 def layer_shaders() -> dict[str, str]:
-    """Return the name of each model by the identifier of the UsdShade shader that is a layer of it."""
+    """Return the model names by the identifier of the UsdShade shader that is a layer of the model."""
     return {model.identifier: name for name, model in MODELS.items()}
 
 
-def complete_parameters(model: str, given: Mapping[str, object]) -> dict[str, Any]:
-    """Return `Model.complete` of the model of this name; an unknown name raises ModelError."""
-    return model_named(model).complete(given)
+def complete_parameters(model: str, constants: Mapping[str, object]) -> dict[str, Any]:
+    """Complete parameters by `Model.complete` of a model; an unknown name raises ModelError."""
+    return model_named(model).complete(constants)

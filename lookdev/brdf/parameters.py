@@ -22,16 +22,17 @@ class Parameter:
     """One input of a reflectance model.
 
     `hard` is the range outside which the model has no meaning: a constant outside it is an error at load time. `soft`
-    is the range of a slider, `unit` that of the number, empty where it is a ratio. Colours are linear Rec.709 and their
-    ranges hold per channel. A ``"token"`` is one of `choices`, forms of the model between which code generation
-    chooses: it must be constant. A ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of
-    any length but zero. Where it is not given, it has the value of the parameter that it `follows`, whose default is
-    the same. `optional` numbers belong to parts of the model that their defaults leave out. A token with `file` may be
-    the path of a file, too, which that function reads, and must be given.
+    is the range of a slider. `unit` is the unit of the number, empty for a ratio. Colours are linear Rec.709, and their
+    ranges hold per channel. A ``"token"`` is one of `choices`, the forms of the model; code generation selects one, so
+    a token must be constant. A ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of any
+    length but zero. A parameter that is not given has the value of the parameter that it `follows`, whose default is
+    the same. `optional` numbers belong to parts of the model that their defaults leave out. A token with a function
+    `file` may also be the path of a file, which that function reads; such a token must be given.
 
-    `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
-    ``"apart"``, as those of two models are; or it is each layer's ``"own"``. A token that `stands` for values of other
-    parameters, by all tokens of the layer, is no form of the model: once they have their values, it has its default.
+    `among` states how layers that one model combines may differ in a token. ``"alike"``: they must not differ.
+    ``"apart"``: layers that differ are blended as layers of different models are. ``"own"``: each layer has its own.
+    A token with a function `stands` is an abbreviation, not a form of the model. The function maps all tokens of the
+    layer to values of other parameters; when these have been set, the token has its default.
     """
 
     name: str
@@ -50,50 +51,52 @@ class Parameter:
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
-    """Return a normal, by default the shading normal or the one that it follows."""
+    """Return a parameter that is a normal, by default the shading normal or the normal that it follows."""
     return Parameter(name, "normal", (0.0, 0.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), help=help, follows=follows)
 
 
 MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
-"""The mask of a layer, of whatever model."""
+"""The mask of a layer of any model."""
 
 
 _T = TypeVar("_T")
 
 
-def with_followers(parameters: Mapping[str, Parameter], given: Mapping[str, _T]) -> dict[str, _T]:
-    """Return given values, and those of parameters that follow them and are not given."""
-    following = {name: parameter.follows for name, parameter in parameters.items() if name not in given}
-    return dict(given) | {name: given[followed] for name, followed in following.items() if followed in given}
+def with_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
+    """Return `values`, and the values of the parameters that follow them and are not among them."""
+    following = {name: parameter.follows for name, parameter in parameters.items() if name not in values}
+    return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 
 
-def spelled_out(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, _T]) -> dict[str, _T | Value]:
-    """Replace tokens among given values by the values that they stand for.
+def spelled_out(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T | Value]:
+    """Replace tokens that are abbreviations among `values` by the values that they expand to.
 
-    Raises ModelError where a token is none of its choices, or another value is given for what it stands for.
+    Raises ModelError where a token is not one of its choices, or where one of `values` contradicts an expansion.
     """
-    short = {name for name in given if name in parameters and parameters[name].stands}
-    if not short:
-        return dict(given)
-    tokens = {name: str(each.default) for name, each in parameters.items() if each.kind == "token"}
-    tokens |= {name: _checked(f"{owner}.{name}", parameters[name], given[name]) for name in tokens if name in given}
-    spelled: dict[str, _T | Value] = {name: value for name, value in given.items() if name not in short}
-    for name in short:
-        stands = parameters[name].stands
-        for meant, value in (stands(tokens) if stands else {}).items():
-            if meant in given and not _is(given[meant], value):
-                both = f"{owner}.{meant} is {given[meant]!r}, but {name} '{tokens[name]}' stands for {value!r}"
+    shorthands = {name for name in values if name in parameters and parameters[name].stands}
+    if not shorthands:
+        return dict(values)
+    tokens = {name: str(parameter.default) for name, parameter in parameters.items() if parameter.kind == "token"}
+    tokens |= {
+        name: _check_value(f"{owner}.{name}", parameters[name], values[name]) for name in tokens if name in values
+    }
+    expanded: dict[str, _T | Value] = {name: value for name, value in values.items() if name not in shorthands}
+    for name in shorthands:
+        expand = parameters[name].stands
+        for target, value in (expand(tokens) if expand else {}).items():
+            if target in values and not _equals(values[target], value):
+                both = f"{owner}.{target} is {values[target]!r}, but {name} '{tokens[name]}' stands for {value!r}"
                 raise ModelError(f"{both}; one of the two would be right")
-            spelled[meant] = value
-    return spelled
+            expanded[target] = value
+    return expanded
 
 
-def _is(value: object, wanted: Value) -> bool:
+def _equals(value: object, expected: Value) -> bool:
     numbers = as_numbers(value)
-    return value == wanted if numbers is None or isinstance(wanted, str) else np.array_equal(numbers, wanted)
+    return value == expected if numbers is None or isinstance(expected, str) else np.array_equal(numbers, expected)
 
 
-def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]) -> dict[str, Any]:
+def complete(owner: str, parameters: Mapping[str, Parameter], constants: Mapping[str, object]) -> dict[str, Any]:
     """Check constant values of `parameters` and fill in the defaults; `owner` names them in messages.
 
     Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
@@ -103,20 +106,20 @@ def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str
     ModelError
         A parameter is unknown, of the wrong type, not finite or outside its hard range.
     """
-    for name in given:
+    for name in constants:
         if name not in parameters:
             raise ModelError(f"{owner}: unknown parameter '{name}' ({nearest_hint(name, list(parameters))})")
-    values = with_followers(parameters, spelled_out(owner, parameters, given))
+    values = with_followers(parameters, spelled_out(owner, parameters, constants))
     return {
-        name: _checked(f"{owner}.{name}", parameter, values.get(name, parameter.default))
+        name: _check_value(f"{owner}.{name}", parameter, values.get(name, parameter.default))
         for name, parameter in parameters.items()
     }
 
 
 def as_numbers(value: object) -> NDArray[np.float64] | None:
-    """Return a number, or an array of them; None for what is none, as text and truth values are."""
+    """Return a number or a list of numbers as an array, or None for any other value, such as text and booleans."""
     parts = value if isinstance(value, list | tuple) else (value,)
-    if any(isinstance(each, str | bytes | bool | np.bool_) for each in parts):
+    if any(isinstance(part, str | bytes | bool | np.bool_) for part in parts):
         return None
     try:
         return np.asarray(value, dtype=np.float64)
@@ -124,23 +127,23 @@ def as_numbers(value: object) -> NDArray[np.float64] | None:
         return None
 
 
-def _checked(place: str, parameter: Parameter, value: object) -> Any:
+def _check_value(location: str, parameter: Parameter, value: object) -> Any:
     if parameter.kind == "token":
         if parameter.file:
             if not isinstance(value, str) or not value or "\0" in value:
-                raise ModelError(f"{place} is {value!r}; the path of a file would be right")
+                raise ModelError(f"{location} is {value!r}; the path of a file would be right")
             parameter.file(value)
             return value
         if value not in parameter.choices:
-            raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
+            raise ModelError(f"{location} is {value!r}; one of {', '.join(parameter.choices)} would be right")
         return value
     shape = () if parameter.kind == "float" else (3,)
     array = as_numbers(value)
     if array is None or array.shape != shape:
-        raise ModelError(f"{place} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
+        raise ModelError(f"{location} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
     low, high = parameter.hard
     if not np.all((array >= low) & (array <= high) & np.isfinite(array)):
-        raise ModelError(f"{place} is {value!r}; its range is {low:g} to {high:g}")
+        raise ModelError(f"{location} is {value!r}; its range is {low:g} to {high:g}")
     if parameter.kind == "normal" and not array.any():
-        raise ModelError(f"{place} is {value!r}; a vector with a direction would be right")
+        raise ModelError(f"{location} is {value!r}; a vector with a direction would be right")
     return array

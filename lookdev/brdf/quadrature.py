@@ -1,4 +1,4 @@
-"""Quadrature over directions of light, for lobes that peak at half vectors near the normal, and for smooth ones."""
+"""Quadrature over directions of light: for lobes that peak at half vectors near the normal, and for smooth lobes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Floats = NDArray[np.float64]
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return directions (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
 
-    Two Gauss nodes a cell along slope and azimuth of the half vector; `cells` are their numbers. With
+    The grid has `cells` along slope and azimuth of the half vector, with two Gauss nodes a cell in each. With
     ``t = tan^2 theta_h`` the first coordinate is ``log(1 + t / t0) / L``: even within a lobe of width `alpha`,
-    logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``, above which no direction is above the horizon.
+    logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``; beyond, no direction is above the horizon.
     `view`, (3,), is a unit direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2

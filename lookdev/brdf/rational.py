@@ -1,4 +1,4 @@
-"""Small rationals in plain arithmetic, which can be traced: for integrals that have no closed form."""
+"""Rational functions in plain arithmetic, which can be traced, for integrals without a closed form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Rows = Sequence[Sequence[float]]
 
 @dataclass(frozen=True)
 class Rational:
-    """A quotient of two polynomials in x and y; a row has the coefficients of one power of x, by powers of y."""
+    """A quotient of two polynomials in x and y; each row has the coefficients of one power of x, by power of y."""
 
     numerator: Rows
     denominator: Rows

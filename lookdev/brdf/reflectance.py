@@ -1,4 +1,4 @@
-"""Directional albedo of a GGX lobe with Schlick's Fresnel term, fitted: what a coat withholds from what is beneath.
+"""Fitted directional albedo of a GGX lobe with Schlick's Fresnel term: the share of light that a coat withholds.
 
 ``python -m lookdev.closures.reflectance`` makes the table ``data/reflectance.json``: coefficients and residuals.
 """
@@ -20,23 +20,23 @@ DATA = Path(__file__).parent / "data" / "reflectance.json"
 
 
 def ggx_reflectance(cos_theta: Array, alpha: Array, f0: Array) -> Real:
-    """Return the share of uniform light, (...), that a lobe of an alpha and a mean F0, (...), reflects to a view.
+    """Return the share of uniform light, (...), that a GGX lobe of `alpha` and mean `f0`, (...), reflects to a view.
 
-    The lobe is GGX with Smith's separable shadowing; its Fresnel term rises from `f0` to 1.
+    The lobe has Smith's separable shadowing; its Fresnel term rises from `f0` to 1.
     """
-    whole, typical = ggx_albedo(cos_theta, alpha)
-    return whole * mix(f0, 1.0, schlick_weight(typical))
+    unweighted, typical = ggx_albedo(cos_theta, alpha)
+    return unweighted * mix(f0, 1.0, schlick_weight(typical))
 
 
 def ggx_albedo(cos_theta: Array, alpha: Array) -> tuple[Array, Array]:
-    """Return what that lobe reflects without a Fresnel term, and the cosine at which Schlick's is its mean, (...)."""
-    whole = np.clip(_fit("whole")(relative_cosine(cos_theta, alpha), alpha), 0.0, 1.0)
+    """Return the lobe's albedo with a Fresnel term of 1, and the cosine at which Schlick's term has its mean, (...)."""
+    unweighted = np.clip(_fit("whole")(relative_cosine(cos_theta, alpha), alpha), 0.0, 1.0)
     typical = np.clip(_fit("cosine")(cos_theta, alpha), 0.0, 1.0)
-    return whole, typical
+    return unweighted, typical
 
 
 def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
-    """Return the cosine of the view relative to the lobe's width, in [0, 1], in which fits are smooth, (...)."""
+    """Return the cosine of the view relative to the lobe's width, (...), in [0, 1]; fits are smooth in it."""
     return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)
 
 

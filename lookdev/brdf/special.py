@@ -1,7 +1,7 @@
 """Special functions in plain arithmetic, which can be traced, and which keep their digits in float32.
 
-The logarithm near 1, the exponential near 0 and the arc cosine, whose library versions in OSL are good to 1e-7 only, or
-worse; the complementary error function, which NumPy lacks. Coefficients were fitted at Chebyshev nodes.
+The logarithm near 1, the exponential near 0 and the arc cosine have errors of 1e-7 or more in OSL's library. NumPy
+lacks the complementary error function. Coefficients were fitted at Chebyshev nodes.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from lookdev.brdf.rational import Rational, polynomial
 from lookdev.brdf.vectors import TINY, Array, Real
 
 # ln(1 + x) = 2 z (1 + z^2 / 3 + z^4 / 5 + ...) with z = x / (2 + x), to 1e-16 within _NEAR.
-_SERIES = tuple((1.0 / (2 * k + 1),) for k in range(6))
+_LOG1P_SERIES = tuple((1.0 / (2 * k + 1),) for k in range(6))
 _NEAR = 0.1
 
 # expm1(x) / x = 1 + x / 2 + x^2 / 6 + ..., to 1e-15 within _NEAR.
-_GROWTH = tuple((1.0 / math.factorial(k + 1),) for k in range(9))
+_EXPM1_SERIES = tuple((1.0 / math.factorial(k + 1),) for k in range(9))
 
 # Error 4.9e-12 for x in [0, 6], in t = 1 / (1 + 0.4 x).
 _ERFCX = (
@@ -35,27 +35,27 @@ _ANGLE = Rational(
 
 
 def log1p_ratio(x: Real, whole: Real) -> Array:
-    """Return ``ln(1 + x) / x`` for x above -1, 1 at 0; `whole` is ``1 + x``, which may be known better near 0."""
-    near = np.absolute(x) < _NEAR
-    small = np.where(near, x, 0.0)
+    """Return ``ln(1 + x) / x`` for x above -1, 1 at 0; `whole` is ``1 + x``, which may be more precise than the sum."""
+    is_near = np.absolute(x) < _NEAR
+    small = np.where(is_near, x, 0.0)
     z = small / (2.0 + small)
-    series = polynomial(_SERIES, z * z, 0.0) * 2.0 / (2.0 + small)
-    # The floor's inverse is a normal float32.
-    far = np.log(np.maximum(whole, TINY * TINY)) / np.where(near, 1.0, x)
-    return np.where(near, series, far)
+    series = polynomial(_LOG1P_SERIES, z * z, 0.0) * 2.0 / (2.0 + small)
+    # The inverse of the floor is a normal float32.
+    far = np.log(np.maximum(whole, TINY * TINY)) / np.where(is_near, 1.0, x)
+    return np.where(is_near, series, far)
 
 
 def expm1_ratio(x: Real) -> Array:
     """Return ``expm1(x) / x``, 1 at 0."""
-    near = np.absolute(x) < _NEAR
-    divisor = np.where(near, 1.0, x)
-    return np.where(near, polynomial(_GROWTH, np.where(near, x, 0.0), 0.0), np.expm1(divisor) / divisor)
+    is_near = np.absolute(x) < _NEAR
+    divisor = np.where(is_near, 1.0, x)
+    return np.where(is_near, polynomial(_EXPM1_SERIES, np.where(is_near, x, 0.0), 0.0), np.expm1(divisor) / divisor)
 
 
 def cosine_power(cosine: Array, versine: Real, exponent: Real) -> Array:
-    """Return the power of a cosine, 0 where it is not positive, whatever the exponent; `versine` is 1 less the cosine.
+    """Return the power of a cosine, 0 where the cosine is not positive; `versine` is 1 less the cosine.
 
-    Near 1 the versine has the digits: at an exponent of 1e5, the cosine alone would leave two in float32.
+    Near 1 the versine is more precise: at an exponent of 1e5, the cosine alone would leave two digits in float32.
     """
     power = np.exp(-exponent * versine * log1p_ratio(-versine, cosine))
     return np.where(cosine > 0.0, power, 0.0)

@@ -1,7 +1,8 @@
-"""Stacks of layers as one BSDF, whatever their models.
+"""Stacks of layers of any models as one BSDF.
 
-From the base up, layers of the base's model are combined by that model's rule. From the first layer of another model,
-or coat, or that differs in a token by which layers are apart, on, evaluated BSDFs are blended by the masks.
+From the base upwards, the rule of the base's model combines layers of that model. This ends at the first layer that is
+of another model, that is a coat, or that differs in a token whose layers are blended apart. From there on, the masks
+blend evaluated BSDFs.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     Raises
     ------
     ModelError
-        There is no layer; a model is unknown; layers that are combined differ in a token; a layer's mode is not one of
-        its model, or a layer beneath is of another model.
+        There are no layers; a model is unknown; layers that one model combines differ in a token; a model lacks the
+        mode of its layer; or a mode needs a single model, and a layer beneath is of another.
     """
     if not layers:
         raise ModelError("a stack has no layers; a base would be right")
     for number, layer in enumerate(layers):
-        if stranger(layer.mode, [each.model for each in layers[: number + 1]]) is not None:
+        if stranger(layer.mode, [below.model for below in layers[: number + 1]]) is not None:
             models = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
             where = "only, here and beneath" if layer.mode == "transmit" else "only"
             raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers {where}")
@@ -41,30 +42,32 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
-    """Split layers into those that one model combines: the base and those like it, then one by one."""
+    """Split layers into groups that one model combines: the base with the layers like it, then single layers."""
     base, *others = layers
     model = model_named(base.model)
-    like = takewhile(
-        lambda each: (
-            each.model == base.model and each.mode != "coat" and not model.apart(base.parameters, each.parameters)
+    alike = takewhile(
+        lambda layer: (
+            layer.model == base.model
+            and layer.mode != "coat"
+            and not model.must_blend_apart(base.parameters, layer.parameters)
         ),
         others,
     )
-    count = 1 + len(list(like))
+    count = 1 + len(list(alike))
     return [layers[:count], *([layer] for layer in layers[count:])]
 
 
 def stranger(mode: Mode, models: Sequence[str]) -> int | None:
     """Return the index of the model that rules out the mode of the uppermost layer, or None.
 
-    `models` are those of all layers, base first. A layer's model has its mode; ``"transmit"`` needs that model in all
-    layers beneath, too.
+    `models` are the models of all layers, base first. The uppermost model must have the mode; ``"transmit"`` needs the
+    same model in all layers beneath.
     """
     if mode not in model_named(models[-1]).modes:
         return len(models) - 1
     if mode != "transmit":
         return None
-    return next((index for index, each in enumerate(models) if each != models[-1]), None)
+    return next((index for index, model in enumerate(models) if model != models[-1]), None)
 
 
 def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
@@ -75,7 +78,7 @@ def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
 
 
 def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
-    """Add a BSDF, and withhold from what is beneath the part of light that it reflects to the view."""
+    """Add a BSDF, and attenuate the BSDF below by the share of light that the coat reflects."""
 
     def beneath(wo: Array) -> Real:
         return 1.0 - layer.mask * above.presence * reflectance(layer, wo)
@@ -84,10 +87,10 @@ def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
 
 
 def reflectance(layer: StackLayer, wo: Array) -> Real:
-    """Return `Model.reflectance` of a layer in mode ``"coat"``, whole, for unit views (..., 3) above the horizon."""
-    known = model_named(layer.model).reflectance
-    assert known is not None, "a model with that mode has it"
-    return known(layer.parameters, wo)
+    """Return `Model.reflectance` of a coat with mask and presence 1, for unit views (..., 3) above the horizon."""
+    albedo = model_named(layer.model).reflectance
+    assert albedo is not None, "a model with mode coat has a reflectance"
+    return albedo(layer.parameters, wo)
 
 
 def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:

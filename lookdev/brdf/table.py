@@ -1,4 +1,4 @@
-"""Tables of numbers that a model looks up: the operation on arrays that no ufunc is."""
+"""Tables of numbers, and their look-up, the only operation of models that is not a NumPy ufunc."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lookdev.brdf.vectors import Array
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers (rows, columns), or colours (rows, columns, 3); generated code has them in float32."""
+    """Numbers (rows, columns), or colours (rows, columns, 3); generated code stores them in float32."""
 
     values: NDArray[Any]
 
@@ -33,7 +33,7 @@ def look_up(table: Table, row: Array | float, column: Array | float) -> Array:
     """Return a table's numbers (...), or colours (..., 3), in the cells of whole numbers `row` and `column` (...)."""
     for index in (row, column):
         if not isinstance(index, np.ndarray | np.generic | float):
-            # As NumPy's own functions do (NEP 18).
+            # Dispatch to symbolic arrays, as NumPy's own functions do (NEP 18).
             return index.__array_function__(look_up, (type(index),), (table, row, column), {})  # type: ignore[attr-defined,no-any-return]
-    found = table.values[np.asarray(row).astype(np.intp), np.asarray(column).astype(np.intp)]
-    return np.asarray(found, np.float64)
+    cells = table.values[np.asarray(row).astype(np.intp), np.asarray(column).astype(np.intp)]
+    return np.asarray(cells, np.float64)

@@ -1,4 +1,4 @@
-"""The array type that every model works on, and small vector algebra over its last axis.
+"""The array type of all models, and vector algebra over its last axis.
 
 Functions use only ufuncs, `where`, `stack`, `expand_dims` and sums over the last axis, so that symbolic arrays
 (`lookdev.codegen.trace`) run through the same code.
@@ -73,7 +73,7 @@ def scale(vectors: Array, factor: Real) -> Array:
 
 def mix(a: Real, b: Real, t: Real) -> Real:
     """Interpolate linearly: exactly `a` at t = 0 and exactly `b` at t = 1."""
-    # Not a + (b - a) t: for a far larger than b, the rounding error of a exceeds b.
+    # Not a + (b - a) t: where a is far larger than b, the rounding error of a exceeds b.
     return a + 0.0 * t if same(a, b) else a * (1.0 - t) + b * t
 
 
@@ -83,14 +83,14 @@ def mix_color(a: Array, b: Array, t: Real) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Dot product over the last axis."""
+    """Return the dot product over the last axis."""
     # Not numpy.sum, which takes three times as long over an axis of three.
     product = a * b
     return product[..., 0] + product[..., 1] + product[..., 2]
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product over the last axis."""
+    """Return the cross product over the last axis."""
     (ax, ay, az), (bx, by, bz) = ([v[..., i] for i in range(3)] for v in (a, b))
     return vector(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
@@ -115,11 +115,11 @@ def reflect(w: Array, wm: Array) -> Array:
 
 
 def mean(color: Array) -> Array:
-    """Mean of the three channels, (...)."""
+    """Return the mean of the three channels, (...)."""
     return (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
 
 
 def same(a: Real, b: Real) -> bool:
-    """Return whether two values are equal everywhere; symbolic ones are where their difference folds to 0."""
+    """Return whether two values are equal everywhere; symbolic values are if their difference folds to 0."""
     difference = a - b
     return isinstance(difference, np.ndarray | np.floating | float) and not np.any(difference)

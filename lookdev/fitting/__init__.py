@@ -1,7 +1,7 @@
-"""Parameters of a model fitted to f of anything that can be plotted: measured data, a look, another model.
+"""The fit of a model's parameters to f of any subject of a plot: measured data, a look, another model.
 
-`data` has the pairs of directions, `loss` how values are compared, `parameters` which are fitted and how they are
-scaled, `solve` the search.
+`data` has the pairs of directions, `loss` the comparison of values, `parameters` the choice and scaling of the fitted
+parameters, `solve` the search.
 """
 
 from lookdev.fitting.loss import LOSSES

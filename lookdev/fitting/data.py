@@ -1,4 +1,4 @@
-"""Pairs of directions at which a model is fitted: centres of the cells of a MERL file, so that none is interpolated."""
+"""Pairs of directions for a fit: the centres of cells of a MERL file, where no value is interpolated."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from lookdev.errors import LookdevError
 from lookdev.plotting.angles import Floats, half_difference
 
 LIMIT = 80.0
-"""Degrees from the normal beyond which measured data are not used (Ngan et al. 2005: they are unreliable there)."""
+"""Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""
 
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Pairs of unit directions `wo` and `wi`, (n, 3), and f there, (n, 3), in 1/sr."""
+    """Pairs of unit directions `wo` and `wi`, (n, 3), and their f, (n, 3), in 1/sr."""
 
     wo: Floats
     wi: Floats
@@ -32,36 +32,38 @@ class Data:
         return self.wi[:, 2:]
 
     def part(self, step: int) -> Data:
-        """Return every so many of the pairs."""
+        """Return every `step`-th pair."""
         return Data(self.wo[::step], self.wi[::step], self.f[::step])
 
 
 def data_of(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = LIMIT) -> Data:
     """Evaluate a surface at counts of theta_h, theta_d and phi_d, up to `limit` degrees from the normal.
 
-    theta_h is in steps of its root. Each pair is turned about the normal by an azimuth of its own, so that a model is
-    not fitted by a direction that the data lack. Raises LookdevError where f is 0 or not finite everywhere.
+    theta_h is in even steps of its root. Each pair is rotated about the normal by a different azimuth, so that an
+    anisotropic model cannot fit a tangent direction that the data do not have. Raises LookdevError if f is 0
+    everywhere, or anywhere not finite.
     """
-    h, d, phi = (_cells(count, size) for count, size in zip(counts, MERL_SIZE, strict=True))
+    h, d, phi = (_cell_centres(count, size) for count, size in zip(counts, MERL_SIZE, strict=True))
     angles = np.meshgrid(h**2 * 0.5 * np.pi, d * 0.5 * np.pi, phi * np.pi, indexing="ij")
     wo, wi = (w.reshape(-1, 3) for w in half_difference(*angles))
     above = np.minimum(wo[:, 2], wi[:, 2]) > np.cos(np.radians(limit))
     wo, wi = wo[above], wi[above]
-    turn = 2.0 * np.pi * ((np.arange(len(wo)) * _GOLDEN) % 1.0)
-    wo, wi = (_turned(w, turn) for w in (wo, wi))
+    azimuth = 2.0 * np.pi * ((np.arange(len(wo)) * _GOLDEN) % 1.0)
+    wo, wi = (_rotate(w, azimuth) for w in (wo, wi))
     f = evaluate(bsdf, wo, wi)
     if not np.isfinite(f).all() or not f.any():
         raise LookdevError(f"{label}: has no f to fit within {limit:g} degrees of the normal")
-    # In an order in which every part is spread over all angles.
+    # In this order, the pairs of `Data.part` are spread over all angles.
     order = np.argsort((np.arange(len(wo)) * _GOLDEN) % 1.0)
     return Data(wo[order], wi[order], f[order])
 
 
-def _cells(count: int, size: int) -> NDArray[np.float64]:
-    """Return the centres, in [0, 1], of so many of the cells of an axis, evenly spread."""
+def _cell_centres(count: int, size: int) -> NDArray[np.float64]:
+    """Return the centres, in [0, 1], of `count` of the `size` cells of an axis, evenly spread."""
     return np.asarray((np.floor((np.arange(count) + 0.5) * size / count) + 0.5) / size)
 
 
-def _turned(w: Floats, angle: Floats) -> Floats:
+def _rotate(w: Floats, angle: Floats) -> Floats:
+    """Rotate directions (n, 3) about the z axis by angles (n,)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * w[:, 0] - s * w[:, 1], s * w[:, 0] + c * w[:, 1], w[:, 2]], axis=-1)

@@ -1,4 +1,4 @@
-"""How far apart two surfaces are: the root of the mean square of a difference of f cos theta_i, compressed or not.
+"""Losses between two surfaces: the root mean square of the difference of f cos theta_i, compressed or not.
 
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR, eq. 6: linear.
 - Löw, J. et al. 2012. BRDF Models for Accurate and Efficient Rendering of Glossy Surfaces. ACM TOG 31(1): log.
@@ -18,4 +18,4 @@ LOSSES: dict[str, Callable[[Floats], Floats]] = {
     "cbrt": np.cbrt,
     "linear": lambda value: value,
 }
-"""From f cos theta_i, (...), to what is compared, by the name of the loss."""
+"""The function that compresses f cos theta_i, (...), by the name of the loss."""

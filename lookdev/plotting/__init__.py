@@ -1,7 +1,7 @@
 """Plots of reflectance: models, looks, presets and measured files, over one another (Burley 2012, section 3.2).
 
-`read_subject` understands what to plot, `KINDS` are the plots, functions from subjects to a `Plot`: a matplotlib figure
-and the numbers it shows, which `Plot.write` writes. All numbers are those of the float64 models.
+`read_subject` parses the subject of a plot. `KINDS` has the kinds of plots: functions of subjects that return a `Plot`,
+a matplotlib figure and its numbers, which `Plot.write` writes. All numbers come from the float64 models.
 """
 
 from lookdev.plotting.figure import SUFFIXES, Plot

@@ -1,4 +1,4 @@
-"""Directions from angles, all in radians, of the shading frame."""
+"""Directions in the shading frame from angles in radians."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ Values = dict[str, NDArray[Any]]
 """The numbers of one surface in a plot, by name."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear Rec.709."""
+"""Weights of the luminance of linear Rec.709."""
 
 
 def towards(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
-    """Return unit directions (..., 3) at an elevation from the normal and an azimuth."""
+    """Return the unit directions (..., 3) at an angle from the normal, `theta`, and an azimuth, `phi`."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, np.float64), np.asarray(phi, np.float64))
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
 
@@ -24,10 +24,10 @@ def towards(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
 # Rusinkiewicz 1998, with phi_h = 0.
 def half_difference(theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) -> tuple[Floats, Floats]:
     """Return `wo` and `wi`, (..., 3), with these half and difference angles; some are below the horizon."""
-    h, d, phi = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (theta_h, theta_d, phi_d)))
+    h, d, phi = np.broadcast_arrays(*(np.asarray(angle, np.float64) for angle in (theta_h, theta_d, phi_d)))
     x, y, z = np.sin(d) * np.cos(phi), np.sin(d) * np.sin(phi), np.cos(d)
 
-    def turned(sign: float) -> Floats:
+    def direction(sign: float) -> Floats:
         return np.stack([sign * x * np.cos(h) + z * np.sin(h), sign * y, z * np.cos(h) - sign * x * np.sin(h)], axis=-1)
 
-    return turned(-1.0), turned(1.0)
+    return direction(-1.0), direction(1.0)

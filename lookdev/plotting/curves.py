@@ -17,12 +17,12 @@ from lookdev.plotting.figure import (
     RGB,
     Plot,
     channels_of,
-    distinct,
     draw_curves,
     figure_of,
     legend,
+    legend_label,
     scale_values,
-    shown,
+    unique_labels,
 )
 from lookdev.plotting.options import Options
 from lookdev.plotting.parts import evaluate_in_parts
@@ -37,33 +37,33 @@ _ALBEDO_VIEWS = 19
 _DRAFT = (16, 8)
 
 FRESNEL_RANGE = (-0.5, 8.0)
-"""Of the axis of offset and scaled responses."""
+"""Range of the axis of offset and scaled responses."""
 
 
 def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
-    """Plot f against theta_h at a theta_d, theta_d at a theta_h, or theta_i at a view (Burley 2012, figure 9).
+    """Plot f against theta_h at fixed theta_d, theta_d at fixed theta_h, or theta_i at a view (Burley 2012, figure 9).
 
     theta_i is in the plane of incidence, negative on the viewer's side.
     """
     figure, axes = figure_of()
     ax = axes[0, 0]
-    found, columns = _drawn(ax, subjects, options, cartesian_values)
+    values, columns = _draw_and_evaluate(ax, subjects, options, cartesian_values)
     if options.axis == "theta_i":
         still = f"view θo = {options.theta:g}°"
     else:
         other = "θd" if options.axis == "theta_h" else "θh"
         still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
     ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
-    scale_values(ax, options, found["inner"])
+    scale_values(ax, options, values["inner"])
     legend(ax)
-    return Plot(figure, {f"{options.axis} (degrees)": found["x"], **columns})
+    return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
 
 
 def cartesian_values(subject: Subject, options: Options) -> Values:
-    """Return f (n, 3) at degrees `x`, (n,), and `inner`: where both directions are a degree off the horizon."""
+    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are a degree above the horizon."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
-    # As dense as the root of the angle on the side of the peak of most: a MERL file's own steps.
+    # Even in the root of theta_h, as a MERL file is: dense at the peak of most surfaces.
     unit = np.linspace(0.0, 1.0, count)
     degrees = options.limit * unit**2 if options.axis == "theta_h" else np.linspace(low, options.limit, count)
     angle, fixed, phi = np.radians(degrees), np.radians(options.theta), np.radians(options.phi)
@@ -73,35 +73,41 @@ def cartesian_values(subject: Subject, options: Options) -> Values:
         h, d = (angle, fixed) if options.axis == "theta_h" else (fixed, angle)
         wo, wi = half_difference(h, d, phi)
     inner = np.minimum(wo[:, 2], wi[:, 2]) > _GRAZING
-    return {"x": degrees, "f": f_of(subject, wo, wi, options.cosine), "inner": inner}
+    return {"x": degrees, "f": evaluate_f(subject, wo, wi, options.cosine), "inner": inner}
 
 
 def retro(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
     figure, axes = figure_of()
     ax = axes[0, 0]
-    found, columns = _drawn(ax, subjects, options, retro_values)
+    values, columns = _draw_and_evaluate(ax, subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
-    scale_values(ax, options, found["inner"])
+    scale_values(ax, options, values["inner"])
     legend(ax)
-    return Plot(figure, {"theta (degrees)": found["x"], **columns})
+    return Plot(figure, {"theta (degrees)": values["x"], **columns})
 
 
 def retro_values(subject: Subject, options: Options) -> Values:
-    """Return values as `cartesian_values`."""
+    """Return values as `cartesian_values` does."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
-    return {"x": degrees, "f": f_of(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
+    return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
 
 
 def polar(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f in the plane of incidence as the radius of a curve; the log scale shows four decades.
 
-    The view is on the left: an arrow, as is the mirrored one.
+    The view is a line on the left, the mirrored view a line on the right.
     """
-    found = [polar_values(subject, options) for subject in subjects]
-    theta = np.radians(found[0]["x"])
-    curves = list(zip(distinct([s.label for s in subjects]), (each["f"] for each in found), strict=True))
+    surface_values = [polar_values(subject, options) for subject in subjects]
+    theta = np.radians(surface_values[0]["x"])
+    curves = list(
+        zip(
+            unique_labels([subject.label for subject in subjects]),
+            (surface["f"] for surface in surface_values),
+            strict=True,
+        )
+    )
     figure, axes = figure_of(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
     ax = axes[0, 0]
     peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
@@ -116,7 +122,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
     for index, (label, values) in enumerate(curves):
         for channel, (ending, curve) in enumerate(channels_of(values, options).items()):
             color, dashes = (RGB[channel], DASHES[index % 4]) if ending else (COLORS[index % len(COLORS)], "-")
-            ax.plot(theta, radius(curve), color=color, linestyle=dashes, label=f"{shown(label)}{ending}")
+            ax.plot(theta, radius(curve), color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}")
             columns[f"{label}{ending}"] = curve
     top = float(radius(np.array([peak]))[0]) * 1.08
     ax.set_theta_zero_location("N")
@@ -132,7 +138,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
         ax.text(np.radians(angle), top * 0.97, text, fontsize=7, color="#555555", ha="center")
     ax.set_title(f"{_f_label(options)}, θo = {options.theta:g}°" + _scale_note(options))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.12), frameon=False, fontsize=8)
-    return Plot(figure, {"theta_i (degrees)": found[0]["x"], **columns})
+    return Plot(figure, {"theta_i (degrees)": surface_values[0]["x"], **columns})
 
 
 def polar_values(subject: Subject, options: Options) -> Values:
@@ -140,15 +146,15 @@ def polar_values(subject: Subject, options: Options) -> Values:
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
     wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
     wi = towards(theta, np.radians(options.phi))
-    return {"x": np.degrees(theta), "f": f_of(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
+    return {"x": np.degrees(theta), "f": evaluate_f(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
 
 
 def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot the rise of reflectance with theta_d.
 
-    Of what scatters along single directions the reflectance itself; of other surfaces f as in Burley 2012, figure 10:
-    the mean over theta_h from 1 to 4 degrees, less its value at theta_d = 0, divided by its mean over theta_d from 45
-    to 80 degrees, beside Schlick's curve treated alike.
+    For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces it is f as in
+    Burley 2012, figure 10: the mean over theta_h from 1 to 4 degrees, less its value at theta_d = 0, divided by its
+    mean over theta_d from 45 to 80 degrees. Schlick's curve, offset and scaled alike, is beside it.
     """
     kinds = {subject.is_delta for subject in subjects}
     if len(kinds) > 1:
@@ -157,15 +163,15 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
         )
     figure, axes = figure_of()
     ax = axes[0, 0]
-    found, columns = _drawn(ax, subjects, options, fresnel_values)
-    degrees = found["x"]
+    values, columns = _draw_and_evaluate(ax, subjects, options, fresnel_values)
+    degrees = values["x"]
     if kinds == {True}:
         ax.set(xlabel="θ (degrees)", ylabel="reflectance", title="Fresnel reflectance")
         scale_values(ax, options, np.ones(len(degrees), np.bool_))
     else:
-        columns["schlick"] = found["schlick"]
+        columns["schlick"] = values["schlick"]
         ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
-        # Past 80 degrees f of a microfacet model goes up without limit: as in the figure, the plot ends.
+        # Beyond 80 degrees f of a microfacet model grows without bound; the plot is cut off as the figure is.
         ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
     legend(ax)
@@ -173,28 +179,29 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
 
 
 def fresnel_values(subject: Subject, options: Options) -> Values:
-    """Return a reflectance, or a response and that of `schlick`, (n, 3) and (n,), at degrees `x`, (n,)."""
+    """Return the reflectance (n, 3), or f, offset and scaled, (n, 3), and `schlick` (n,), at degrees `x`, (n,)."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
     if subject.is_delta:
         return {"x": degrees, "f": _reflectance(subject.bsdf, towards(theta))}
-    schlick = _normalised(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
-    risen = _normalised(_averaged(subject, theta, np.radians(options.phi)), degrees)
-    return {"x": degrees, "f": risen, "schlick": schlick}
+    schlick = _offset_and_scale(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
+    scaled = _offset_and_scale(_mean_over_theta_h(subject, theta, np.radians(options.phi)), degrees)
+    return {"x": degrees, "f": scaled, "schlick": schlick}
 
 
 def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
-    """Plot the directional albedo against the angle of the view, light from both sides, by quadrature with its error.
+    """Plot the directional albedo, for light from both sides, against the angle of the view, with its error.
 
-    The band is the error (`lookdev.reference.albedo.integrate_albedo`), mostly too thin to see: it is in the numbers.
+    The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
+    the numbers have it, too.
     """
     figure, axes = figure_of()
     ax = axes[0, 0]
-    labels = distinct([each.label for each in subjects])
-    found = [albedo_values(subject, options) for subject in subjects]
-    degrees = found[0]["x"]
-    curves = list(zip(labels, (each["f"] for each in found), strict=True))
-    errors = dict(zip(labels, (each["error"] for each in found), strict=True))
+    labels = unique_labels([subject.label for subject in subjects])
+    surface_values = [albedo_values(subject, options) for subject in subjects]
+    degrees = surface_values[0]["x"]
+    curves = list(zip(labels, (surface["f"] for surface in surface_values), strict=True))
+    errors = dict(zip(labels, (surface["error"] for surface in surface_values), strict=True))
     columns = draw_curves(ax, degrees, curves, options, marker=".", markersize=4)
     for index, (label, values) in enumerate(curves):
         bands = zip(channels_of(values, options).values(), channels_of(errors[label], options).items(), strict=True)
@@ -212,28 +219,28 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
 
 
 def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Values:
-    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft has larger ones."""
+    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft is coarser."""
     degrees = np.linspace(
         0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
     )
     views = towards(np.radians(degrees), np.radians(options.phi))
-    found = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
-    values, error = (np.array([getattr(each, name).sum(axis=0) for each in found]) for name in ("value", "error"))
+    albedos = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
+    values, error = (np.array([getattr(albedo, name).sum(axis=0) for albedo in albedos]) for name in ("value", "error"))
     return {"x": degrees, "f": values, "error": error}
 
 
-def _drawn(
+def _draw_and_evaluate(
     ax: Axes, subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values]
 ) -> tuple[Values, dict[str, Floats]]:
-    """Draw the curves of surfaces, and return the values of the last, and the columns."""
-    found = [values(subject, options) for subject in subjects]
-    labels = distinct([subject.label for subject in subjects])
-    curves = list(zip(labels, (each["f"] for each in found), strict=True))
-    return found[-1], draw_curves(ax, found[-1]["x"], curves, options)
+    """Draw the curves of surfaces; return the values of the last surface, and the columns."""
+    surface_values = [values(subject, options) for subject in subjects]
+    labels = unique_labels([subject.label for subject in subjects])
+    curves = list(zip(labels, (surface["f"] for surface in surface_values), strict=True))
+    return surface_values[-1], draw_curves(ax, surface_values[-1]["x"], curves, options)
 
 
-def f_of(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
-    """Return f (..., 3), or f times the light's cosine; LookdevError for what has no f."""
+def evaluate_f(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
+    """Return f (..., 3), or f times the light's cosine; raises LookdevError for a surface without f."""
     if subject.is_delta:
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
@@ -261,18 +268,18 @@ def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
     return total
 
 
-def _averaged(subject: Subject, theta_d: Floats, phi_d: float) -> Floats:
+def _mean_over_theta_h(subject: Subject, theta_d: Floats, phi_d: float) -> Floats:
     """Return the mean of f (n, 3) over theta_h from 1 to 4 degrees."""
     theta_h = np.radians(np.linspace(1.0, 4.0, 25))[:, None]
     wo, wi = half_difference(theta_h, theta_d[None, :], phi_d)
-    return np.asarray(f_of(subject, wo, wi, cosine=False).mean(axis=0))
+    return np.asarray(evaluate_f(subject, wo, wi, cosine=False).mean(axis=0))
 
 
-def _normalised(f: Floats, degrees: Floats) -> Floats:
-    """Return curves (n, c) less their first value, over their mean from 45 to 80 degrees; 0 for what stays constant."""
-    risen = f - f[:1]
+def _offset_and_scale(f: Floats, degrees: Floats) -> Floats:
+    """Return curves (n, c) less their first value, over their mean from 45 to 80 degrees; 0 for constant curves."""
+    offset = f - f[:1]
     within = (degrees >= 45.0) & (degrees <= 80.0)
     if not within.any():
         raise LookdevError("fresnel: curves are scaled by 45 to 80 degrees; a larger --limit and --size would be right")
-    mean = np.abs(risen[within].mean(axis=0, keepdims=True))
-    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))
+    mean = np.abs(offset[within].mean(axis=0, keepdims=True))
+    return np.asarray(offset / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))

@@ -1,4 +1,4 @@
-"""A figure and its numbers, as values: no state of matplotlib's is used or changed."""
+"""Figures and their numbers as values; the global state of matplotlib is not used or changed."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from lookdev.plotting.angles import LUMINANCE, Floats
 from lookdev.plotting.options import Options
 
 SUFFIXES = (".png", ".svg", ".pdf", ".csv")
-"""Of the files that a plot is written to."""
+"""Suffixes of the files that a plot is written to."""
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9", "#8c564b")
-"""Of subjects, in order: Okabe and Ito's, which the colour-blind can tell apart."""
+"""Colours of subjects, in order: Okabe and Ito's palette for the colour-blind."""
 RGB = ("#c8322d", "#2b8a3e", "#2454c5")
 DASHES = ("-", "--", ":", "-.")
 
-_LONGEST = 56
-# No date and no random names: the same plot is the same file.
+_LONGEST_LABEL = 56
+# Without dates and random names, the same plot is the same file.
 _STABLE: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".svg": {"Date": None},
@@ -38,9 +38,9 @@ _STABLE: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot: its figure, and the numbers in it as columns of equal length, angles in degrees.
+    """A plot: its figure, and its numbers as columns of equal length, angles in degrees.
 
-    `notes` are what a reader must know of the numbers, such as the error of an integral.
+    `notes` are remarks about the numbers, such as the error of an integral.
     """
 
     figure: Figure
@@ -48,12 +48,12 @@ class Plot:
     notes: tuple[str, ...] = ()
 
     def write(self, file: Path, dpi: float = 120.0) -> None:
-        """Write the figure, or for ``.csv`` the numbers, whole or not at all.
+        """Write the figure, or for ``.csv`` the numbers, completely or not at all.
 
         Raises
         ------
         LookdevError
-            The name of the file ends in none of `SUFFIXES`.
+            The suffix of the file is not one of `SUFFIXES`.
         """
         suffix = checked_suffix(file)
         with atomic_path(file) as temporary:
@@ -61,14 +61,14 @@ class Plot:
                 with temporary.open("w", newline="", encoding="utf-8") as stream:
                     rows = csv.writer(stream)
                     rows.writerow(self.columns)
-                    rows.writerows(zip(*(each.tolist() for each in self.columns.values()), strict=True))
+                    rows.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
             else:
                 with mpl.rc_context({"svg.hashsalt": "lookdev"}):
                     self.figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_STABLE[suffix])
 
 
 def checked_suffix(file: Path) -> str:
-    """Return the suffix of a file to write, or raise LookdevError."""
+    """Return the suffix of a file to write; raises LookdevError if it is not one of `SUFFIXES`."""
     if file.suffix.lower() not in SUFFIXES:
         raise LookdevError(f"{file}: a plot is written to a file that ends in {', '.join(SUFFIXES)}")
     return file.suffix.lower()
@@ -77,19 +77,19 @@ def checked_suffix(file: Path) -> str:
 def figure_of(
     columns: int = 1, rows: int = 1, size: tuple[float, float] = (6.4, 4.4), **axes: Any
 ) -> tuple[Figure, Any]:
-    """Return a figure of a grid of axes, each of a size in inches, and the axes, (rows, columns)."""
+    """Return a figure with a grid of axes, each of `size` in inches, and the axes, (rows, columns)."""
     figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **axes)
 
 
-def shown(label: str) -> str:
-    """Return a label for a legend: not too long, and no mathematics of matplotlib's."""
-    label = label if len(label) <= _LONGEST else f"{label[: _LONGEST - 1]}…"
+def legend_label(label: str) -> str:
+    """Return a label for a legend: shortened, and escaped from the mathematics of matplotlib."""
+    label = label if len(label) <= _LONGEST_LABEL else f"{label[: _LONGEST_LABEL - 1]}…"
     return label.replace("$", r"\$")
 
 
-def distinct(labels: Sequence[str]) -> list[str]:
-    """Return labels of which no two are alike: the second of a name gets a number."""
+def unique_labels(labels: Sequence[str]) -> list[str]:
+    """Return labels that differ: repetitions have a number appended."""
     return [
         label if label not in labels[:index] else f"{label} #{labels[: index + 1].count(label)}"
         for index, label in enumerate(labels)
@@ -97,7 +97,7 @@ def distinct(labels: Sequence[str]) -> list[str]:
 
 
 def channels_of(values: Floats, options: Options) -> dict[str, Floats]:
-    """Return the curves of colours (..., 3) that are drawn, by the ending of their name."""
+    """Return the curves to draw of colours (..., 3), by the suffix of their label."""
     if options.channels == "rgb":
         return {f".{name}": values[..., index] for index, name in enumerate("rgb")}
     return {"": values @ LUMINANCE}
@@ -106,21 +106,21 @@ def channels_of(values: Floats, options: Options) -> dict[str, Floats]:
 def draw_curves(
     axes: Axes, x: Floats, curves: Sequence[tuple[str, Floats]], options: Options, **style: Any
 ) -> dict[str, Floats]:
-    """Draw colours (n, 3) of labels as curves over x (n,), and return the columns that they are."""
+    """Draw labelled colours (n, 3) as curves over x (n,), and return them as columns."""
     columns: dict[str, Floats] = {}
     for index, (label, values) in enumerate(curves):
         for channel, (ending, curve) in enumerate(channels_of(values, options).items()):
             color = RGB[channel] if ending else COLORS[index % len(COLORS)]
             dashes = DASHES[(index if ending else index // len(COLORS)) % len(DASHES)]
-            axes.plot(x, curve, color=color, linestyle=dashes, label=f"{shown(label)}{ending}", **style)
+            axes.plot(x, curve, color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}", **style)
             columns[f"{label}{ending}"] = curve
     return columns
 
 
 def scale_values(axes: Axes, options: Options, inner: NDArray[np.bool_]) -> None:
-    """Give the axes their scales, by the values at places of curves that are `inner`, (n,).
+    """Set the scales and limits of axes, by the values of curves where `inner`, (n,), is true.
 
-    At the horizon some models go up without limit. A log axis shows eight decades at most.
+    Near the horizon some models grow without bound. A log axis shows at most eight decades.
     """
     values = np.concatenate([np.asarray(line.get_ydata(), np.float64)[inner] for line in axes.lines if inner.any()])
     high = float(values.max(initial=0.0)) or 1.0
@@ -139,14 +139,14 @@ def scale_values(axes: Axes, options: Options, inner: NDArray[np.bool_]) -> None
 
 
 def legend(axes: Axes) -> None:
-    """Draw the legend below the plot, where it hides nothing."""
+    """Draw a grid, and the legend below the plot."""
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False, fontsize=8)
 
 
 def picture(values: Floats, options: Options) -> Floats:
-    """Return values (..., 3), linear Rec.709, as sRGB in [0, 1] (IEC 61966-2-1)."""
+    """Convert values (..., 3) in linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1)."""
     if options.chroma:
         values = values / np.maximum(values.max(axis=-1, keepdims=True), 1e-300)
     linear = np.clip(values * 2.0**options.exposure, 0.0, 1.0)

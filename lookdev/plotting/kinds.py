@@ -16,10 +16,10 @@ from lookdev.plotting.subject import Subject
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of plot: a sentence, the function that draws it, the options that it uses, and the most surfaces in it.
+    """A kind of plot: a description, the function that draws it, the options that it uses, and its most surfaces.
 
-    `values` are the numbers of one surface, for whoever draws them otherwise. Of a difference they are each surface's.
-    `draft` are coarser ones, where these take longer than a hand waits.
+    `values` returns the numbers of one surface, for other ways to draw them; for a difference, of each surface. `draft`
+    returns coarser numbers, for kinds that are too slow for interaction.
     """
 
     text: str
@@ -100,11 +100,14 @@ def draw(name: str, subjects: Sequence[Subject], options: Options = Options()) -
     Raises
     ------
     LookdevError
-        The kind is unknown, does not use an option that is given, or cannot show so many surfaces, or one of them.
+        The kind is unknown, does not use one of the given options, or cannot show this number of surfaces, or one of
+        the surfaces.
     """
     kind = kind_named(name)
-    if unused := [each for each in options.given() if each not in kind.uses]:
-        raise LookdevError(f"{name} has no --{unused[0]}; its options: {', '.join(f'--{each}' for each in kind.uses)}")
+    if unused := [option for option in options.given() if option not in kind.uses]:
+        raise LookdevError(
+            f"{name} has no --{unused[0]}; its options: {', '.join(f'--{option}' for option in kind.uses)}"
+        )
     if not 1 <= len(subjects) <= kind.most:
         raise LookdevError(f"{name}: {len(subjects)} given; 1 to {kind.most} would be right")
     return kind.draw(subjects, options)

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 
 from lookdev.errors import LookdevError
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, half_difference
-from lookdev.plotting.curves import f_of
-from lookdev.plotting.figure import Plot, distinct, figure_of, picture, shown
+from lookdev.plotting.curves import evaluate_f
+from lookdev.plotting.figure import Plot, figure_of, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -28,16 +28,19 @@ _MARKS = (
 def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot image slices: f over theta_h, to the right, and theta_d, upwards, at a phi_d (Burley 2012, figures 3 and 4).
 
-    The first is marked as in figure 3, with the isoline of theta_i = theta_o = 60 degrees at phi_d = 90 degrees.
+    The first slice has the marks of figure 3, and the isolines of theta_i = 60 degrees and theta_o = 60 degrees, which
+    coincide at phi_d = 90 degrees.
     """
-    theta, wo, wi = grid(options)
+    theta, wo, wi = slice_grid(options)
     figure, axes = figure_of(len(subjects), size=(3.7, 3.9))
     columns = _angles(theta)
-    for index, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
-        f = f_of(subject, wo, wi, options.cosine)
+    for index, (label, subject) in enumerate(
+        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
+    ):
+        f = evaluate_f(subject, wo, wi, options.cosine)
         ax = axes[0, index]
-        _show(ax, picture(f, options))
-        ax.set_title(shown(label), fontsize=9)
+        _draw_image(ax, picture(f, options))
+        ax.set_title(legend_label(label), fontsize=9)
         if index == 0:
             _annotate(ax, wo, wi)
         columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
@@ -46,40 +49,40 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
 
 
 def slice_values(subject: Subject, options: Options) -> Values:
-    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the middles of pixels."""
-    _, wo, wi = grid(options)
-    return {"f": f_of(subject, wo, wi, options.cosine)}
+    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the centres of pixels."""
+    _, wo, wi = slice_grid(options)
+    return {"f": evaluate_f(subject, wo, wi, options.cosine)}
 
 
 def difference(subjects: Sequence[Subject], options: Options) -> Plot:
-    """Plot the slices of two surfaces, and the difference of cube roots of their luminance, second less first.
+    """Plot the slices of two surfaces, and the difference of the cube roots of their luminance, second less first.
 
-    Cube roots of f are about as far apart as they look (Ngan et al. 2005, section 3.2, has them as a loss, too).
+    Differences of cube roots are about proportional to visible ones; Ngan et al. 2005, section 3.2, use them as a loss.
     """
     if len(subjects) != 2:
         raise LookdevError(f"difference: {len(subjects)} given; two would be right")
-    theta, wo, wi = grid(options)
-    one, other = (f_of(subject, wo, wi, options.cosine) for subject in subjects)
+    theta, wo, wi = slice_grid(options)
+    first, second = (evaluate_f(subject, wo, wi, options.cosine) for subject in subjects)
     above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
-    root = np.where(above, np.cbrt(other @ LUMINANCE) - np.cbrt(one @ LUMINANCE), np.nan)
+    root = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
     figure, axes = figure_of(3, size=(3.9, 3.9))
-    labels = distinct([subject.label for subject in subjects])
-    for ax, f, label in zip(axes[0], (one, other), labels, strict=False):
-        _show(ax, picture(f, options))
-        ax.set_title(shown(label), fontsize=9)
-    # The corner where models go up without limit would leave no colour to the rest.
+    labels = unique_labels([subject.label for subject in subjects])
+    for ax, f, label in zip(axes[0], (first, second), labels, strict=False):
+        _draw_image(ax, picture(f, options))
+        ax.set_title(legend_label(label), fontsize=9)
+    # A percentile, as the corner where models grow without bound would leave no colours for the rest.
     limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
     image = axes[0, 2].imshow(
         root, origin="lower", extent=(0, 90, 0, 90), cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest"
     )
     axes[0, 2].set(xlabel="θh (degrees)", facecolor="black", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
     figure.colorbar(image, ax=axes[0, 2], shrink=0.8, extend="both")
-    # d theta_h d theta_d are not solid angles: this measures the picture.
-    rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative(one[above], other[above])
+    # The mean is over the picture, d theta_h d theta_d, not over solid angles.
+    rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative_difference(first[above], second[above])
     axes[0, 2].set_title(f"difference of cube roots, rms {rms:.3g}", fontsize=9)
     figure.suptitle(_title(options), fontsize=9)
     columns = _angles(theta)
-    for label, f in zip(labels, (one, other), strict=True):
+    for label, f in zip(labels, (first, second), strict=True):
         columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
     columns["difference of cube roots"] = root.ravel()
     return Plot(
@@ -87,18 +90,18 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     )
 
 
-def grid(options: Options) -> tuple[Floats, Floats, Floats]:
+def slice_grid(options: Options) -> tuple[Floats, Floats, Floats]:
     """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
-    return _grid(options.size or _PIXELS, options.phi)
+    return _cached_grid(options.size or _PIXELS, options.phi)
 
 
 @lru_cache(maxsize=4)
-def _grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
+def _cached_grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
     theta = (np.arange(count) + 0.5) / count * 90.0
     angle = np.radians(theta)
     wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(phi))
-    for each in (theta, wo, wi):
-        each.flags.writeable = False
+    for array in (theta, wo, wi):
+        array.flags.writeable = False
     return theta, wo, wi
 
 
@@ -107,19 +110,19 @@ def _angles(theta: Floats) -> dict[str, Floats]:
     return {"theta_h (degrees)": h.ravel(), "theta_d (degrees)": d.ravel()}
 
 
-def _relative(one: Floats, other: Floats) -> float:
-    return float(np.abs(one - other).max() / max(one.max(), other.max(), 1e-300))
+def _relative_difference(first: Floats, second: Floats) -> float:
+    return float(np.abs(first - second).max() / max(first.max(), second.max(), 1e-300))
 
 
-def _show(ax: Axes, image: Floats) -> None:
+def _draw_image(ax: Axes, image: Floats) -> None:
     ax.imshow(image, origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
 
 
 def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
-    for x, y, text, turn, ha, va in _MARKS:
+    for x, y, text, rotation, ha, va in _MARKS:
         ax.text(
-            x * 90, y * 90, text, rotation=turn, ha=ha, va=va, fontsize=7, color="white",
+            x * 90, y * 90, text, rotation=rotation, ha=ha, va=va, fontsize=7, color="white",
             bbox={"facecolor": "black", "alpha": 0.35, "pad": 1.0, "linewidth": 0.0},
         )  # fmt: skip
     for w, dashes in ((wi, "-"), (wo, "--")):

@@ -1,4 +1,4 @@
-"""What a plot can be asked for beyond its kind."""
+"""Options of plots."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ CHANNELS = ("luminance", "rgb")
 
 @dataclass(frozen=True)
 class Options:
-    """Options of plots; each kind uses some of them (`lookdev.plotting.kinds.Kind.uses`).
+    """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.Kind.uses`).
 
     theta
-        Degrees from the normal: of the view, or of the angle of a cartesian plot that stays.
+        Degrees from the normal: of the view, or the fixed angle of a cartesian plot.
     phi
         Degrees of azimuth: phi_d of a slice, the azimuth of the view elsewhere.
     exposure
@@ -35,7 +35,7 @@ class Options:
     chroma
         Whether pictures are divided by their largest channel (Burley 2012, figure 14).
     size
-        Samples along an axis, or pixels of a picture; 0: the kind's own number.
+        Samples along an axis, or pixels along a side of a picture; 0 is the default of the kind.
     """
 
     theta: float = 45.0
@@ -71,5 +71,7 @@ class Options:
     def given(self) -> dict[str, Any]:
         """Return the options that are not at their defaults, by name."""
         return {
-            each.name: getattr(self, each.name) for each in fields(self) if getattr(self, each.name) != each.default
+            option.name: getattr(self, option.name)
+            for option in fields(self)
+            if getattr(self, option.name) != option.default
         }

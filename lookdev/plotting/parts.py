@@ -10,16 +10,16 @@ from lookdev.plotting.angles import Floats
 
 
 def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return f of pairs of directions (..., 3), as `lookdev.brdf.evaluate`, whose values each point's are alone."""
+    """Return f of pairs of directions (..., 3), with exactly the values of `lookdev.brdf.evaluate`."""
     count = wo.size // 3
     if count <= PART:
         return np.asarray(evaluate(bsdf, wo, wi))
-    out, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
+    f, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
 
     def fill(start: int) -> None:
         part = slice(start, start + PART)
-        out[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
+        f[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
 
     for _ in threads().map(fill, range(0, count, PART)):
         pass
-    return out.reshape(wo.shape)
+    return f.reshape(wo.shape)

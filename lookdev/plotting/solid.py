@@ -1,4 +1,4 @@
-"""Pictures of shapes: the lobe in three dimensions, and lit spheres."""
+"""Plots of shapes: the lobe in three dimensions, and spheres under lights."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from lookdev.brdf import evaluate_cosine, pdf, sample, seen_along
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
-from lookdev.plotting.curves import f_of
-from lookdev.plotting.figure import Plot, distinct, figure_of, picture, shown
+from lookdev.plotting.curves import evaluate_f
+from lookdev.plotting.figure import Plot, figure_of, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -21,16 +21,18 @@ _PIXELS = 160
 _DOME = "studio"
 _SAMPLES = 48
 _ROOT = 1.1673039782614187
-"""Positive root of x^5 = x + 1, whose powers are the recurrence's steps in four dimensions (Roberts 2018)."""
+"""Positive root of x^5 = x + 1; its powers are the steps of the recurrence in four dimensions (Roberts 2018)."""
 
 
 def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
-    """Plot f of all lights above the horizon, for one view, as the radius of a surface; the view is a line."""
+    """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
     theta, phi, view = lobe_grid(options)
     figure, axes = figure_of(len(subjects), size=(4.6, 4.4), subplot_kw={"projection": "3d"})
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
     columns["phi_i (degrees)"] = np.tile(np.degrees(phi), len(theta))
-    for ax, label, subject in zip(axes[0], distinct([each.label for each in subjects]), subjects, strict=True):
+    for ax, label, subject in zip(
+        axes[0], unique_labels([subject.label for subject in subjects]), subjects, strict=True
+    ):
         wi, f = lobe_values(subject, options).values()
         luminance = f @ LUMINANCE
         peak = float(luminance.max()) or 1.0
@@ -47,17 +49,17 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
         ax.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(0, 1), xticks=(-1, 0, 1), yticks=(-1, 0, 1), zticks=(0, 1))
         ax.set_box_aspect((2, 2, 1))
         ax.view_init(elev=22, azim=-60)
-        ax.set_title(f"{shown(label)}\npeak {peak:.3g} /sr, {options.scale}", fontsize=8)
+        ax.set_title(f"{legend_label(label)}\npeak {peak:.3g} /sr, {options.scale}", fontsize=8)
         columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
     figure.suptitle(f"θo = {options.theta:g}°" + (", times cos θi" if options.cosine else ""), fontsize=9)
     return Plot(figure, columns)
 
 
 def lobe_grid(options: Options) -> tuple[Floats, Floats, Floats]:
-    """Return theta (n,) and phi (2n,) of lights, denser towards the mirrored view, where lobes are narrow; the view."""
+    """Return theta (n,) and phi (2n,) of lights, denser near the mirrored view, where lobes are narrow; the view."""
     count = options.size or 96
-    theta = _dense(0.0, 0.5 * np.pi, np.radians(options.theta), count)
-    phi = _dense(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
+    theta = _graded_grid(0.0, 0.5 * np.pi, np.radians(options.theta), count)
+    phi = _graded_grid(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
     return theta, phi, towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
 
 
@@ -65,7 +67,7 @@ def lobe_values(subject: Subject, options: Options) -> Values:
     """Return `wi` and f, (theta, phi, 3), of the lights of `lobe_grid`."""
     theta, phi, view = lobe_grid(options)
     wi = towards(theta[:, None], phi[None, :])
-    return {"wi": wi, "f": f_of(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
+    return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
 
 
 def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -76,18 +78,20 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     """
     figure, axes = figure_of(len(subjects), 2, size=(3.0, 3.0))
     columns: dict[str, Floats] = {}
-    for index, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
-        found = sphere_values(subject, options)
-        pixels, count = found.pop("pixel"), options.size or _PIXELS
+    for index, (label, subject) in enumerate(
+        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
+    ):
+        values = sphere_values(subject, options)
+        pixels, count = values.pop("pixel"), options.size or _PIXELS
         columns |= {"row": (pixels // count).astype(float), "column": (pixels % count).astype(float)}
-        for row, (name, lit) in enumerate(found.items()):
+        for row, (name, radiance) in enumerate(values.items()):
             image = np.zeros((count * count, 3))
-            image[pixels] = lit
+            image[pixels] = radiance
             ax = axes[row, index]
             ax.imshow(picture(image.reshape(count, count, 3), options), origin="lower", interpolation="nearest")
             ax.set_axis_off()
-            columns |= {f"{label}.{name}.{c}": lit[..., channel] for channel, c in enumerate("rgb")}
-        axes[0, index].set_title(shown(label), fontsize=8)
+            columns |= {f"{label}.{name}.{c}": radiance[..., channel] for channel, c in enumerate("rgb")}
+        axes[0, index].set_title(legend_label(label), fontsize=8)
     title = f"point light at {options.theta:g}°, and the dome '{_DOME}'; exposure {options.exposure:+g}"
     figure.suptitle(title, fontsize=9)
     return Plot(figure, columns)
@@ -102,23 +106,23 @@ def sphere_values(subject: Subject, options: Options) -> Values:
     x, y = np.meshgrid(*[(np.arange(count) + 0.5) / count * 2.0 - 1.0] * 2)
     inside = x * x + y * y < 1.0
     x, y = x[inside], y[inside]
-    # The camera looks along -z; the up axis of the picture is y, of the sphere's tangents the pole.
+    # The camera looks along -z. The up axis of the picture is y, which is also the pole of the sphere's tangents.
     normal = vector(x, y, np.sqrt(1.0 - x * x - y * y))
     tangent = normalize(cross(np.broadcast_to([0.0, 1.0, 0.0], normal.shape), normal))
     bitangent = cross(normal, tangent)
-    frame = np.stack([np.asarray(each) for each in (tangent, bitangent, normal)], axis=1)
+    frame = np.stack([np.asarray(axis) for axis in (tangent, bitangent, normal)], axis=1)
     wo = np.ascontiguousarray(frame[..., 2])
     toward_light = frame @ towards(np.radians(options.theta), np.radians(options.phi))
     point = np.zeros(wo.shape) if subject.is_delta else np.pi * evaluate_cosine(subject.bsdf, wo, toward_light)
-    # A light behind the sphere reaches no front.
+    # A light from below the horizon of a point does not reach it.
     point = point * (toward_light[:, 2:] > 0.0)
-    return {"pixel": np.flatnonzero(inside.ravel()), "point": point, "dome": _lit_by_dome(subject, wo, frame)}
+    return {"pixel": np.flatnonzero(inside.ravel()), "point": point, "dome": _radiance_under_dome(subject, wo, frame)}
 
 
-def _lit_by_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
+def _radiance_under_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
     """Return the radiance (n, 3) towards views, by samples of the surface and of the dome.
 
-    Their numbers are an additive recurrence, shifted in each pixel.
+    The uniform numbers are an additive recurrence with a random shift for each pixel.
     """
     dome = prepare_light(load_environment(builtin=_DOME), sampled=False)
     shift = np.random.default_rng(0).random((len(wo), 4))
@@ -126,10 +130,10 @@ def _lit_by_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
     total = np.zeros(wo.shape)
     origin = np.zeros(wo.shape)
     # The dome's up axis is z, the picture's y.
-    turned = frame[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
+    dome_frame = frame[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
     def to_dome(wi: Floats) -> Floats:
-        return np.asarray(np.einsum("nkc,nk->nc", turned, wi))
+        return np.asarray(np.einsum("nkc,nk->nc", dome_frame, wi))
 
     for delta in subject.bsdf.deltas(wo, np.zeros(len(wo), np.bool_)):
         if not delta.transmits:
@@ -139,19 +143,19 @@ def _lit_by_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
     bsdf = seen_along(subject.bsdf, wo)
     for number in range(_SAMPLES):
         u = (shift + number * step) % 1.0
-        by_light = np.einsum("nkc,nc->nk", turned, dome.sample(origin, u[:, 2:]))
+        by_light = np.einsum("nkc,nc->nk", dome_frame, dome.sample(origin, u[:, 2:]))
         for wi in (sample(bsdf, wo, u[:, :2]), by_light):
-            toward = to_dome(wi)
-            # The balance heuristic (Veach 1997, eq. 9.8) of one sample each.
-            density = (pdf(bsdf, wo, wi) + dome.pdf(origin, toward)) * _SAMPLES
-            drawn = (density > 0.0) & (wi[:, 2] != 0.0)
-            weight = np.where(drawn, 1.0 / np.where(drawn, density, 1.0), 0.0)
-            total += evaluate_cosine(bsdf, wo, wi) * weight[:, None] * dome.radiance(origin, toward)
+            dome_direction = to_dome(wi)
+            # The balance heuristic (Veach 1997, eq. 9.8) for the same number of samples of each.
+            density = (pdf(bsdf, wo, wi) + dome.pdf(origin, dome_direction)) * _SAMPLES
+            is_drawn = (density > 0.0) & (wi[:, 2] != 0.0)
+            weight = np.where(is_drawn, 1.0 / np.where(is_drawn, density, 1.0), 0.0)
+            total += evaluate_cosine(bsdf, wo, wi) * weight[:, None] * dome.radiance(origin, dome_direction)
     return total
 
 
-def _dense(low: float, high: float, about: float, count: int) -> Floats:
-    """Return increasing numbers from low to high, a third of them even, the others dense about a place."""
+def _graded_grid(low: float, high: float, centre: float, count: int) -> Floats:
+    """Return increasing numbers from low to high: a third evenly spaced, the others dense near `centre`."""
     even = np.linspace(low, high, max(count // 3, 2))
-    near = about + 0.5 * (high - low) * np.linspace(-1.0, 1.0, count - len(even)) ** 3
-    return np.asarray(np.unique(np.clip(np.concatenate([even, near]), low, high)))
+    graded = centre + 0.5 * (high - low) * np.linspace(-1.0, 1.0, count - len(even)) ** 3
+    return np.asarray(np.unique(np.clip(np.concatenate([even, graded]), low, high)))

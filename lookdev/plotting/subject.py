@@ -1,8 +1,8 @@
-"""What is plotted: a BSDF with constant parameters and a label, from the words of a command line.
+"""Subjects of plots: a BSDF with constant parameters and a label, from the words of a command line.
 
-``disney:roughness=.3,baseColor=.8/.2/.1`` is a model; ``red_plastic:roughness=.1`` a preset; ``look.usda:2`` a layer of
-a look, ``look.usda@.5,.25`` its stack at texture coordinates, ``look.usda#/Paint`` a material of it; any other file
-is measured. ``label=`` before any of these replaces what the legend shows.
+``disney:roughness=.3,baseColor=.8/.2/.1`` is a model, ``red_plastic:roughness=.1`` a preset. ``look.usda:2`` is a layer
+of a look, ``look.usda@.5,.25`` its stack at texture coordinates, ``look.usda#/Paint`` one of its materials. Any other
+file is measured data. ``label=`` before any of these replaces the label in the legend.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ LOOK = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A surface to plot: a label, its BSDF, and the layers that it is made of, base first, as they are seen from above.
+    """A surface to plot: a label, its BSDF, and its layers, base first, with their parameters for a view from above.
 
-    `model` and `parameters` are those of a single layer; a stack has none. `faster` computes the same f as the BSDF for
+    `seen_alike` is whether the parameters are the same for every view. `faster` computes the same f as the BSDF for
     directions (n, 3).
     """
 
@@ -50,17 +50,17 @@ class Subject:
 
     @property
     def model(self) -> str:
-        """The model of the only layer, or an empty string."""
+        """The model of a single layer; an empty string for a stack."""
         return self.layers[0].model if len(self.layers) == 1 else ""
 
     @property
     def parameters(self) -> Mapping[str, Any] | None:
-        """All parameters of the only layer."""
+        """All parameters of a single layer; None for a stack."""
         return self.layers[0].parameters if len(self.layers) == 1 else None
 
     @property
     def is_delta(self) -> bool:
-        """Whether it scatters along single directions alone."""
+        """Whether the surface scatters along single directions only."""
         if self.layers:
             return all(MODELS[layer.model].delta for layer in self.layers)
         wo = np.array([0.0, 0.6, 0.8])
@@ -69,7 +69,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class _Point(ImagePoints):
-    """One point of a surface, without primvars of its own, seen along a cosine."""
+    """One point of a surface without primvars, at texture coordinates `at`, for views of some cosines."""
 
     at: tuple[float, float]
     cosine: Floats
@@ -88,36 +88,36 @@ class _Point(ImagePoints):
 
 
 Locate = Callable[[str], Path]
-"""Finds the file of a name in words; raises LookdevError where it may not be read."""
+"""Function that returns the path of a file named in words; raises LookdevError if it must not be read."""
 
 
 def read_subject(words: str, library: Path | None = None, locate: Locate = Path) -> Subject:
-    """Return what words of the command line stand for.
+    """Return the subject that words of the command line describe.
 
     Raises
     ------
     ModelError, LookError, TextureError
         A parameter, a preset, a look or a file is wrong.
     LookdevError
-        Nothing has that name.
+        There is no model, preset or file of that name.
     """
     label, words = split_label(words, locate)
-    subject = _read(words, library, locate)
+    subject = _read_unlabelled(words, library, locate)
     return replace(subject, label=label) if label else subject
 
 
 def split_label(words: str, locate: Locate = Path) -> tuple[str, str]:
-    """Return the label before words, or an empty string, and the rest."""
-    named = None if _is_file(words, locate, folders=True) else _LABEL.fullmatch(words)
-    if named is None:
+    """Return the label at the beginning of words, or an empty string, and the rest."""
+    match = None if _is_file(words, locate, folders=True) else _LABEL.fullmatch(words)
+    if match is None:
         return "", words
-    _, rest = split_label(named[2], locate)
-    return named[1].strip(), rest
+    _, rest = split_label(match[2], locate)
+    return match[1].strip(), rest
 
 
-def _read(words: str, library: Path | None, locate: Locate) -> Subject:
+def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> Subject:
     if look := LOOK.fullmatch(words):
-        return _of_look(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
+        return _look_subject(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
     if name in MODELS:
         return subject_of(*read_model(words, locate), words)
@@ -125,33 +125,33 @@ def _read(words: str, library: Path | None, locate: Locate) -> Subject:
         return subject_of(MEASURED, {"file": str(locate(words))}, Path(words).name)
     if Path(name).suffix:
         raise LookdevError(f"{words}: no such file; a look, a MERL binary or data of Ngan et al. would be right")
-    return _of_preset(words, name, rest, library)
+    return _preset_subject(words, name, rest, library)
 
 
 def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
     try:
-        place = locate(words)
-        return place.is_file() or (folders and place.exists())
+        path = locate(words)
+        return path.is_file() or (folders and path.exists())
     except (LookdevError, OSError, ValueError):
         return False
 
 
 def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Any]]:
-    """Return the model that words such as ``disney:sheen=0`` name, and the parameters given; errors as above."""
+    """Return the model and the given parameters of words such as ``disney:sheen=0``; raises as `read_subject` does."""
     name, _, rest = words.partition(":")
     model = model_named(name)
     return model, read_parameters(words, model, rest, locate)
 
 
-def subject_of(model: Model, given: Mapping[str, object], label: str) -> Subject:
-    """Return a model with some of its parameters; a ModelError reports what is wrong with them."""
-    parameters = model.complete(given)
+def subject_of(model: Model, constants: Mapping[str, object], label: str) -> Subject:
+    """Return the subject of a model with some of its parameters; raises ModelError if one is wrong."""
+    parameters = model.complete(constants)
     return Subject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
 
 def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, Any]:
-    """Return the parameters of a model that text as ``roughness=.3,baseColor=.8/.2/.1`` gives; words are for errors."""
-    given: dict[str, Any] = {}
+    """Parse a model's parameters from text such as ``roughness=.3,baseColor=.8/.2/.1``; `words` are for messages."""
+    parameters: dict[str, Any] = {}
     for pair in filter(None, text.split(",")):
         name, equals, value = pair.partition("=")
         name = name.strip()
@@ -162,15 +162,15 @@ def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) 
         parameter, text = model.parameters[name], value.strip()
         if parameter.file and text not in parameter.choices:
             text = str(locate(text))
-        given[name] = _value(words, parameter.kind, name, text)
-    return given
+        parameters[name] = _parse_value(words, parameter.kind, name, text)
+    return parameters
 
 
-def _value(words: str, kind: str, name: str, text: str) -> object:
+def _parse_value(words: str, kind: str, name: str, text: str) -> object:
     if kind == "token":
         return text
     try:
-        numbers = [float(each) for each in text.split("/")]
+        numbers = [float(number) for number in text.split("/")]
     except ValueError:
         numbers = []
     if kind == "float" and len(numbers) == 1:
@@ -183,27 +183,29 @@ def _value(words: str, kind: str, name: str, text: str) -> object:
     raise ModelError(f"{words}: {name} is '{text}'; {right} would be right")
 
 
-def _of_preset(words: str, name: str, rest: str, library: Path | None) -> Subject:
+def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> Subject:
     try:
         preset = find_preset(name, library)
     except LookError:
-        known = [*MODELS, *(each.name for each in read_library(library_folders(library)).presets)]
-        hint = nearest_hint(name, known) if nearest_hint(name, known).startswith("did") else "see lookdev materials"
+        names = [*MODELS, *(preset.name for preset in read_library(library_folders(library)).presets)]
+        hint = nearest_hint(name, names) if nearest_hint(name, names).startswith("did") else "see lookdev materials"
         raise LookdevError(f"'{name}' is no model, no preset and no file ({hint})") from None
-    (layer,) = _layers(preset_look(preset, name), (0.5, 0.5), np.ones(1))
-    given = dict(layer.parameters) | {
+    (layer,) = _layers_at(preset_look(preset, name), (0.5, 0.5), np.ones(1))
+    parameters = dict(layer.parameters) | {
         key: complete_parameters(layer.model, {key: value})[key]
         for key, value in read_parameters(words, model_named(layer.model), rest).items()
     }
-    return Subject(words, model_named(layer.model).bsdf(given), (replace(layer, parameters=given),))
+    return Subject(words, model_named(layer.model).bsdf(parameters), (replace(layer, parameters=parameters),))
 
 
-def _of_look(words: str, named: str, file: Path, prim: str | None, layer: str | None, at: str | None) -> Subject:
+def _look_subject(
+    words: str, file_text: str, file: Path, prim: str | None, layer: str | None, uv_text: str | None
+) -> Subject:
     look = read_look(file, prim)
-    place = _place(words, at)
-    label = words.replace(named, file.stem, 1)
+    uv = _parse_uv(words, uv_text)
+    label = words.replace(file_text, file.stem, 1)
     if layer is not None:
-        names = [each.name for each in look.layers]
+        names = [candidate.name for candidate in look.layers]
         if layer.isdigit() and int(layer) < len(names):
             number = int(layer)
         elif layer in names:
@@ -211,38 +213,49 @@ def _of_look(words: str, named: str, file: Path, prim: str | None, layer: str | 
         else:
             raise LookdevError(f"{words}: no layer '{layer}' ({nearest_hint(layer, names)}; or 0 to {len(names) - 1})")
         look = replace(look, layers=(replace(look.layers[number], mask=1.0, mode="over"),))
-    if any(depends_on_view(source) for each in look.layers for source in (*each.inputs.values(), each.mask)):
-        # The parameters are functions of the view, so the stack is made for each.
-        def seen(wo: Any) -> Bsdf:
-            return stack_bsdf(_layers(look, place, np.abs(np.asarray(wo)[..., 2]), squeezed=False))
+    if any(
+        depends_on_view(source) for candidate in look.layers for source in (*candidate.inputs.values(), candidate.mask)
+    ):
+        # The parameters are functions of the view, so each view has its own stack.
+        def bsdf_for_view(wo: Any) -> Bsdf:
+            return stack_bsdf(_layers_at(look, uv, np.abs(np.asarray(wo)[..., 2]), is_squeezed=False))
 
-        front = seen(np.array([[0.0, 0.0, 1.0]]))
-        above = tuple(_layers(look, place, np.ones(1)))
-        return Subject(label, replace(front, lobes=lambda wo: seen(wo).lobes(wo)), above, seen_alike=False)
-    layers = _layers(look, place, np.ones(1))
+        upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
+        layers_from_above = tuple(_layers_at(look, uv, np.ones(1)))
+        return Subject(
+            label,
+            replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo)),
+            layers_from_above,
+            seen_alike=False,
+        )
+    layers = _layers_at(look, uv, np.ones(1))
     return Subject(label, stack_bsdf(layers), tuple(layers))
 
 
-def _layers(look: Look, place: tuple[float, float], cosine: Floats, squeezed: bool = True) -> list[StackLayer]:
-    """Return the layers at a point; without a view, parameters are single numbers and colours."""
+def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed: bool = True) -> list[StackLayer]:
+    """Return the layers at texture coordinates; if squeezed, parameters are single numbers and colours."""
 
-    def plain(value: Any) -> Any:
+    def squeeze(value: Any) -> Any:
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
-    layers = look_layers(look, _Point(place, cosine))
-    if not squeezed:
+    layers = look_layers(look, _Point(uv, cosine))
+    if not is_squeezed:
         return layers
     return [
-        replace(each, parameters={name: plain(value) for name, value in each.parameters.items()}, mask=plain(each.mask))
-        for each in layers
+        replace(
+            layer,
+            parameters={name: squeeze(value) for name, value in layer.parameters.items()},
+            mask=squeeze(layer.mask),
+        )
+        for layer in layers
     ]
 
 
-def _place(words: str, text: str | None) -> tuple[float, float]:
+def _parse_uv(words: str, text: str | None) -> tuple[float, float]:
     if text is None:
         return 0.5, 0.5
     try:
-        u, v = (float(each) for each in text.split(","))
+        u, v = (float(number) for number in text.split(","))
     except ValueError:
         raise LookdevError(f"{words}: '@{text}' is no place; @U,V would be right, for instance @0.5,0.25") from None
     return u, v

@@ -32,19 +32,19 @@ def half_angles(wo: Floats, wi: Floats) -> tuple[float, float, float]:
     return theta_h, acos(min(difference[2], 1.0)), atan2(difference[1], difference[0]) % pi
 
 
-def looked_up(samples: Floats, places: Sequence[float], wrapped: Sequence[bool], interpolation: str) -> Floats:
-    """Look samples (*counts, 3) up at places in cells, or interpolate between the cells' centres."""
+def look_up_samples(samples: Floats, positions: Sequence[float], wrapped: Sequence[bool], interpolation: str) -> Floats:
+    """Look samples (*counts, 3) up at positions in units of cells, or interpolate between the cells' centres."""
     counts = samples.shape[:-1]
     if interpolation == "nearest":
-        index = tuple(min(int(place), count - 1) for place, count in zip(places, counts, strict=True))
+        index = tuple(min(int(position), count - 1) for position, count in zip(positions, counts, strict=True))
         return np.maximum(samples[index], 0.0)
     total = np.zeros(3)
     for up in product((False, True), repeat=len(counts)):
         weight, corner = 1.0, []
-        for place, count, wraps, upper in zip(places, counts, wrapped, up, strict=True):
-            at = place - 0.5 if wraps else min(max(place - 0.5, 0.0), count - 1.0)
-            low = floor(at)
-            weight *= at - low if upper else 1.0 - (at - low)
+        for position, count, wraps, upper in zip(positions, counts, wrapped, up, strict=True):
+            shifted = position - 0.5 if wraps else min(max(position - 0.5, 0.0), count - 1.0)
+            low = floor(shifted)
+            weight *= shifted - low if upper else 1.0 - (shifted - low)
             number = low + upper
             corner.append(number % count if wraps else min(number, count - 1))
         total += weight * np.maximum(samples[tuple(corner)], 0.0)
@@ -52,22 +52,22 @@ def looked_up(samples: Floats, places: Sequence[float], wrapped: Sequence[bool],
 
 
 def merl(samples: Floats, wo: Floats, wi: Floats, interpolation: str) -> Floats:
-    """Return f (3,) by samples (theta_h, theta_d, phi_d, 3)."""
+    """Return f (3,) from samples (theta_h, theta_d, phi_d, 3)."""
     theta_h, theta_d, phi_d = half_angles(wo, wi)
     h, d, phi = samples.shape[:3]
-    places = sqrt(theta_h / (pi / 2.0)) * h, theta_d / (pi / 2.0) * d, phi_d / pi * phi
-    return looked_up(samples, places, (False, False, True), interpolation)
+    positions = sqrt(theta_h / (pi / 2.0)) * h, theta_d / (pi / 2.0) * d, phi_d / pi * phi
+    return look_up_samples(samples, positions, (False, False, True), interpolation)
 
 
 def anisotropic(samples: Floats, wo: Floats, wi: Floats, interpolation: str, *, half: bool = False) -> Floats:
-    """Return f (3,) by samples (theta_i, theta_o, phi_d, phi_i, 3)."""
+    """Return f (3,) from samples (theta_i, theta_o, phi_d, phi_i, 3)."""
     turn = (atan2(wo[1], wo[0]) - atan2(wi[1], wi[0])) % (2.0 * pi)
     if half and turn > pi:
         wo, wi, turn = wi, wo, 2.0 * pi - turn
     span = pi if half else 2.0 * pi
     angles = acos(wi[2]) / (pi / 2.0), acos(wo[2]) / (pi / 2.0), turn / span, (atan2(wi[1], wi[0]) / (2.0 * pi)) % 1.0
-    places = [angle * count for angle, count in zip(angles, samples.shape, strict=False)]
-    return looked_up(samples, places, (False, False, not half, True), interpolation)
+    positions = [angle * count for angle, count in zip(angles, samples.shape, strict=False)]
+    return look_up_samples(samples, positions, (False, False, not half, True), interpolation)
 
 
 def _oracle() -> str:

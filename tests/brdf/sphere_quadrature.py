@@ -69,7 +69,7 @@ class HalfVectorGrid:
         # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
         area = (density * weights)[:, :, None] * weights * (2.0 * np.pi / (self._cells[0] * self._cells[1]))
         wi = 2.0 * cos_d[..., None] * wm - self.wo
-        # The horizon may go between cells: then none has an edge.
+        # If the horizon runs between cells, no cell contains its edge.
         flat = (len(corner), len(nodes) ** 2)
         return wi.reshape(*flat, 3), (4.0 * np.maximum(cos_d, 0.0) * area).reshape(flat)
 
@@ -81,7 +81,7 @@ class HalfVectorGrid:
         )
         cells = np.zeros(self._bin.size)
         cells[self._inside], cells[self._edge] = inner, outer
-        # The horizon through n x n midpoints leaves about 1 / n of a cell uncertain.
+        # In a cell that the horizon crosses, n x n midpoints leave about 1 / n of the cell uncertain.
         return Integral(np.bincount(self._bin, cells), float(cells.sum()), float(outer.sum()) / _EDGE_NODES)
 
     def total(self, function: Callable[[Floats, Floats], Floats]) -> Floats:
@@ -102,21 +102,21 @@ class HalfVectorGrid:
 
 
 def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
-    """Return the view (3,) in the lobe's frame whose half vectors the lobe depends on."""
+    """Return the view (3,) in the lobe's frame that determines the half vectors of the lobe."""
     if lobe.name in ("specularTransmission", "refraction") or lobe.model == "lafortune":
-        # The middle of the highlight, where the half vector is the normal, mirrors the refracted view; a lobe of
-        # Lafortune's has a direction of its own, which may be below the horizon.
+        # The centre of the highlight, where the half vector is the normal, mirrors the refracted view. A lobe of
+        # Lafortune's model has its own direction, which may be below the horizon.
         middle = np.ravel(lobe.sample(np.zeros(1), np.zeros(1)))
         if middle[2] > 0.0:
             return middle * [-1.0, -1.0, 1.0]
     return np.ravel(lobe.frame.to_local(wo))
 
 
-def sent(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
-    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame.
+def f_cosine(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
+    """Return f times the cosine to the lobe's normal, (..., 3), at directions in the lobe's frame.
 
     Of a lobe that does not cross it, the surface's horizon cuts a part off.
     """
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
-    there = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
-    return lobe.evaluate(Directions.of(local, wi)) * np.where(there, wi[..., 2], 0.0)[..., None]
+    above = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
+    return lobe.evaluate(Directions.of(local, wi)) * np.where(above, wi[..., 2], 0.0)[..., None]

@@ -1,4 +1,4 @@
-"""Precision at grazing angles and at the ends of ranges: the smallest form of each fault that a stress test found."""
+"""Precision at grazing angles and at the ends of ranges: a minimal case of each fault that a stress test revealed."""
 
 import numpy as np
 import pytest
@@ -27,10 +27,10 @@ def test_a_blend_is_right_however_far_apart_its_ends_are(normal: float, grazing:
     # Smits' lobe with grazingScale = 0: f is (1 - weight) over the square of the cosine, which cancels in float32.
     at_normal, at_grazing = exact_weights(COSINES)
     n, g = np.float32(normal), np.float32(grazing)
-    wanted = float(n) * at_normal + float(g) * at_grazing
-    np.testing.assert_allclose(schlick_blend(n, g, COSINES) * np.ones(9), wanted, rtol=ROUNDING)
+    expected = float(n) * at_normal + float(g) * at_grazing
+    np.testing.assert_allclose(schlick_blend(n, g, COSINES) * np.ones(9), expected, rtol=ROUNDING)
     colours = fresnel_blend(np.full(3, n), np.full(3, g), COSINES) * np.ones((9, 3))
-    np.testing.assert_allclose(colours, np.repeat(wanted[:, None], 3, axis=1), rtol=ROUNDING)
+    np.testing.assert_allclose(colours, np.repeat(expected[:, None], 3, axis=1), rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("energy", ["published", "conserving"])
@@ -45,21 +45,21 @@ def test_a_nearly_smooth_surface_keeps_its_specular_lobe(energy: str) -> None:
 def test_a_mix_keeps_the_small_end(t: float) -> None:
     # A black metal. a + (b - a) t has the rounding error of a.
     a, b, t32 = np.float32(1.0), np.float32(1e-7), np.float32(t)
-    wanted = float(a) * (1.0 - float(t32)) + float(b) * float(t32)
-    np.testing.assert_allclose(mix(a, b, t32), wanted, rtol=ROUNDING)
+    expected = float(a) * (1.0 - float(t32)) + float(b) * float(t32)
+    np.testing.assert_allclose(mix(a, b, t32), expected, rtol=ROUNDING)
 
 
 def test_what_passes_many_layers_does_not_cancel() -> None:
     glass = layer_partition(complete_parameters("pixar", {"clear": 1.0, "roughness": 0.0}), ZENITH)
     black = layer_partition(complete_parameters("pixar", {"presence": 0.9999, "surfaceColor": (0, 0, 0)}), ZENITH)
-    one = np.array(1.0)
-    stack = compose([*[(black, one, "transmit")] * 6, (glass, one, "transmit")])  # type: ignore[list-item]
+    mask = np.array(1.0)
+    stack = compose([*[(black, mask, "transmit")] * 6, (glass, mask, "transmit")])  # type: ignore[list-item]
     np.testing.assert_allclose(stack.terms["refraction"].normal, 1e-24 * glass.terms["refraction"].normal, rtol=1e-9)
 
 
 def test_an_averaged_index_near_1_keeps_its_digits() -> None:
-    given = {"clear": 1.0, "roughness": 0.0, "normalScale": 0.0}
-    below, above = (layer_partition(complete_parameters("pixar", given | {"ior": ior}), ZENITH) for ior in (1.5, 1.0))
+    inputs = {"clear": 1.0, "roughness": 0.0, "normalScale": 0.0}
+    below, above = (layer_partition(complete_parameters("pixar", inputs | {"ior": ior}), ZENITH) for ior in (1.5, 1.0))
     mask = 1.0 - 2.0**-40
     stack = compose([(below, 1.0, "over"), (above, np.array(mask), "over")])
     bend = stack.terms["refraction"].bend

@@ -17,11 +17,11 @@ ORACLES = [path for path in sorted((Path(__file__).parents[1] / "oracles").glob(
 def test_f_agrees_with_the_oracle(oracle: Path) -> None:
     lines = oracle.read_text().splitlines()
     assert lines
-    wanted = np.array([json.loads(line)["f"] for line in lines])
+    expected = np.array([json.loads(line)["f"] for line in lines])
     answers = [json.loads(line) for line in evaluate_lines(lines, "numpy")]
-    np.testing.assert_allclose([answer["f"] for answer in answers], wanted, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose([answer["f"] for answer in answers], expected, rtol=1e-9, atol=1e-12)
 
 
 def test_every_model_has_an_oracle() -> None:
-    known = {json.loads(line)["model"] for path in ORACLES for line in path.read_text().splitlines()}
-    assert set(CONTINUOUS) <= known
+    models = {json.loads(line)["model"] for path in ORACLES for line in path.read_text().splitlines()}
+    assert set(CONTINUOUS) <= models

@@ -1,4 +1,4 @@
-"""What holds for a reflectance model whatever its parameters; distributions are normalised."""
+"""Properties of every reflectance model at any parameters, and the normalisation of distributions."""
 
 from itertools import product
 from typing import Any
@@ -38,7 +38,7 @@ def test_reciprocal_lobes(model: str, tokens: dict[str, str]) -> None:
 @EVERY
 def test_the_albedo_is_below_the_bound_of_the_model(model: str, tokens: dict[str, str]) -> None:
     rng = np.random.default_rng(7)
-    # The bound holds where no option is taken.
+    # The bound holds where optional numbers are at their defaults.
     tokens = {name: value for name, value in tokens.items() if name != "options"}
     count = 4
     drawn = random_parameters(rng, model, tokens, count, leaning=0.0)
@@ -46,8 +46,8 @@ def test_the_albedo_is_below_the_bound_of_the_model(model: str, tokens: dict[str
         if parameter.kind == "float" and parameter.default <= 1.0:
             drawn[name] = np.minimum(drawn[name], 1.0)
     for index, wo in enumerate(directions(rng, count)):
-        one = {name: value if isinstance(value, str) else value[index] for name, value in drawn.items()}
-        bsdf = MODELS[model].bsdf(one)
+        parameters_of_one = {name: value if isinstance(value, str) else value[index] for name, value in drawn.items()}
+        bsdf = MODELS[model].bsdf(parameters_of_one)
         albedo = integrate_albedo(bsdf, wo, (48, 32))
         assert (albedo.value.sum(axis=0) <= MODELS[model].energy(tokens) + albedo.error.sum(axis=0)).all()
 
@@ -126,19 +126,19 @@ def test_finite_and_not_negative(model: str, tokens: dict[str, str]) -> None:
     length = np.linalg.norm(drawn, axis=-1)
     assert np.isfinite(length).all()
     np.testing.assert_allclose(length[drawn[..., 2] != 0.0], 1.0, rtol=1e-9)
-    lit = np.broadcast_to(sum(lobe.share for lobe in bsdf.lobes(wo[None])) > 0.0, length.shape)
-    assert (drawn[~lit, 2] == 0.0).all()
+    is_positive = np.broadcast_to(sum(lobe.share for lobe in bsdf.lobes(wo[None])) > 0.0, length.shape)
+    assert (drawn[~is_positive, 2] == 0.0).all()
     for light in (wi[None], -wi[None], drawn):
         # Each lobe by itself; their sums are finite as well.
         terms = Mixture(bsdf.lobes(wo[None]), wo[None]).terms(light)
-        values = [each for term in terms for each in (term.value, term.density)]
+        values = [value for term in terms for value in (term.value, term.density)]
         for result in (*values, evaluate(bsdf, wo[None], light)):
             assert np.isfinite(result).all()
             assert (np.asarray(result) >= 0.0).all()
 
 
 def test_shares_are_estimates_of_albedos() -> None:
-    """Of the lobes of every probe, seen at a cosine of 0.6: as the models state them, by hand."""
+    """The shares of the lobes of every probe, at a view of cosine 0.6, are as computed by hand."""
     schlick = 0.4**5
     # Pixar's: what enters, and the part of the diffuse lobes; weights of highlights at the view and at both ends.
     enters = 0.5 * 0.95 * (1.0 - schlick)
@@ -148,7 +148,7 @@ def test_shares_are_estimates_of_albedos() -> None:
     passed, ends = 0.5 * 0.8 * 0.95 * (1.0 - seen), 0.001 * 0.5 * 0.8 * 0.95
     broad, tight = 0.8 * 0.7 * (1.0 - 0.4**3), 0.8 * 0.7 * 0.4**3
     glass = complex_fresnel(np.array(0.6), np.array(1.5))
-    wanted = {
+    expected = {
         "disney": (0.8 + 0.1 * 0.5, 0.04 + 0.96 * schlick, 0.25 * 0.5 * (0.04 + 0.96 * schlick)),
         "pixar": (
             *(diffuse, broad * (reflected + both), tight * (reflected + both)),
@@ -170,25 +170,25 @@ def test_shares_are_estimates_of_albedos() -> None:
     for name, model in CONTINUOUS.items():
         shares = [lobe.share for lobe in model.bsdf(model.complete(model.probe)).lobes(np.array([0.8, 0.0, 0.6]))]
         if name == "measured":  # the mean of the albedos of its views, of which the models' is near
-            (share,), (diffuse, specular, _) = shares, wanted["disney"]
+            (share,), (diffuse, specular, _) = shares, expected["disney"]
             assert 0.2 < share < diffuse + specular
         else:
-            np.testing.assert_allclose(shares, wanted[name], rtol=1e-12, err_msg=name)
+            np.testing.assert_allclose(shares, expected[name], rtol=1e-12, err_msg=name)
 
 
 def test_bounds_of_albedos_are_as_stated() -> None:
-    """By hand: white parts add up; what is published without a bound has none."""
+    """The bounds are as computed by hand: white parts add up, and a model without a bound has an infinite one."""
     phong = 3.0 * np.pi
-    wanted = {"disney": {4.0}, "pixar": {1.0, 2.0}, "oren-nayar": {1.05, 1.016}, "ward": {2.0, np.inf}}
-    wanted |= {"phong": {phong}, "blinn-phong": {phong}, "modified-phong": {2.0}, "lafortune": {1.0 + 3e30 * np.pi}}
-    wanted |= {"torrance-sparrow": {2.0, 2001.0, 1.0 + 4.0 / np.pi, 1.0 + 8000.0 / np.pi}}
-    for name, bounds in wanted.items():
-        found = {MODELS[name].energy(tokens) for model, tokens in VARIANTS if model == name}
-        assert sorted(found) == pytest.approx(sorted(bounds)), name
+    expected = {"disney": {4.0}, "pixar": {1.0, 2.0}, "oren-nayar": {1.05, 1.016}, "ward": {2.0, np.inf}}
+    expected |= {"phong": {phong}, "blinn-phong": {phong}, "modified-phong": {2.0}, "lafortune": {1.0 + 3e30 * np.pi}}
+    expected |= {"torrance-sparrow": {2.0, 2001.0, 1.0 + 4.0 / np.pi, 1.0 + 8000.0 / np.pi}}
+    for name, bounds in expected.items():
+        energies = {MODELS[name].energy(tokens) for model, tokens in VARIANTS if model == name}
+        assert sorted(energies) == pytest.approx(sorted(bounds)), name
 
 
 def test_what_can_reflect_can_be_sampled() -> None:
-    # As published, specular = 0 keeps Schlick's term, also seen along the normal; on black it is all that reflects.
+    # As published, specular = 0 keeps Schlick's term, even for a view along the normal. On black, only it reflects.
     bsdf = MODELS["disney"].bsdf(complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
     assert all((function(bsdf, ZENITH, np.array([0.6, 0.0, 0.8])) > 0.0).all() for function in FUNCTIONS)
 
@@ -219,17 +219,17 @@ def test_disney_lobes_have_their_own_normals() -> None:
     rng = np.random.default_rng(6)
     wo, wi = directions(rng, 500), directions(rng, 500)
     normals = {"diffuse": (0.3, 0.1, 1.0), "specular": (-0.2, 0.4, 0.8), "clearcoat": (0.0, -0.3, 0.9)}
-    given = {"roughness": 0.4, "clearcoat": 1.0, "normal": normals["diffuse"]}
+    parameters = {"roughness": 0.4, "clearcoat": 1.0, "normal": normals["diffuse"]}
 
     def alone(name: str, **inputs: Any) -> Floats:
-        whole = MODELS["disney"].bsdf(complete_parameters("disney", given | inputs))
+        whole = MODELS["disney"].bsdf(complete_parameters("disney", parameters | inputs))
         return evaluate(Bsdf(lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name)), wo, wi)
 
-    own = {f"{name}Normal": normals[name] for name in ("specular", "clearcoat")}
+    lobe_normals = {f"{name}Normal": normals[name] for name in ("specular", "clearcoat")}
     for name, normal in normals.items():
-        np.testing.assert_array_equal(alone(name, **own), alone(name, normal=normal))
+        np.testing.assert_array_equal(alone(name, **lobe_normals), alone(name, normal=normal))
     # Where they are not given, all lobes share one frame.
-    lobes = MODELS["disney"].bsdf(complete_parameters("disney", given)).lobes(wo)
+    lobes = MODELS["disney"].bsdf(complete_parameters("disney", parameters)).lobes(wo)
     assert len({id(lobe.frame) for lobe in lobes}) == 1
 
 
@@ -237,10 +237,16 @@ def test_an_exact_metal_is_disneys_with_another_fresnel_term() -> None:
     rng = np.random.default_rng(8)
     wo, wi = directions(rng, 300), directions(rng, 300)
     eta, k = (0.15, 0.45, 1.35), (3.5, 2.4, 1.9)
-    given = {"roughness": 0.4, "anisotropic": 0.5, "specular": 0.7, "specularTint": 0.5, "baseColor": (0.2, 0.6, 0.9)}
+    parameters = {
+        "roughness": 0.4,
+        "anisotropic": 0.5,
+        "specular": 0.7,
+        "specularTint": 0.5,
+        "baseColor": (0.2, 0.6, 0.9),
+    }
 
     def f(**more: object) -> Floats:
-        return evaluate(MODELS["disney"].bsdf(complete_parameters("disney", given | more)), wo, wi)
+        return evaluate(MODELS["disney"].bsdf(complete_parameters("disney", parameters | more)), wo, wi)
 
     exact = {"fresnel": "conductor", "eta": eta, "k": k}
     # Where Schlick's term is 1.
@@ -248,14 +254,14 @@ def test_an_exact_metal_is_disneys_with_another_fresnel_term() -> None:
     wm = (wo + wi) / np.linalg.norm(wo + wi, axis=-1, keepdims=True)
     curve = conductor_fresnel((wo * wm).sum(axis=-1, keepdims=True), np.array(eta), np.array(k))
     np.testing.assert_allclose(f(metallic=1.0, **exact), white * curve, rtol=1e-11)
-    # The dielectric is as it was, and metallic blends the two linearly.
+    # The dielectric part is unchanged, and metallic blends both parts linearly.
     np.testing.assert_array_equal(f(metallic=0.0, **exact), f(metallic=0.0))
     blended = 0.7 * f(metallic=0.0) + 0.3 * f(metallic=1.0, **exact)
     np.testing.assert_allclose(f(metallic=0.3, **exact), blended, rtol=1e-11)
 
 
 @pytest.mark.parametrize(
-    ("model", "given", "message"),
+    ("model", "parameters", "message"),
     [
         ("disny", {}, "unknown model 'disny'.*'disney'"),
         ("disney", {"roughnes": 0.5}, "disney: unknown parameter 'roughnes'.*'roughness'"),
@@ -275,15 +281,15 @@ def test_an_exact_metal_is_disneys_with_another_fresnel_term() -> None:
         ("pixar", {"highlightNormal": (0.0, 0.0, 0.0)}, "pixar.highlightNormal is .*; a vector with a direction"),
     ],
 )
-def test_a_wrong_parameter_is_an_error(model: str, given: dict[str, object], message: str) -> None:
+def test_a_wrong_parameter_is_an_error(model: str, parameters: dict[str, object], message: str) -> None:
     with pytest.raises(ModelError, match=message):
-        complete_parameters(model, given)
+        complete_parameters(model, parameters)
 
 
 def test_defaults_are_complete() -> None:
     for model in MODELS.values():
-        given = {each.name: each.choices[0] for each in model.parameters.values() if each.file}
-        complete = model.complete(given)
+        parameters = {parameter.name: parameter.choices[0] for parameter in model.parameters.values() if parameter.file}
+        complete = model.complete(parameters)
         assert list(complete) == list(model.parameters)
         for name, parameter in model.parameters.items():
-            np.testing.assert_array_equal(complete[name], given.get(name, parameter.default))
+            np.testing.assert_array_equal(complete[name], parameters.get(name, parameter.default))

@@ -1,4 +1,4 @@
-"""Sampling against pdf: of every lobe at random parameters by the Jacobian, and at some by chi-square.
+"""Sampling against pdf: of every lobe at random parameters by the Jacobian, and at some parameters by chi-square.
 
 Lobes are tested in their own frame, where those that transmit are reflections. The grid of half vectors is that of the
 view by whose half vectors a lobe falls off, for a transmitted highlight the refracted one.
@@ -14,7 +14,7 @@ import pytest
 from looks import quick_among
 from random_parameters import VARIANTS, Floats, directions, random_parameters
 from sample_density import jacobian, p_value
-from sphere_quadrature import CELLS, HalfVectorGrid, Integral, half_vector_view, sent
+from sphere_quadrature import CELLS, HalfVectorGrid, Integral, f_cosine, half_vector_view
 
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, Lobe, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
@@ -77,12 +77,12 @@ _EVERYWHERE: dict[str, dict[str, Any]] = {
 
 
 def _bsdf(model: str, setting: dict[str, Any]) -> Bsdf:
-    known = MODELS[model]
-    return known.bsdf(known.complete(_EVERYWHERE.get(model, known.probe) | setting))
+    record = MODELS[model]
+    return record.bsdf(record.complete(_EVERYWHERE.get(model, record.probe) | setting))
 
 
-# Of measured data, two numbers lead to a direction: test_measured.py.
-@pytest.mark.parametrize(("model", "tokens"), [each for each in VARIANTS if each[0] != "measured"], ids=str)
+# Measured data have two pairs of uniform numbers for each direction: see test_measured.py.
+@pytest.mark.parametrize(("model", "tokens"), [variant for variant in VARIANTS if variant[0] != "measured"], ids=str)
 def test_the_pdf_is_one_over_the_jacobian(model: str, tokens: dict[str, str]) -> None:
     rng, count = np.random.default_rng(20), 1000
     wo, u = directions(rng, count), rng.uniform(0.02, 0.98, (count, 2))
@@ -93,11 +93,11 @@ def test_the_pdf_is_one_over_the_jacobian(model: str, tokens: dict[str, str]) ->
             return np.broadcast_to(np.asarray(lobe.sample(u[:, 0], u[:, 1])), wo.shape)
 
         wi, local = drawn(u), np.asarray(lobe.frame.to_local(wo))
-        there = (wi[:, 2] > 1e-3) & (local[:, 2] > 1e-3) & (np.asarray(lobe.share) > 0.0)
-        assert np.count_nonzero(there) > 100, lobe.name
+        valid = (wi[:, 2] > 1e-3) & (local[:, 2] > 1e-3) & (np.asarray(lobe.share) > 0.0)
+        assert np.count_nonzero(valid) > 100, lobe.name
         np.testing.assert_allclose(np.linalg.norm(wi, axis=-1), 1.0, rtol=1e-12)
         density, (spread, error) = np.asarray(lobe.pdf(Directions.of(local, wi))), jacobian(drawn, u)
-        off = np.where(there, np.abs(density * spread - 1.0) - 3.0 * density * error, 0.0)
+        off = np.where(valid, np.abs(density * spread - 1.0) - 3.0 * density * error, 0.0)
         worst = int(np.argmax(off))
         case = {name: v if isinstance(v, str) else v[worst] for name, v in parameters.items()}
         assert off[worst] < 1e-6, (lobe.name, wo[worst], u[worst], case)
@@ -107,7 +107,7 @@ def test_half_vectors_are_drawn_by_the_published_equations() -> None:
     rng = np.random.default_rng(21)
     u1, u2, alpha = (rng.uniform(0.01, 0.99, 500) for _ in range(3))
     a2, e, power = alpha * alpha, 100.0 * u1 + 0.5, 30.0 * alpha
-    # The squared cosine, and the number that is the azimuth in turns.
+    # The squared cosine, and the uniform number that is the azimuth in turns.
     for wm, cos2, turns in (
         (mf.sample_cosine(u1, u2), 1.0 - u1, u2),
         (mf.sample_gtr1(alpha, u1, u2), (1.0 - a2 ** (1.0 - u2)) / (1.0 - a2), u1),
@@ -134,7 +134,7 @@ def test_the_pdf_of_a_lafortune_lobe_is_half_where_its_plateau_ends(
     lobe = MODELS["lafortune"].bsdf(MODELS["lafortune"].complete(inputs)).lobes(np.array(wo))[1]
     direction = np.multiply(coefficients, wo)
     length = np.linalg.norm(direction)
-    # There the power of the length and the cosine is the largest.
+    # In this direction, the power of the length and the cosine is the largest.
     cosine = LARGEST ** (1.0 / exponent) / length
     end = cosine * direction / length + np.sqrt(1.0 - cosine**2) * np.array([0.0, 1.0, 0.0])
     at_peak, at_end = (lobe.pdf(Directions.of(np.array(wo), wi)) for wi in (direction / length, end))
@@ -169,15 +169,15 @@ def _in_its_frame(lobe: Lobe, wo: Floats) -> tuple[Bsdf, Floats, Floats]:
 def _cases() -> list[object]:
     cases: list[object] = []
     for name, model in CONTINUOUS.items():
-        if any(each.file for each in model.parameters.values()):  # test_measured.py
+        if any(parameter.file for parameter in model.parameters.values()):  # test_measured.py
             continue
         for number, setting in enumerate(_SETTINGS.get(name, [{}])):
             bsdf = _bsdf(name, setting)
-            for place, view in enumerate(_VIEWS):
+            for view_number, view in enumerate(_VIEWS):
                 wo = view_at(*_VIEWS[view])
-                # What a Jacobian does not show, directions that are never drawn or twice, any view and setting does.
+                # A Jacobian does not reveal directions that are never drawn, or drawn twice. Chi-square does.
                 quick = 4 if name in _EVERYWHERE else 1
-                marks = [pytest.mark.proof] * (number >= quick or place != (2, 4, 1, 3)[number])
+                marks = [pytest.mark.proof] * (number >= quick or view_number != (2, 4, 1, 3)[number])
                 lobes = [lobe for lobe in bsdf.lobes(wo) if lobe.share > 0.0]
                 if not any(lobe.transmits or lobe.leans for lobe in lobes):
                     cases.append(pytest.param(bsdf, wo, wo, id=f"{name}-mixture-{number}-{view}", marks=marks))
@@ -205,7 +205,7 @@ def _likely(wi: Floats, grid: HalfVectorGrid, density: Integral) -> float:
 
 
 def _shares(density: Integral) -> Floats:
-    """Return the share of samples in each bin, and below the horizon."""
+    """Return the share of samples in each bin, and the share below the horizon."""
     return np.append(density.bins, max(1.0 - density.total, 0.0))
 
 
@@ -259,7 +259,7 @@ def test_samples_follow_the_density(bsdf: Bsdf, wo: Floats, grid_view: Floats) -
 def _with_change(
     grid: HalfVectorGrid, halved: HalfVectorGrid, function: Callable[[Floats, Floats], Floats]
 ) -> tuple[Integral, float]:
-    """Integrate a function, and return by how much a coarser grid changes the total."""
+    """Integrate a function; return the integral, and the change of its total on a coarser grid."""
     fine = grid.integrate(function)
     return fine, abs(fine.total - halved.integrate(function).total)
 
@@ -267,8 +267,10 @@ def _with_change(
 def _weights(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return the mean channel of ``f cos theta_i / pdf``, 0 where the pdf is 0."""
     density = pdf(bsdf, wo, wi)
-    lit = density > 0.0
-    weights = np.where(lit, evaluate_cosine(bsdf, wo, wi).mean(axis=-1) / np.where(lit, density, 1.0), 0.0)
+    is_positive = density > 0.0
+    weights = np.where(
+        is_positive, evaluate_cosine(bsdf, wo, wi).mean(axis=-1) / np.where(is_positive, density, 1.0), 0.0
+    )
     assert np.isfinite(weights).all()
     return weights
 
@@ -284,7 +286,7 @@ def test_mixtures_estimate_what_their_lobes_send(model: str, number: int, view: 
     wos = np.broadcast_to(wo, (_SAMPLES, 3))
     weights = _weights(bsdf, wos, sample(bsdf, wos, _numbers()))
     parts = [
-        _grid(tuple(half_vector_view(lobe, wo))).integrate(lambda _, i, lobe=lobe: sent(lobe, wo, i).mean(axis=-1))
+        _grid(tuple(half_vector_view(lobe, wo))).integrate(lambda _, i, lobe=lobe: f_cosine(lobe, wo, i).mean(axis=-1))
         for lobe in bsdf.lobes(wo)
         if lobe.share > 0.0
     ]

@@ -18,7 +18,7 @@ TABLES = {
 
 
 def fitted_observer(wavelengths: np.ndarray) -> np.ndarray:
-    """Return x, y and z as of Wyman, Sloan and Shirley, JCGT 2(2) (2013), table 1, the fit by several lobes."""
+    """Return x, y and z by the multi-lobe fit of Wyman, Sloan and Shirley, JCGT 2(2) (2013), table 1."""
     x = (1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)
     y = (0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)
     z = (1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)
@@ -26,7 +26,7 @@ def fitted_observer(wavelengths: np.ndarray) -> np.ndarray:
     def lobe(peak: float, centre: float, below: float, above: float) -> np.ndarray:
         return peak * np.exp(-0.5 * ((wavelengths - centre) / np.where(wavelengths < centre, below, above)) ** 2)
 
-    return np.stack([sum(lobe(*numbers) for numbers in each) for each in (x, y, z)])
+    return np.stack([sum(lobe(*numbers) for numbers in lobes) for lobes in (x, y, z)])
 
 
 def test_the_observer_is_the_cie_s() -> None:
@@ -52,11 +52,11 @@ def test_the_primaries_are_those_of_rec709() -> None:
 
 @pytest.mark.parametrize("name", METALS)
 def test_a_curve_is_what_complex_amplitudes_give(name: str) -> None:
-    # Every half nanometre of the visible range; beyond what is measured is an error.
+    # Every half nanometre of the visible range; wavelengths beyond the measurements are errors.
     cosines = np.cos(np.radians([0.0, 30.0, 60.0, 75.0, 85.0, 89.0]))[:, None]
     eta, k = metal_indices(name, WAVELENGTHS)
-    wanted = complex_fresnel(cosines, np.asarray(eta) + 1j * np.asarray(k)) @ color_weights().T
-    np.testing.assert_allclose(metal_curve(name, cosines[:, 0]), wanted, atol=1e-3)
+    expected = complex_fresnel(cosines, np.asarray(eta) + 1j * np.asarray(k)) @ color_weights().T
+    np.testing.assert_allclose(metal_curve(name, cosines[:, 0]), expected, atol=1e-3)
 
 
 @pytest.mark.parametrize(("name", "color"), TABLES.items())
@@ -66,9 +66,9 @@ def test_metals_look_as_in_the_tables(name: str, color: tuple[float, float, floa
 
 
 def test_white_stays_white(monkeypatch: pytest.MonkeyPatch) -> None:
-    # eta next to 0 and no absorption reflects everything.
+    # A metal with eta near 0 and no absorption reflects all light.
     mirror = np.array([[380.0, 1e-12, 5.0], [780.0, 1e-12, 5.0]])
-    monkeypatch.setattr(conductor, "_measured", lambda: {"silver": mirror})
+    monkeypatch.setattr(conductor, "_load_spectra", lambda: {"silver": mirror})
     np.testing.assert_allclose(metal_reflectance.__wrapped__("silver"), 1.0, rtol=1e-11)
 
 

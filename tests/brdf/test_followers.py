@@ -1,4 +1,4 @@
-"""Parameters that follow another one where they are not given."""
+"""Parameters that have the value of another parameter where they are not given."""
 
 import numpy as np
 import pytest
@@ -16,20 +16,20 @@ FOLLOWERS = [
 
 @pytest.mark.parametrize(("model", "name", "followed"), FOLLOWERS)
 def test_a_follower_is_as_what_it_follows(model: str, name: str, followed: str) -> None:
-    known = MODELS[model].parameters
+    parameters = MODELS[model].parameters
     for shared in ("kind", "default", "hard", "choices"):
-        assert getattr(known[name], shared) == getattr(known[followed], shared)
-    # It stands after it, as sockets of node groups need.
-    assert list(known).index(name) > list(known).index(followed)
-    given = 0.5 if known[name].kind == "float" else (0.5, 0.25, 0.75)
-    np.testing.assert_array_equal(complete_parameters(model, {followed: given})[name], given)
-    usual = complete_parameters(model, {name: given})
-    np.testing.assert_array_equal(usual[name], given)
-    np.testing.assert_array_equal(usual[followed], known[followed].default)
+        assert getattr(parameters[name], shared) == getattr(parameters[followed], shared)
+    # The follower comes later, as sockets of node groups need.
+    assert list(parameters).index(name) > list(parameters).index(followed)
+    inputs = 0.5 if parameters[name].kind == "float" else (0.5, 0.25, 0.75)
+    np.testing.assert_array_equal(complete_parameters(model, {followed: inputs})[name], inputs)
+    usual = complete_parameters(model, {name: inputs})
+    np.testing.assert_array_equal(usual[name], inputs)
+    np.testing.assert_array_equal(usual[followed], parameters[followed].default)
 
 
 def test_what_is_given_is_kept() -> None:
-    known = MODELS["pixar"].parameters
-    assert with_followers(known, {"ior": 2.0}) == {"ior": 2.0}
-    given = {"specularConeScale": "a", "refractionConeScale": "b"}
-    assert with_followers(known, given) == given | {"specularTransmissionConeScale": "a"}
+    parameters = MODELS["pixar"].parameters
+    assert with_followers(parameters, {"ior": 2.0}) == {"ior": 2.0}
+    inputs = {"specularConeScale": "a", "refractionConeScale": "b"}
+    assert with_followers(parameters, inputs) == inputs | {"specularTransmissionConeScale": "a"}

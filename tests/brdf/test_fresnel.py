@@ -21,25 +21,25 @@ def _oracle() -> tuple[Floats, Floats]:
 
 
 def test_fresnel_agrees_with_the_oracle() -> None:
-    arguments, wanted = _oracle()
-    assert len(wanted) == 200
-    np.testing.assert_allclose(conductor_fresnel(*arguments), wanted, rtol=1e-9, atol=1e-12)
+    arguments, expected = _oracle()
+    assert len(expected) == 200
+    np.testing.assert_allclose(conductor_fresnel(*arguments), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_fresnel_survives_float32() -> None:
     arguments = _oracle()[0].astype(np.float32)
     exact = arguments.astype(np.float64)
-    got, wanted = conductor_fresnel(*arguments), conductor_fresnel(*exact)
+    got, expected = conductor_fresnel(*arguments), conductor_fresnel(*exact)
     assert got.dtype == np.float32
-    # What a rounding of the inputs changes: much at Brewster's angle and at that of total reflection.
-    rng, change = np.random.default_rng(1), 2.0**-24 * wanted
+    # The change by rounding the inputs; it is large at Brewster's angle and at the critical angle.
+    rng, change = np.random.default_rng(1), 2.0**-24 * expected
     for _ in range(16):
         moved = exact * (1.0 + 2.0**-24 * rng.choice([-1.0, 1.0], exact.shape))
-        change = np.maximum(change, np.abs(conductor_fresnel(*moved) - wanted))
-    assert (np.abs(got - wanted) <= 8.0 * change).all()
+        change = np.maximum(change, np.abs(conductor_fresnel(*moved) - expected))
+    assert (np.abs(got - expected) <= 8.0 * change).all()
     # Total reflection.
-    assert (np.asarray(got)[wanted == 1.0] == 1.0).all()
-    assert np.count_nonzero(wanted == 1.0) > 5
+    assert (np.asarray(got)[expected == 1.0] == 1.0).all()
+    assert np.count_nonzero(expected == 1.0) > 5
 
 
 def test_fresnel_stays_within_bounds() -> None:
@@ -55,11 +55,11 @@ def test_what_is_not_reflected_is_exact_where_it_is_little() -> None:
     rng = np.random.default_rng(2)
     cos_theta, eta, k = rng.uniform(0.0, 1.0, 1000), rng.uniform(0.05, 10.0, 1000), rng.uniform(0.0, 20.0, 1000)
     k[:300] = 0.0
-    found = np.asarray(conductor_absorptance(cos_theta, eta, k))
-    np.testing.assert_allclose(found, 1.0 - np.asarray(conductor_fresnel(cos_theta, eta, k)), atol=1e-14)
-    single = conductor_absorptance(*(each.astype(np.float32) for each in (cos_theta, eta, k)))
-    moved = conductor_absorptance(*(each.astype(np.float32).astype(np.float64) for each in (cos_theta, eta, k)))
-    beyond = found == 0.0
+    absorptance = np.asarray(conductor_absorptance(cos_theta, eta, k))
+    np.testing.assert_allclose(absorptance, 1.0 - np.asarray(conductor_fresnel(cos_theta, eta, k)), atol=1e-14)
+    single = conductor_absorptance(*(values.astype(np.float32) for values in (cos_theta, eta, k)))
+    moved = conductor_absorptance(*(values.astype(np.float32).astype(np.float64) for values in (cos_theta, eta, k)))
+    beyond = absorptance == 0.0
     assert np.count_nonzero(beyond) > 10  # of total reflection
     np.testing.assert_allclose(single[~beyond], moved[~beyond], rtol=1e-4)
     np.testing.assert_array_equal(np.asarray(single)[beyond], 0.0)

@@ -1,4 +1,4 @@
-"""White surfaces in a furnace: which reflect more than they receive, and which never do."""
+"""White surfaces in a furnace: those that reflect more light than they receive, and those that never do."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -51,35 +51,35 @@ EXCEEDING: list[tuple[str, dict[str, Any], float, float]] = [
     ("ward", SHINY | {"alphaX": 1.0, "alphaY": 1.0, "variant": "dur"}, 89.0, 4.625),
     ("torrance-sparrow", METAL | {"distribution": "gtr", "gamma": 0.5, "roughness": 0.1, **SMITH}, 89.0, 5.575),
     ("torrance-sparrow", METAL | {"normalisation": "pi", "roughness": 0.02}, 0.0, 4.0 / np.pi),
-    # Of a longer tail, as in docs/models.md.
+    # The distribution has a longer tail, as in docs/models.md.
     *(
-        ("disney", MIRROR | {"roughness": 0.1, "gamma": gamma, "anisotropic": anisotropic}, angle, wanted)
+        ("disney", MIRROR | {"roughness": 0.1, "gamma": gamma, "anisotropic": anisotropic}, angle, expected)
         for anisotropic, angle, values in ((0.0, 85.0, (1.05, 1.85, 3.93)), (1.0, 89.0, (2.15, 12.3, 35.7)))
-        for gamma, wanted in zip((1.5, 1.0, 0.5), values, strict=True)
+        for gamma, expected in zip((1.5, 1.0, 0.5), values, strict=True)
     ),
 ]
 
 
 def albedos(
-    model: str, given: dict[str, Any], angles: Sequence[float], cells: tuple[int, int]
+    model: str, inputs: dict[str, Any], angles: Sequence[float], cells: tuple[int, int]
 ) -> tuple[Floats, Floats]:
-    """Return the light reflected of each channel at each angle of view, degrees, (n, 3), and its error."""
-    bsdf = MODELS[model].bsdf(complete_parameters(model, given))
-    found = [integrate_albedo(bsdf, view_at(angle, 17.0), cells) for angle in angles]
-    return [np.array([getattr(each, part).sum(axis=0) for each in found]) for part in ("value", "error")]
+    """Return the reflected share of light at each angle of view in degrees, (n, 3), and its error."""
+    bsdf = MODELS[model].bsdf(complete_parameters(model, inputs))
+    results = [integrate_albedo(bsdf, view_at(angle, 17.0), cells) for angle in angles]
+    return [np.array([getattr(result, part).sum(axis=0) for result in results]) for part in ("value", "error")]
 
 
-@pytest.mark.parametrize(("model", "given"), CONSERVING, ids=str)
-def test_no_more_is_reflected_than_received(model: str, given: dict[str, Any]) -> None:
-    value, error = albedos(model, given, ANGLES, (64, 48))
+@pytest.mark.parametrize(("model", "inputs"), CONSERVING, ids=str)
+def test_no_more_is_reflected_than_received(model: str, inputs: dict[str, Any]) -> None:
+    value, error = albedos(model, inputs, ANGLES, (64, 48))
     assert (value <= 1.0 + error + 1e-9).all()
     assert value.max() > 0.2
 
 
-@pytest.mark.parametrize(("model", "given", "angle", "wanted"), EXCEEDING, ids=str)
-def test_what_exceeds_1_as_published(model: str, given: dict[str, Any], angle: float, wanted: float) -> None:
-    value, _ = albedos(model, given, [angle], (128, 96))
-    assert value.max() == pytest.approx(wanted, rel=0.02 if model == "disney" else 0.005)
+@pytest.mark.parametrize(("model", "inputs", "angle", "expected"), EXCEEDING, ids=str)
+def test_what_exceeds_1_as_published(model: str, inputs: dict[str, Any], angle: float, expected: float) -> None:
+    value, _ = albedos(model, inputs, [angle], (128, 96))
+    assert value.max() == pytest.approx(expected, rel=0.02 if model == "disney" else 0.005)
 
 
 _FILMS = list(product((0.2, 1.0), ((430.0, 1.6), (2500.0, 3.0))))
@@ -87,12 +87,12 @@ _FILMS = list(product((0.2, 1.0), ((430.0, 1.6), (2500.0, 3.0))))
 
 @pytest.mark.parametrize(("roughness", "film"), quick_among(_FILMS, _FILMS[:1]))
 def test_a_film_reflects_no_more_than_arrives(roughness: float, film: tuple[float, float]) -> None:
-    given = {"roughness": roughness, "filmThickness": film[0], "filmIor": film[1]}
-    value, error = albedos("disney", {"metallic": 1.0, "baseColor": (0.9, 0.6, 0.3)} | given, ANGLES[::2], (48, 36))
+    inputs = {"roughness": roughness, "filmThickness": film[0], "filmIor": film[1]}
+    value, error = albedos("disney", {"metallic": 1.0, "baseColor": (0.9, 0.6, 0.3)} | inputs, ANGLES[::2], (48, 36))
     assert (value <= 1.0 + error + 1e-9).all()
-    # A film over what reflects all light hides nothing of it: what passes comes back.
-    white = (MIRROR | given | {"filmThickness": thickness} for thickness in (0.0, film[0]))
-    bare, coated = (albedos("disney", each, (0.0, 60.0, 87.0), (48, 36))[0] for each in white)
+    # A film over a surface that reflects all light changes nothing: the light that enters it comes back.
+    white = (MIRROR | inputs | {"filmThickness": thickness} for thickness in (0.0, film[0]))
+    bare, coated = (albedos("disney", parameters, (0.0, 60.0, 87.0), (48, 36))[0] for parameters in white)
     np.testing.assert_allclose(coated, bare, atol=2e-3)
 
 
@@ -103,9 +103,9 @@ _QUICK = [("disney", 0.0, "gold"), ("pixar", 0.0, "brass"), ("disney", 400.0, "s
 
 @pytest.mark.parametrize(("model", "film", "metal"), quick_among(_METALS, _QUICK))
 def test_no_metal_reflects_more_than_a_white_one(model: str, film: float, metal: str) -> None:
-    given = {"metallic": 1.0, "roughness": _ROUGHNESSES[metal]}
+    inputs = {"metallic": 1.0, "roughness": _ROUGHNESSES[metal]}
     exact = {"metal": metal} | ({"filmThickness": film} if film else {})
     color = {"baseColor" if model == "disney" else "surfaceColor": WHITE}
-    (value, error), (most, more) = (albedos(model, given | other, ANGLES, (48, 36)) for other in (exact, color))
+    (value, error), (most, more) = (albedos(model, inputs | other, ANGLES, (48, 36)) for other in (exact, color))
     assert (value.sum(axis=-1) > 0.3).all()
     assert (value <= np.minimum(most, 1.0) + error + more).all()

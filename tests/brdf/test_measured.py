@@ -1,4 +1,4 @@
-"""Measured reflectance: look-up, files and their faults, what a file of a known model gives, and sampling.
+"""Measured reflectance: look-up, files and their faults, files of known models, and sampling.
 
 Files are small, with tables of few cells and views; in the tier ``proof`` they are as large as MERL's.
 """
@@ -40,25 +40,25 @@ _SAMPLES = 1 << 16
 _BINS = (20, 50)
 
 
-def known(name: str) -> Bsdf:
-    """Return the model of which a file has the values."""
+def disney_model(name: str) -> Bsdf:
+    """Return the BSDF whose values the file of this name has."""
     return model_named("disney").bsdf(complete_parameters("disney", MODELS[name]))
 
 
 def measured(file: Path | str, **parameters: Any) -> Bsdf:
-    """Return the model of a file."""
+    """Return the BSDF of a measured file."""
     return model_named("measured").bsdf(complete_parameters("measured", {"file": str(file), **parameters}))
 
 
 @pytest.fixture(scope="module")
 def large_file(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Return a function that writes a file of a model's values, once."""
+    """Return a function that writes the file of a model on its first call, and returns the path."""
     folder = tmp_path_factory.mktemp("measured")
 
     @cache
     def write(name: str) -> Path:
         file = folder / f"{name}{'.dat' if 'anisotropic' in MODELS[name] else '.binary'}"
-        write_synthetic(file, known(name))
+        write_synthetic(file, disney_model(name))
         return file
 
     return write
@@ -66,19 +66,19 @@ def large_file(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let MERL's files be `SMALL`, and tables have few cells and views."""
+    """Set the size of MERL's files to `SMALL`, and use few cells and views in tables."""
     monkeypatch.setattr(files, "MERL_SIZE", SMALL)
-    monkeypatch.setattr(proposal, "_CELLS", {False: (64, 8), True: (32, 16)})
-    monkeypatch.setattr(proposal, "_VIEWS", {False: (8, 1), True: (4, 4)})
+    monkeypatch.setattr(proposal, "_HALF_VECTOR_CELLS", {False: (64, 8), True: (32, 16)})
+    monkeypatch.setattr(proposal, "_VIEW_CELLS", {False: (8, 1), True: (4, 4)})
 
 
 def small_file(folder: Path, name: str) -> Path:
     """Write the measurement of a model as a small file."""
     file = folder / "small"
     if "anisotropic" in MODELS[name]:
-        write_anisotropic(file, anisotropic_samples(known(name), SIZE))
+        write_anisotropic(file, anisotropic_samples(disney_model(name), SIZE))
     else:
-        write_merl(file, isotropic_samples(known(name), SMALL))
+        write_merl(file, isotropic_samples(disney_model(name), SMALL))
     return file
 
 
@@ -114,11 +114,11 @@ def test_a_merl_binary_is_looked_up_as_by_the_published_reader(small: None, tmp_
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.binary")
     got = grid.f(Directions.of(wo, wi), interpolation)
-    wanted = [merl(samples, *pair, interpolation) for pair in zip(wo, wi, strict=True)]
+    reference = [merl(samples, *pair, interpolation) for pair in zip(wo, wi, strict=True)]
     # An arc cosine near 1 loses half of the digits of theta_h, and neighbours differ by their whole value.
-    np.testing.assert_allclose(got, wanted, rtol=1e-6, atol=1e-6)
-    assert (np.array(wanted) > 0.0).mean() > 0.5
-    # Reciprocal, and without a direction.
+    np.testing.assert_allclose(got, reference, rtol=1e-6, atol=1e-6)
+    assert (np.array(reference) > 0.0).mean() > 0.5
+    # Isotropic data are reciprocal, and do not depend on the tangent.
     np.testing.assert_allclose(grid.f(Directions.of(wi, wo), interpolation), got, rtol=1e-9, atol=1e-9)
     turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(grid.f(Directions.of(wo @ turn, wi @ turn), interpolation), got, rtol=1e-9, atol=1e-9)
@@ -132,21 +132,21 @@ def test_anisotropic_data_are_looked_up_by_their_angles(tmp_path: Path, interpol
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.dat")
     got = grid.f(Directions.of(wo, wi), interpolation)
-    wanted = [anisotropic(samples, *pair, interpolation, half=half) for pair in zip(wo, wi, strict=True)]
-    np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-9)
+    reference = [anisotropic(samples, *pair, interpolation, half=half) for pair in zip(wo, wi, strict=True)]
+    np.testing.assert_allclose(got, reference, rtol=1e-9, atol=1e-9)
     if half:  # the rest is completed by reciprocity
         np.testing.assert_allclose(grid.f(Directions.of(wi, wo), interpolation), got, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["plastic", "metal", "satin"])
 def test_the_centre_of_a_cell_has_its_sample(small: None, name: str, tmp_path: Path) -> None:
-    found, bsdf = measured(small_file(tmp_path, name)), known(name)
+    measured_bsdf, bsdf = measured(small_file(tmp_path, name)), disney_model(name)
     if name == "satin":
-        np.testing.assert_allclose(anisotropic_samples(found, SIZE), anisotropic_samples(bsdf, SIZE), rtol=2e-7)
+        np.testing.assert_allclose(anisotropic_samples(measured_bsdf, SIZE), anisotropic_samples(bsdf, SIZE), rtol=2e-7)
     else:
         # The round trip through directions loses digits where theta_h or theta_d is small.
         samples = isotropic_samples(bsdf, SMALL)
-        np.testing.assert_allclose(isotropic_samples(found, SMALL), samples, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(isotropic_samples(measured_bsdf, SMALL), samples, rtol=1e-6, atol=1e-9)
 
 
 def test_a_synthetic_file_has_its_name_s_format(small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,20 +154,20 @@ def test_a_synthetic_file_has_its_name_s_format(small: None, tmp_path: Path, mon
     for kind, values in samples.items():
         monkeypatch.setattr(synthetic, f"{kind}_samples", lambda bsdf, values=values: values)
     for name, kind in (("f.binary", "isotropic"), ("f.dat", "anisotropic")):
-        write_synthetic(tmp_path / name, known("plastic"))
+        write_synthetic(tmp_path / name, disney_model("plastic"))
         np.testing.assert_allclose(read_grid(tmp_path / name).samples, samples[kind], rtol=1e-12)
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize(("name", "median"), [("plastic", 3e-4), ("cloth", 3e-4), ("metal", 3e-3)])
 def test_a_file_of_a_model_gives_the_model(large_file: Callable[[str], Path], name: str, median: float) -> None:
-    """An eighth of a cell's square times the curvature: metal's is 5 / alpha^2 where a cell is a tenth of alpha."""
+    """The error is an eighth of a cell's square times the curvature, for metal 5 / alpha^2, at cells of alpha / 10."""
     wo, wi = _pairs(20_000)
     # The last cells of theta_d and of grazing directions are half empty: f jumps at the horizon.
     inside = (wo[:, 2] > 0.1) & (wi[:, 2] > 0.1)
     wo, wi = wo[inside], wi[inside]
-    got, wanted = evaluate(measured(large_file(name)), wo, wi), evaluate(known(name), wo, wi)
-    error = np.abs(got - wanted) / wanted
+    got, reference = evaluate(measured(large_file(name)), wo, wi), evaluate(disney_model(name), wo, wi)
+    error = np.abs(got - reference) / reference
     assert np.median(error) < median
     assert np.quantile(error, 0.99) < 0.02
 
@@ -183,9 +183,9 @@ def test_values_are_finite_and_0_on_the_horizon(small: None, tmp_path: Path, nam
     wi[::4] = wo[::4]
     wi[1::4] = wo[1::4] * [-1.0, -1.0, 1.0]
     f, density = evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi)
-    for found in (f, density):
-        assert np.isfinite(found).all()
-        assert (found >= 0.0).all()
+    for values in (f, density):
+        assert np.isfinite(values).all()
+        assert (values >= 0.0).all()
     below = (wo[:, 2] <= 0.0) | (wi[:, 2] <= 0.0)
     assert (f[below] == 0.0).all()
     drawn = sample(bsdf, np.where(wo[:, 2:] > 0.0, wo, [0.0, 0.0, 1.0]), rng.random((count, 2)))
@@ -196,12 +196,12 @@ def test_values_are_finite_and_0_on_the_horizon(small: None, tmp_path: Path, nam
 def test_no_albedo_is_above_the_bound(name: str, large_file: Callable[[str], Path]) -> None:
     file = name if name == BUILT_IN else str(large_file(name))
     bound = model_named("measured").energy({"file": file})
-    found = []
+    albedos = []
     for angle in (0.0, 40.0, 75.0, 84.0, 89.0):
         wi, weight = half_vector_grid(view_at(angle, 23.0), 0.1, (96, 64))
         value = evaluate_cosine(measured(file), np.broadcast_to(view_at(angle, 23.0), wi.shape), wi)
-        found.append((value * weight[:, None]).sum(axis=0).max())
-    assert 0.5 * bound < max(found) <= bound
+        albedos.append((value * weight[:, None]).sum(axis=0).max())
+    assert 0.5 * bound < max(albedos) <= bound
 
 
 def test_scale_is_a_factor() -> None:
@@ -218,8 +218,8 @@ def _merl(dims: tuple[int, ...] = SMALL, count: int = 3 * 9 * 8 * 12, value: flo
 
 def _ngan(size: int = 3 * 2 * 2 * 2 * 2, **head: int) -> bytes:
     numbers = [2, 2, 2, 2, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0]
-    for place, number in head.items():
-        numbers[int(place[1:])] = number
+    for index, number in head.items():
+        numbers[int(index[1:])] = number
     return np.array(numbers, "<i4").tobytes() + np.ones(size, "<f4").tobytes()
 
 
@@ -248,7 +248,7 @@ def test_a_wrong_file_is_an_error_that_names_it(small: None, tmp_path: Path, con
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("inputs", "message"),
     [
         ({}, "measured.file is ''; the path of a file"),
         ({"file": 3.0}, "measured.file is 3.0; the path of a file"),
@@ -259,9 +259,9 @@ def test_a_wrong_file_is_an_error_that_names_it(small: None, tmp_path: Path, con
         ({"file": BUILT_IN, "interpolation": "cubic"}, "one of linear, nearest"),
     ],
 )
-def test_a_missing_file_is_an_error(given: dict[str, object], message: str) -> None:
+def test_a_missing_file_is_an_error(inputs: dict[str, object], message: str) -> None:
     with pytest.raises(ModelError, match=message):
-        complete_parameters("measured", given)
+        complete_parameters("measured", inputs)
 
 
 def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
@@ -272,19 +272,19 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("data", [Isotropic(_noise(SMALL) + 1.0), Anisotropic(_noise(SIZE) + 1.0)])
 def test_the_pdf_is_one_over_the_jacobian(small: None, data: Isotropic | Anisotropic) -> None:
-    """Directions are drawn by tables of half vectors or by the cosine: the pdf is the sum of one over each Jacobian."""
+    """Directions are drawn by tables of half vectors or by the cosine; the pdf is the sum of both inverse Jacobians."""
     tables, rng = proposal.make_proposal(data), np.random.default_rng(23)
     wo, u = directions(rng, 2000), rng.random((2000, 2))
     wi = tables.sample(wo, u[:, 0], u[:, 1])
     spread, error = jacobian(lambda u: tables.sample(wo, u[:, 0], u[:, 1]), u, 1e-6)
     d = Directions.of(wo, wi)
-    chosen = tables.cosine.values[tables._view(wo).astype(int), 0]
-    drawn, other = tables.pdf(d), chosen * wi[:, 2] / np.pi
-    by_cosine = u[:, 0] < chosen
-    there = (wi[:, 2] > 1e-3) & (error < 1e-4 * spread)  # no number leaves its cell
-    assert np.count_nonzero(there & by_cosine) > 100
-    assert np.count_nonzero(there & ~by_cosine) > 500
-    np.testing.assert_allclose(np.where(by_cosine, other, drawn - other)[there] * spread[there], 1.0, rtol=1e-4)
+    cosine_share = tables.cosine.values[tables._view(wo).astype(int), 0]
+    drawn, other = tables.pdf(d), cosine_share * wi[:, 2] / np.pi
+    by_cosine = u[:, 0] < cosine_share
+    valid = (wi[:, 2] > 1e-3) & (error < 1e-4 * spread)  # no number leaves its cell
+    assert np.count_nonzero(valid & by_cosine) > 100
+    assert np.count_nonzero(valid & ~by_cosine) > 500
+    np.testing.assert_allclose(np.where(by_cosine, other, drawn - other)[valid] * spread[valid], 1.0, rtol=1e-4)
     np.testing.assert_allclose(np.linalg.norm(wi, axis=-1), 1.0, rtol=1e-12)
 
 
@@ -293,16 +293,16 @@ def _numbers(count: int = _SAMPLES) -> Floats:
 
 
 def _expected(bsdf: Bsdf, wo: Floats, *cells: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return how many samples each bin expects, and the error of that: the difference of two grids.
+    """Return the expected number of samples in each bin, and its error: the difference of two grids.
 
     The pdf is a step function of half vectors; its integrals over the bins, even in cosine and azimuth of the light's
     direction, are sums over a fine grid. What these leave uncertain is added to the variance expected.
     """
-    found = []
+    counts = []
     for number in cells:
         light, weight = half_vector_grid(wo, 0.05, number)
-        found.append(_binned(light, _SAMPLES * weight * pdf(bsdf, np.broadcast_to(wo, light.shape), light)))
-    return found[0], np.abs(found[0] - found[1])
+        counts.append(_binned(light, _SAMPLES * weight * pdf(bsdf, np.broadcast_to(wo, light.shape), light)))
+    return counts[0], np.abs(counts[0] - counts[1])
 
 
 def _binned(wi: Floats, weights: Floats | None = None) -> Floats:
@@ -358,12 +358,14 @@ def test_sampling_costs_at_most_twice_the_variance_of_the_models_own(
     name: str, file: str, angle: float, large_file: Callable[[str], Path]
 ) -> None:
     wo = view_at(angle, 23.0)
-    own, ours = _weights(known(name), wo), _weights(measured(file or large_file(name)), wo)
+    of_model, of_file = _weights(disney_model(name), wo), _weights(measured(file or large_file(name)), wo)
     # Five standard errors, and the interpolation of coarse data.
-    noise = 5.0 * np.hypot(own.std(), ours.std()) / np.sqrt(_SAMPLES)
-    assert abs(own.mean() - ours.mean()) < noise + {"satin": 0.1, "gloss": 0.03}.get(name, 0.01) * own.mean()
-    assert ours.var() <= 2.0 * own.var()
-    assert ours.max() < 40.0 * ours.mean()
+    noise = 5.0 * np.hypot(of_model.std(), of_file.std()) / np.sqrt(_SAMPLES)
+    assert (
+        abs(of_model.mean() - of_file.mean()) < noise + {"satin": 0.1, "gloss": 0.03}.get(name, 0.01) * of_model.mean()
+    )
+    assert of_file.var() <= 2.0 * of_model.var()
+    assert of_file.max() < 40.0 * of_file.mean()
 
 
 @pytest.mark.parametrize("value", [0.0, 0.3])

@@ -1,4 +1,4 @@
-"""What models have besides f and pdf: groups of lobes, the diffuse part, colours without noise, previews."""
+"""Groups of lobes, the diffuse part, colours without noise, and previews of models."""
 
 from typing import Any
 
@@ -10,12 +10,12 @@ from lookdev.brdf.mixture import Mixture, evaluate_diffuse, middle_albedo, middl
 
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
 
-# The lobes of a model that are nearly constant, if not the diffuse one alone; all others are highlights.
+# The nearly constant lobes of a model, if they are not just the diffuse lobe; all other lobes are highlights.
 BROAD = {"pixar": ["diffuse", "diffuseTransmission"], "oren-nayar": ["diffuse", "retroreflection"], "measured": []}
 
 
-def lambert(grey: float, mask: float = 1.0, **given: Any) -> StackLayer:
-    return StackLayer("lambert", complete_parameters("lambert", {"reflectance": (grey,) * 3} | given), mask)
+def lambert(grey: float, mask: float = 1.0, **inputs: Any) -> StackLayer:
+    return StackLayer("lambert", complete_parameters("lambert", {"reflectance": (grey,) * 3} | inputs), mask)
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)
@@ -32,9 +32,9 @@ def test_lobes_are_of_their_groups(model: str) -> None:
 
 
 def test_the_diffuse_part_and_the_rest_are_all() -> None:
-    given = {"clearcoat": 1.0, "sheen": 0.5, "roughness": 0.3}
-    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", given))
-    body = MODELS["disney"].bsdf(complete_parameters("disney", given | {"metallic": 0.0})).lobes(WO)[0]
+    inputs = {"clearcoat": 1.0, "sheen": 0.5, "roughness": 0.3}
+    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", inputs))
+    body = MODELS["disney"].bsdf(complete_parameters("disney", inputs | {"metallic": 0.0})).lobes(WO)[0]
     (term,) = Mixture([body], WO).terms(WI)
     np.testing.assert_allclose(evaluate_diffuse(bsdf, WO, WI), term.value, rtol=1e-12)
     np.testing.assert_allclose(evaluate_cosine(bsdf, WO, WI), 0.8 * evaluate(bsdf, WO, WI), rtol=1e-12)
@@ -48,8 +48,8 @@ def test_a_blend_of_diffusers_has_the_mean_of_albedos_and_normals() -> None:
     blend = stack_bsdf([ward, lambert(0.8, 0.25, normal=normal)])
     mixture = Mixture([lobe for lobe in blend.lobes(WO) if lobe.name == "diffuse"], WO)
     np.testing.assert_allclose(middle_albedo(mixture), 0.75 * 0.5 + 0.25 * 0.8, rtol=1e-12)
-    wanted = 0.375 * np.array([0.0, 0.0, 1.0]) + 0.2 * np.array(normal)
-    np.testing.assert_allclose(middle_normal(mixture), wanted / np.linalg.norm(wanted), rtol=1e-12)
+    expected = 0.375 * np.array([0.0, 0.0, 1.0]) + 0.2 * np.array(normal)
+    np.testing.assert_allclose(middle_normal(mixture), expected / np.linalg.norm(expected), rtol=1e-12)
 
 
 KD, KS = (0.2, 0.1, 0.4), (0.1, 0.4, 0.7)
@@ -85,33 +85,35 @@ PREVIEWS: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("model", "given", "wanted"), PREVIEWS)
-def test_previews_are_as_by_hand(model: str, given: dict[str, Any], wanted: dict[str, Any]) -> None:
-    found = MODELS[model].preview.derived(complete_parameters(model, given))
-    for name, value in wanted.items():
-        np.testing.assert_allclose(found[name], value, rtol=1e-12, err_msg=name)
-    assert {each[0] for each in PREVIEWS} == {*MODELS} - {"measured"}
+@pytest.mark.parametrize(("model", "inputs", "expected"), PREVIEWS)
+def test_previews_are_as_by_hand(model: str, inputs: dict[str, Any], expected: dict[str, Any]) -> None:
+    preview = MODELS[model].preview.derived(complete_parameters(model, inputs))
+    for name, value in expected.items():
+        np.testing.assert_allclose(preview[name], value, rtol=1e-12, err_msg=name)
+    assert {model for model, *_ in PREVIEWS} == {*MODELS} - {"measured"}
 
 
 def test_a_measurement_is_previewed_by_its_albedo() -> None:
-    given = complete_parameters("measured", {"file": "builtin:plastic", "scale": 0.5})
-    found = MODELS["measured"].preview.derived(given)
-    # Of the model that was measured, base colour and highlight, which adds the same to all channels.
-    extra = 2.0 * found["diffuseColor"] - (0.5, 0.2, 0.1)
+    inputs = complete_parameters("measured", {"file": "builtin:plastic", "scale": 0.5})
+    preview = MODELS["measured"].preview.derived(inputs)
+    # The base colour of the measured model, and its highlight, which adds the same to all channels.
+    extra = 2.0 * preview["diffuseColor"] - (0.5, 0.2, 0.1)
     np.testing.assert_allclose(extra, extra.mean(), atol=0.02)
     assert 0.03 < extra.mean() < 0.1
-    assert found["f0"] == 0.0
+    assert preview["f0"] == 0.0
 
 
 def test_f_is_converted_to_another_space() -> None:
     matrix = np.array([[0.6, 0.3, 0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])
-    given = {"baseColor": (0.9, 0.4, 0.1), "sheen": 1.0}
-    disney = MODELS["disney"].bsdf(complete_parameters("disney", given))
-    wanted = matrix @ evaluate(disney, WO, WI)
-    np.testing.assert_allclose(evaluate(disney.converted(matrix), WO, WI), wanted, rtol=1e-12)
-    plain, there = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.converted(matrix)))
+    inputs = {"baseColor": (0.9, 0.4, 0.1), "sheen": 1.0}
+    disney = MODELS["disney"].bsdf(complete_parameters("disney", inputs))
+    expected = matrix @ evaluate(disney, WO, WI)
+    np.testing.assert_allclose(evaluate(disney.converted(matrix), WO, WI), expected, rtol=1e-12)
+    plain, converted = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.converted(matrix)))
     directions = next(Mixture([plain], WO).terms(WI)).directions
-    np.testing.assert_allclose(there.parts["sheen"](directions), matrix @ plain.parts["sheen"](directions), rtol=1e-12)
+    np.testing.assert_allclose(
+        converted.parts["sheen"](directions), matrix @ plain.parts["sheen"](directions), rtol=1e-12
+    )
     mirror = MODELS["mirror"].bsdf(complete_parameters("mirror", {"metal": "gold"}))
     (gold,), (blue,) = (bsdf.deltas(WO, np.array(False)) for bsdf in (mirror, mirror.converted(matrix)))
     np.testing.assert_allclose(blue.value, matrix @ gold.value, rtol=1e-12)

@@ -16,7 +16,7 @@ from looks import quick_among
 from numpy.typing import NDArray
 from pixar_albedo import highlight_albedo
 from random_parameters import Floats, directions, random_parameters
-from sphere_quadrature import HalfVectorGrid, half_vector_view, sent
+from sphere_quadrature import HalfVectorGrid, f_cosine, half_vector_view
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.brdf.frames import ZENITH
@@ -36,7 +36,7 @@ _ROUNDING = 1e-6
 
 def _partition(layers: Sequence[StackLayer], wo: Floats) -> Partition:
     """Combine a stack as `stack_bsdf` does (see the first test)."""
-    return compose([(layer_partition(each.parameters, wo), each.mask, each.mode) for each in layers])
+    return compose([(layer_partition(layer.parameters, wo), layer.mask, layer.mode) for layer in layers])
 
 
 def _sums(partition: Partition) -> dict[str, Floats]:
@@ -51,8 +51,8 @@ def _sums(partition: Partition) -> dict[str, Floats]:
         if family(name) == "highlight":
             seen = np.sqrt(term.bend * (term.bend + 2.0) + cosine**2) / (1.0 + term.bend) if name in THROUGH else cosine
             cone, seen = np.broadcast_to(term.cone, shape), np.broadcast_to(seen, shape)
-            there = (normal_weight + grazing_weight).max(axis=-1) > 0.0
-            albedo[:, there] = highlight_albedo(cone[there], np.minimum(seen[there], 1.0))
+            nonzero = (normal_weight + grazing_weight).max(axis=-1) > 0.0
+            albedo[:, nonzero] = highlight_albedo(cone[nonzero], np.minimum(seen[nonzero], 1.0))
         sums[name] = scale(normal_weight, albedo[0]) + scale(grazing_weight - normal_weight, albedo[1])
     return sums
 
@@ -93,13 +93,13 @@ def _furnace(energy: str, stacks: int) -> _Furnace:
         count = stacks * (number + 1) // len(_MODES) - stacks * number // len(_MODES)
         layers = [_random_layer(rng, count, energy, mode) for mode in modes]
         clear = rng.random(count) < 0.7
-        for each in layers:
-            each.parameters["clear"] *= clear
+        for layer in layers:
+            layer.parameters["clear"] *= clear
         azimuths = np.degrees(rng.uniform(0.0, 2.0 * np.pi, count))
         views = (np.array([view_at(degrees, azimuth) for azimuth in azimuths]) for degrees in _VIEWS)
         leaving.append(np.stack([_leaving(layers, wo) for wo in views], axis=-1))
-        opaque.append(np.all([each.parameters["clear"] == 0.0 for each in layers], axis=0))
-        normals = [each.parameters[f"{kind}Normal"] for each in layers for kind in ("diffuse", "highlight")]
+        opaque.append(np.all([layer.parameters["clear"] == 0.0 for layer in layers], axis=0))
+        normals = [layer.parameters[f"{kind}Normal"] for layer in layers for kind in ("diffuse", "highlight")]
         upright.append(np.all(np.stack(normals) == ZENITH, axis=(0, 2)))
     return _Furnace(*map(np.concatenate, (leaving, opaque, upright)))
 
@@ -110,8 +110,8 @@ def test_the_furnace_integrates_the_lobes_themselves(energy: str, modes: tuple[A
     rng = np.random.default_rng(7)
     layers = [_random_layer(rng, 1, energy, mode) for mode in modes]
     # The topmost layer has all lobes, some of them leaning.
-    given = {"roughness": [0.2], "clear": [0.5], "back": [0.4], "highlightNormal": [[0.2, 0.1, 1.0]], "ior": [1.3]}
-    top = {name: np.array(value) for name, value in given.items()}
+    inputs = {"roughness": [0.2], "clear": [0.5], "back": [0.4], "highlightNormal": [[0.2, 0.1, 1.0]], "ior": [1.3]}
+    top = {name: np.array(value) for name, value in inputs.items()}
     layers[-1] = replace(layers[-1], parameters=layers[-1].parameters | top, mask=np.array([0.7]))
     for degrees in (0.0, 60.0, 85.0):
         wo = view_at(degrees)[None]
@@ -128,7 +128,7 @@ def test_the_furnace_integrates_the_lobes_themselves(energy: str, modes: tuple[A
 
 def _integral(lobe: Lobe, wo: Floats) -> Floats:
     """Integrate a lobe over its hemisphere, (3,)."""
-    return HalfVectorGrid(half_vector_view(lobe, wo)).total(lambda _, wi: sent(lobe, wo, wi))
+    return HalfVectorGrid(half_vector_view(lobe, wo)).total(lambda _, wi: f_cosine(lobe, wo, wi))
 
 
 @pytest.mark.parametrize("stacks", [_FEW, pytest.param(_STACKS, marks=pytest.mark.proof)])
@@ -136,24 +136,24 @@ def test_no_conserving_stack_sends_more_than_it_receives(stacks: int) -> None:
     leaving = _furnace("conserving", stacks).leaving
     assert leaving.shape == (stacks, len(_VIEWS))
     assert leaving.max() <= 1.0 + _ROUNDING
-    # Some stacks lose nearly nothing.
+    # Some stacks lose almost no light.
     assert np.count_nonzero(leaving > 1.0 - _ROUNDING) > stacks / 20
 
 
 @pytest.mark.parametrize("stacks", [12, pytest.param(120, marks=pytest.mark.proof)])
 def test_no_conserving_stack_of_exact_metals_sends_more_than_it_receives(stacks: int) -> None:
     rng = np.random.default_rng(2007)
-    found = []
+    energies = []
     for number in range(stacks):
         modes = _MODES[number % len(_MODES)]
         layers = [_random_layer(rng, 1, "conserving", mode, fresnel="conductor") for mode in modes]
         wo = view_at(_VIEWS[number % len(_VIEWS)], rng.uniform(0.0, 360.0))[None]
         partition = _partition(layers, wo)
         leaving = sum(_integral(lobe, wo) for lobe in partition_lobes(partition))
-        found.append(np.max(leaving + 1.0 - partition.presence))
+        energies.append(np.max(leaving + 1.0 - partition.presence))
     # The error of the quadrature.
-    assert max(found) <= 1.0 + 1e-4
-    assert np.count_nonzero(np.array(found) > 0.9) > stacks / 12
+    assert max(energies) <= 1.0 + 1e-4
+    assert np.count_nonzero(np.array(energies) > 0.9) > stacks / 12
 
 
 @pytest.mark.parametrize("stacks", [_FEW, pytest.param(_STACKS, marks=pytest.mark.proof)])
@@ -186,40 +186,40 @@ _EXCESSES: dict[str, tuple[float, list[dict[str, Any]], float]] = {
 
 @pytest.mark.parametrize("reason", _EXCESSES)
 def test_published_exceeds_1_here(reason: str) -> None:
-    degrees, layers, wanted = _EXCESSES[reason]
+    degrees, layers, expected = _EXCESSES[reason]
     wo = view_at(degrees)[None]
     published, conserving = (_stack(energy, *layers) for energy in ("published", "conserving"))
-    assert _leaving(published, wo)[0] == pytest.approx(wanted, abs=1e-6)
+    assert _leaving(published, wo)[0] == pytest.approx(expected, abs=1e-6)
     lobes = [lobe for lobe in stack_bsdf(published).lobes(wo) if lobe.share > 0.0]
-    assert sum(_integral(lobe, wo)[0] for lobe in lobes) == pytest.approx(wanted, abs=1e-4)
+    assert sum(_integral(lobe, wo)[0] for lobe in lobes) == pytest.approx(expected, abs=1e-4)
     assert _leaving(conserving, wo)[0] <= 1.0 + _ROUNDING
 
 
 def _stack(energy: str, *layers: dict[str, Any]) -> list[StackLayer]:
-    """Return layers in mode ``transmit``."""
-    complete = [complete_parameters("pixar", {"energy": energy} | each) for each in layers]
-    return [StackLayer("pixar", each, 1.0, "transmit" if place else "over") for place, each in enumerate(complete)]
+    """Return layers, the upper ones in mode ``transmit``."""
+    complete = [complete_parameters("pixar", {"energy": energy} | layer) for layer in layers]
+    return [StackLayer("pixar", layer, 1.0, "transmit" if number else "over") for number, layer in enumerate(complete)]
 
 
 @pytest.mark.parametrize("modes", [("over",), ("over", "over")])
 def test_conserving_changes_the_fresnel_terms_of_highlights_only(modes: tuple[Any, ...]) -> None:
     rng = np.random.default_rng(11)
     layers = [_random_layer(rng, 500, "published", mode) for mode in modes]
-    for each in layers:
-        each.parameters.update(dict.fromkeys(("diffuseNormal", "highlightNormal"), np.broadcast_to(ZENITH, (500, 3))))
+    for layer in layers:
+        layer.parameters.update(dict.fromkeys(("diffuseNormal", "highlightNormal"), np.broadcast_to(ZENITH, (500, 3))))
     wo = directions(rng, 500)
     published = _partition(layers, wo)
-    layers = [replace(each, parameters=each.parameters | {"energy": "conserving"}) for each in layers]
+    layers = [replace(layer, parameters=layer.parameters | {"energy": "conserving"}) for layer in layers]
     conserving = _partition(layers, wo)
     for name, term in conserving.terms.items():
         other = published.terms[name]
         np.testing.assert_allclose(term.cone, other.cone, rtol=1e-9)
         np.testing.assert_allclose(term.bend, other.bend, rtol=1e-9, atol=1e-15)
-        wanted = other.normal, other.grazing
+        expected = other.normal, other.grazing
         if family(name) == "highlight":
-            wanted = (fresnel_blend(*wanted, wo[..., 2]),) * 2
-        np.testing.assert_allclose(term.normal, wanted[0], rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(term.grazing, wanted[1], rtol=1e-9, atol=1e-15)
+            expected = (fresnel_blend(*expected, wo[..., 2]),) * 2
+        np.testing.assert_allclose(term.normal, expected[0], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(term.grazing, expected[1], rtol=1e-9, atol=1e-15)
     np.testing.assert_array_equal(conserving.presence, published.presence)
 
 

@@ -1,4 +1,4 @@
-"""Smits' "Layering": the lobe that comes out of each pair, and metals that meet."""
+"""Smits' "Layering": the result of each pair of lobes, and metals over metals."""
 
 from typing import Any
 
@@ -26,22 +26,22 @@ _REFLECTED = [
     ("diffuseTransmission", "specular", "diffuse", None),
     ("diffuseTransmission", "diffuse", "diffuse", None),
 ]
-# The nine that it does not print: the same rule on the other side.
+# The nine pairs that the document does not print: the same rule on the other side.
 _OTHER_SIDE = dict(zip(FRONT, THROUGH, strict=True))
 _TRANSMITTED = [(above, _OTHER_SIDE[beneath], _OTHER_SIDE[out], cone) for above, beneath, out, cone in _REFLECTED]
 
 
-def _parameters(**given: Any) -> dict[str, Any]:
-    return complete_parameters("pixar", given)
+def _parameters(**inputs: Any) -> dict[str, Any]:
+    return complete_parameters("pixar", inputs)
 
 
 def _layered(above: Partition, below: Partition, mask: Any, mode: Any) -> Partition:
     return compose([(below, 1.0, "over"), (above, mask, mode)])
 
 
-def _with_only(lobe: str, **given: Any) -> dict[str, Any]:
+def _with_only(lobe: str, **inputs: Any) -> dict[str, Any]:
     """Return parameters of a layer whose other lobes are scaled to 0."""
-    return _parameters(clear=0.6, back=0.4, **given, **{f"{name}Scale": 0.0 for name in _LOBES if name != lobe})
+    return _parameters(clear=0.6, back=0.4, **inputs, **{f"{name}Scale": 0.0 for name in _LOBES if name != lobe})
 
 
 # The roughness of the layer above, and so its cone, is larger or smaller than that of the layer beneath.
@@ -65,7 +65,7 @@ def test_the_tables(incoming: str, lobe: str, out: str, cone: str | None, roughn
         assert result[out].bend == pytest.approx(0.7 if out in THROUGH else 0.0, rel=1e-15)
     # The stack of the two has that lobe, and no other.
     stack = stack_bsdf([StackLayer("pixar", bottom), StackLayer("pixar", top, 1.0, "transmit")])
-    assert [each.name for each in stack.lobes(_WO) if each.share > 0.0] == [out]
+    assert [lobe.name for lobe in stack.lobes(_WO) if lobe.share > 0.0] == [out]
 
 
 def test_the_tables_are_whole() -> None:
@@ -79,9 +79,9 @@ def test_the_tables_are_whole() -> None:
 _INDICES = {"gold": ((0.1, 0.4, 1.6), (10.0, 2.3, 1.7)), "glass": ((1.5, 1.6, 1.7), (0.0, 0.0, 0.0))}
 
 
-def _exact(name: str, **given: Any) -> dict[str, Any]:
+def _exact(name: str, **inputs: Any) -> dict[str, Any]:
     eta, k = _INDICES[name]
-    return _parameters(metallic=1.0, fresnel="conductor", eta=eta, k=k, **given)
+    return _parameters(metallic=1.0, fresnel="conductor", eta=eta, k=k, **inputs)
 
 
 def test_layers_of_different_metals_are_mixed() -> None:
@@ -90,30 +90,30 @@ def test_layers_of_different_metals_are_mixed() -> None:
     wi = wo * [-1.0, -1.0, 1.0] + rng.normal(0.0, 0.1, wo.shape)
     wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
     layers = [_exact("gold"), _parameters(metallic=1.0), _exact("glass"), _exact("gold")]
-    stack = stack_bsdf([StackLayer("pixar", each, 0.4) for each in layers])
-    parts = (evaluate(stack_bsdf([StackLayer("pixar", each)]), wo, wi) for each in layers)
-    # All cones are alike.
-    wanted = sum(w * f for w, f in zip((0.216, 0.144, 0.24, 0.4), parts, strict=True))
-    np.testing.assert_allclose(evaluate(stack, wo, wi), wanted, rtol=1e-11, atol=1e-30)
-    # Twice the same metal is one.
-    partition = compose([(layer_partition(each, wo), 0.4, "over") for each in layers])
+    stack = stack_bsdf([StackLayer("pixar", layer, 0.4) for layer in layers])
+    parts = (evaluate(stack_bsdf([StackLayer("pixar", layer)]), wo, wi) for layer in layers)
+    # All cones are equal.
+    expected = sum(w * f for w, f in zip((0.216, 0.144, 0.24, 0.4), parts, strict=True))
+    np.testing.assert_allclose(evaluate(stack, wo, wi), expected, rtol=1e-11, atol=1e-30)
+    # Equal metals are merged.
+    partition = compose([(layer_partition(layer, wo), 0.4, "over") for layer in layers])
     assert [len(term.metals) for term in partition.terms.values()] == [2, 2, 0, 0, 0, 0]
 
 
 def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
     rng = np.random.default_rng(36)
     wo = directions(rng, _COUNT)
-    given = _parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2)
-    lacquer, metal = (layer_partition(each, wo) for each in given)
+    inputs = _parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2)
+    lacquer, metal = (layer_partition(layer, wo) for layer in inputs)
     result = _layered(lacquer, metal, 1.0, "transmit")
     narrow, broad, diffuse = (lacquer.terms[name] for name in THROUGH)
     (mirror,), (glossy,) = (metal.terms[name].metals for name in FRONT[:2])
     for kind in ("normal", "grazing"):
-        a, b, c, m, g = (getattr(each, kind) for each in (narrow, broad, diffuse, mirror, glossy))
-        # The table, by which every reflection of the metal is the metal's.
-        wanted = {"reflection": a * m, "specular": a * g + b * (m + g), "diffuse": c * (m + g)}
+        a, b, c, m, g = (getattr(term, kind) for term in (narrow, broad, diffuse, mirror, glossy))
+        # The table, where every reflection of the metal has the metal's curve.
+        expected = {"reflection": a * m, "specular": a * g + b * (m + g), "diffuse": c * (m + g)}
         for name in FRONT:
             (sole,) = result.terms[name].metals
-            np.testing.assert_allclose(getattr(sole, kind), wanted[name], rtol=1e-12)
+            np.testing.assert_allclose(getattr(sole, kind), expected[name], rtol=1e-12)
             np.testing.assert_array_equal((sole.eta, sole.k), _INDICES["gold"])
     assert all(not result.terms[name].metals for name in THROUGH)

@@ -1,4 +1,4 @@
-"""A single layer against the numbers of Smits' document; which of its lobes are not reciprocal, and why."""
+"""A single layer against the numbers of Smits' document, and the reasons why some lobes are not reciprocal."""
 
 from typing import Any
 
@@ -16,8 +16,8 @@ from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.closures.setups import view_at
 
 
-def _pixar(**given: Any) -> Bsdf:
-    return MODELS["pixar"].bsdf(complete_parameters("pixar", given))
+def _pixar(**inputs: Any) -> Bsdf:
+    return MODELS["pixar"].bsdf(complete_parameters("pixar", inputs))
 
 
 def _only(bsdf: Bsdf, *names: str) -> Bsdf:
@@ -53,10 +53,12 @@ _COPPER = {"fresnel": "conductor", "eta": (0.2, 1.0, 1.3), "k": (3.2, 2.6, 2.4)}
 
 @pytest.mark.parametrize("metallic", [0.0, 0.3, 1.0])
 def test_what_a_partly_metallic_surface_does_not_reflect_is_the_rest(metallic: float) -> None:
-    given = {"metallic": metallic, "normalScale": 0.8, "grazingScale": 0.9}
-    parameters, cosines = complete_parameters("pixar", _COPPER | given), np.array([1.0, 0.7, 0.2, 0.0])
-    reflected = partition._reflected(parameters).weight(cosines)
-    np.testing.assert_allclose(partition._unreflected(parameters, cosines), 1.0 - reflected, rtol=1e-12, atol=1e-14)
+    inputs = {"metallic": metallic, "normalScale": 0.8, "grazingScale": 0.9}
+    parameters, cosines = complete_parameters("pixar", _COPPER | inputs), np.array([1.0, 0.7, 0.2, 0.0])
+    reflected = partition._reflected_term(parameters).weight(cosines)
+    np.testing.assert_allclose(
+        partition._unreflected_weight(parameters, cosines), 1.0 - reflected, rtol=1e-12, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize("energy", ["published", "conserving"])
@@ -65,21 +67,21 @@ def test_an_exact_metal_is_pixars_with_another_fresnel_term(energy: str) -> None
     wo = directions(rng, 400)
     wi = near_the_mirror_image(rng, wo)
     eta, k = np.array(_COPPER["eta"]), np.array(_COPPER["k"])
-    given = {"roughness": 0.3, "metallic": 1.0, "energy": energy}
+    inputs = {"roughness": 0.3, "metallic": 1.0, "energy": energy}
     front, rest = FRONT[:2], (FRONT[2], *THROUGH)
 
     def f(lobes: tuple[str, ...], **more: Any) -> Floats:
-        return evaluate(_only(_pixar(**given | more), *lobes), wo, wi)
+        return evaluate(_only(_pixar(**inputs | more), *lobes), wo, wi)
 
     # A white metal reflects all light at all angles: its term is 1.
     white = f(front, surfaceColor=(1.0, 1.0, 1.0))
     wm = (wo + wi) / np.linalg.norm(wo + wi, axis=-1, keepdims=True)
     cosine = (wo * wm).sum(axis=-1, keepdims=True) if energy == "published" else wo[:, 2:]
     np.testing.assert_allclose(f(front, **_COPPER), white * conductor_fresnel(cosine, eta, k), rtol=1e-9, atol=1e-30)
-    # Its colour is that at normal incidence.
+    # Its colour is its reflectance at normal incidence.
     color = tuple(conductor_fresnel(1.0, eta, k).tolist())
     np.testing.assert_allclose(f(rest, **_COPPER), f(rest, surfaceColor=color), rtol=1e-12)
-    # The dielectric is as it was, and scales are factors, of which that of normal incidence counts as at most 1.
+    # The dielectric part is unchanged. Scales are factors; the factor at normal incidence is at most 1.
     np.testing.assert_allclose(f(front, **_COPPER | {"metallic": 0.0}), f(front, metallic=0.0), rtol=1e-12)
     np.testing.assert_array_equal(f(front, normalScale=5.0, **_COPPER), f(front, **_COPPER))
     scaled = f(front, normalScale=0.5, grazingScale=0.5, **_COPPER)
@@ -123,11 +125,11 @@ def test_a_leaning_lobe_has_its_own_horizon() -> None:
         bsdf = _pixar(**leaf, back=back)
         for degrees in (-70.0, 85.0, 95.0, 125.0, 130.0, 170.0):
             wi = view_at(degrees)
-            lit = wi @ normal < 0.0 if back else wi @ normal > 0.0
-            wanted = lit * abs(wi @ normal) / np.pi
-            np.testing.assert_allclose(evaluate(bsdf, ZENITH, wi) * abs(wi[2]), wanted, rtol=1e-12)
-            assert pdf(bsdf, ZENITH, wi) == pytest.approx(wanted, rel=1e-12)
+            is_positive = wi @ normal < 0.0 if back else wi @ normal > 0.0
+            expected = is_positive * abs(wi @ normal) / np.pi
+            np.testing.assert_allclose(evaluate(bsdf, ZENITH, wi) * abs(wi[2]), expected, rtol=1e-12)
+            assert pdf(bsdf, ZENITH, wi) == pytest.approx(expected, rel=1e-12)
         drawn = sample(bsdf, np.tile(ZENITH, (4096, 1)), np.random.default_rng(1).random((4096, 2)))
         crossing = (drawn[:, 2] > 0.0 if back else drawn[:, 2] < 0.0).mean()
-        # A cosine lobe that leans by theta has (1 - cos theta) / 2 there.
+        # A cosine lobe that leans by theta has (1 - cos theta) / 2 of its energy on that side.
         assert crossing == pytest.approx(0.1, abs=4.0 * np.sqrt(0.1 * 0.9 / 4096))

@@ -1,4 +1,4 @@
-"""What a coat withholds is its directional albedo, and layers beneath have the rest."""
+"""A coat withholds its directional albedo; the layers beneath receive the rest."""
 
 import json
 
@@ -16,8 +16,8 @@ from lookdev.errors import ModelError
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
 
 
-def coat(mask: float = 1.0, **given: object) -> StackLayer:
-    return StackLayer("disney", complete_parameters("disney", {"metallic": 1.0, **given}), mask, "coat")
+def coat(mask: float = 1.0, **inputs: object) -> StackLayer:
+    return StackLayer("disney", complete_parameters("disney", {"metallic": 1.0, **inputs}), mask, "coat")
 
 
 EXACT = {"fresnel": "conductor", "eta": (1.5, 0.15, 1.0), "k": (0.0, 3.5, 7.0)}
@@ -25,14 +25,14 @@ EXACT = {"fresnel": "conductor", "eta": (1.5, 0.15, 1.0), "k": (0.0, 3.5, 7.0)}
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0, 75.0, 85.0])
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.3, 0.6, 1.0])
-@pytest.mark.parametrize("given", [*({"baseColor": (f0,) * 3} for f0 in (0.0, 0.04, 1.0)), EXACT], ids=str)
-def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float, given: dict[str, object]) -> None:
-    wo, layer = view_at(degrees), coat(roughness=roughness, **given)
-    (lobe,) = (each for each in model_named("disney").bsdf(layer.parameters).lobes(wo) if each.name == "specular")
+@pytest.mark.parametrize("inputs", [*({"baseColor": (f0,) * 3} for f0 in (0.0, 0.04, 1.0)), EXACT], ids=str)
+def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float, inputs: dict[str, object]) -> None:
+    wo, layer = view_at(degrees), coat(roughness=roughness, **inputs)
+    (lobe,) = (lobe for lobe in model_named("disney").bsdf(layer.parameters).lobes(wo) if lobe.name == "specular")
     wi, weight = half_vector_grid(wo, max(roughness * roughness, 0.001), (64, 48))
     albedo = ((np.asarray(lobe.evaluate(Directions.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
     largest = sum(entry["residual"]["largest"] for entry in json.loads(DATA.read_text()).values())
-    assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015 if given is EXACT else largest + 0.002)
+    assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015 if inputs is EXACT else largest + 0.002)
 
 
 def test_no_coat_withholds_more_than_all() -> None:
@@ -40,7 +40,7 @@ def test_no_coat_withholds_more_than_all() -> None:
     for share in (whole, typical):
         assert (share >= 0.0).all()
         assert (share <= 1.0).all()
-    # Nearly a mirror, along its normal: the fit overshoots.
+    # For a near mirror, seen along its normal, the fit overshoots.
     assert reflectance(coat(roughness=0.2, baseColor=(1.0, 1.0, 1.0)), ZENITH) == 1.0
 
 
@@ -52,17 +52,19 @@ def test_it_is_that_of_the_lobes_own_normal() -> None:
 def test_what_is_beneath_has_the_rest() -> None:
     base = StackLayer("disney", complete_parameters("disney", {"presence": 0.5}))
     for above in (coat(0.7, baseColor=(0.2, 0.3, 0.4)), coat(0.7, presence=0.5), coat(0.0)):
-        own, beneath = (evaluate(stack_bsdf([each]), WO, WI) for each in (above, base))
+        coating, beneath = (evaluate(stack_bsdf([layer]), WO, WI) for layer in (above, base))
         stack = stack_bsdf([base, above])
         withheld = above.mask * above.parameters["presence"] * reflectance(above, WO)
-        np.testing.assert_allclose(evaluate(stack, WO, WI), above.mask * own + (1.0 - withheld) * beneath, rtol=1e-12)
+        np.testing.assert_allclose(
+            evaluate(stack, WO, WI), above.mask * coating + (1.0 - withheld) * beneath, rtol=1e-12
+        )
         assert stack.presence == 0.5
 
 
 def test_a_layer_over_a_coat_is_blended_with_both() -> None:
     base = StackLayer("disney", complete_parameters("disney", {}))
     top = StackLayer("disney", complete_parameters("disney", {"roughness": 0.2}), 0.25)
-    coated, above = (evaluate(stack_bsdf(each), WO, WI) for each in ([base, coat()], [top]))
+    coated, above = (evaluate(stack_bsdf(layers), WO, WI) for layers in ([base, coat()], [top]))
     stack = evaluate(stack_bsdf([base, coat(), top]), WO, WI)
     np.testing.assert_allclose(stack, 0.75 * coated + 0.25 * above, rtol=1e-12)
 

@@ -12,17 +12,17 @@ from lookdev.brdf.table import Table, look_up
 from lookdev.brdf.vectors import cross, mean, perpendicular, reflect
 from lookdev.closures.setups import view_at
 
-# Of both signs, down to where the functions are 1, and beyond the ends of their series.
+# Numbers of both signs: small ones, where the functions are 1, and some beyond the range of the series.
 X = np.concatenate([sign * np.logspace(-12.0, -0.01, 200) for sign in (-1.0, 1.0)])
 
 
 def test_logarithm_and_exponential_near_their_zeros() -> None:
-    for ratio in (log1p_ratio(X, 1.0 + X), log1p_ratio(X, 1.0 + np.where(np.abs(X) < 0.1, 9.0, X)), mf._log_growth(X)):
+    for ratio in (log1p_ratio(X, 1.0 + X), log1p_ratio(X, 1.0 + np.where(np.abs(X) < 0.1, 9.0, X)), mf._log1p_ratio(X)):
         # The sum 1 + x loses digits beyond the series.
         np.testing.assert_allclose(ratio, np.log1p(X) / X, rtol=1e-11)
     for x in (X, 30.0 * X):
-        np.testing.assert_allclose((expm1_ratio(x), mf._growth(x)), (np.expm1(x) / x,) * 2, rtol=1e-12)
-    assert (log1p_ratio(0.0, 1.0), expm1_ratio(0.0), mf._growth(0.0), mf._log_growth(0.0)) == (1.0, 1.0, 1.0, 1.0)
+        np.testing.assert_allclose((expm1_ratio(x), mf._expm1_ratio(x)), (np.expm1(x) / x,) * 2, rtol=1e-12)
+    assert (log1p_ratio(0.0, 1.0), expm1_ratio(0.0), mf._expm1_ratio(0.0), mf._log1p_ratio(0.0)) == (1.0, 1.0, 1.0, 1.0)
 
 
 def test_powers_and_angles_by_the_versine() -> None:
@@ -30,8 +30,8 @@ def test_powers_and_angles_by_the_versine() -> None:
     versine = 2.0 * np.sin(0.5 * angle) ** 2
     np.testing.assert_allclose(squared_angle(versine), angle**2, rtol=1e-11)
     for exponent in (0.0, 0.5, 1.0, 30.0, 1e5):
-        wanted = np.exp(exponent * np.log1p(-versine))
-        np.testing.assert_allclose(cosine_power(1.0 - versine, versine, exponent), wanted, rtol=1e-9, atol=1e-300)
+        expected = np.exp(exponent * np.log1p(-versine))
+        np.testing.assert_allclose(cosine_power(1.0 - versine, versine, exponent), expected, rtol=1e-9, atol=1e-300)
         assert cosine_power(np.array([0.0, -0.5]), np.array([1.0, 1.5]), exponent).tolist() == [0.0, 0.0]
     x = np.linspace(0.0, 6.0, 200)
     np.testing.assert_allclose(scaled_erfc(x), erfcx(x), atol=5e-12)
@@ -51,7 +51,7 @@ def test_vectors() -> None:
     n = np.concatenate([a / np.linalg.norm(a, axis=-1, keepdims=True), [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
     across = perpendicular(n)
     np.testing.assert_allclose([(across * n).sum(axis=-1), (across**2).sum(axis=-1) - 1.0], 0.0, atol=1e-14)
-    # Mirrored, the part along the normal is the same, the rest the opposite.
+    # A mirrored vector has the same component along the normal, and the opposite component across it.
     mirrored, along = reflect(b, n[:100]), (b * n[:100]).sum(axis=-1, keepdims=True) * n[:100]
     np.testing.assert_allclose(mirrored - along, along - b, atol=1e-12)
 
@@ -68,7 +68,7 @@ def test_a_table_is_looked_up_by_rows_and_columns_and_named_by_its_numbers() -> 
 def test_quadratures_have_the_integrals_of_polynomials(degrees: float) -> None:
     by_half, (wi, weight) = half_vector_grid(view_at(degrees, 20.0), 0.3, (96, 96)), hemisphere_grid(12)
     # Of the cosine, of its square, and of it times x^2 and x y: pi, 2 pi / 3, pi / 4, 0.
-    wanted = np.array([np.pi, 2.0 * np.pi / 3.0, 0.25 * np.pi, 0.0])
+    expected = np.array([np.pi, 2.0 * np.pi / 3.0, 0.25 * np.pi, 0.0])
     for (x, y, z), weights, tolerance in ((wi.T, weight, 1e-12), (by_half[0].T, by_half[1], 2e-3)):
-        found = np.stack([z, z * z, z * x * x, z * x * y]) * weights
-        np.testing.assert_allclose(found.sum(axis=-1), wanted, atol=tolerance)
+        moments = np.stack([z, z * z, z * x * x, z * x * y]) * weights
+        np.testing.assert_allclose(moments.sum(axis=-1), expected, atol=tolerance)

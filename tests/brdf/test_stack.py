@@ -1,4 +1,4 @@
-"""Stacks of layers: of Disney's the parameters are blended, of Pixar's the lobes, of different models the BSDFs."""
+"""Stacks of layers: Disney's blend parameters, Pixar's combine lobes, different models blend BSDFs."""
 
 from itertools import permutations
 from typing import Any
@@ -19,17 +19,17 @@ def _directions(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return directions(rng, _COUNT), directions(rng, _COUNT) * rng.choice([-1.0, 1.0], (_COUNT, 1))
 
 
-def _random(rng: np.random.Generator, model: str, **given: Any) -> dict[str, Any]:
-    tokens = {name: value for name, value in given.items() if isinstance(value, str)}
-    return random_parameters(rng, model, tokens, _COUNT) | given
+def _random(rng: np.random.Generator, model: str, **inputs: Any) -> dict[str, Any]:
+    tokens = {name: value for name, value in inputs.items() if isinstance(value, str)}
+    return random_parameters(rng, model, tokens, _COUNT) | inputs
 
 
 def test_a_mask_of_0_or_1_is_exact() -> None:
     rng = np.random.default_rng(6)
     below, above = (_random(rng, "disney", presence=np.ones(_COUNT)) for _ in range(2))
     for mask, parameters in ((0.0, below), (1.0, above)):
-        for given in (np.asarray(mask), np.full(_COUNT, mask)):
-            blended = MODELS["disney"].blended([StackLayer("disney", below), StackLayer("disney", above, given)])
+        for inputs in (np.asarray(mask), np.full(_COUNT, mask)):
+            blended = MODELS["disney"].blended([StackLayer("disney", below), StackLayer("disney", above, inputs)])
             assert blended["variant"] == "2014"
             for name in ("roughness", "baseColor"):
                 np.testing.assert_array_equal(blended[name], parameters[name])
@@ -42,9 +42,9 @@ def test_disney_layers_with_other_metals_are_blended_as_evaluated() -> None:
     wo, wi = _directions(rng)
     for below, above in ((plain, exact), (exact, plain)):
         stack = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask)])
-        parts = (evaluate(MODELS["disney"].bsdf(each), wo, wi) for each in (below, above))
-        wanted = (1.0 - mask)[:, None] * next(parts) + mask[:, None] * next(parts)
-        np.testing.assert_allclose(evaluate(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+        parts = (evaluate(MODELS["disney"].bsdf(parameters), wo, wi) for parameters in (below, above))
+        expected = (1.0 - mask)[:, None] * next(parts) + mask[:, None] * next(parts)
+        np.testing.assert_allclose(evaluate(stack, wo, wi), expected, rtol=1e-12, atol=1e-15)
     # Metals of one kind are blended as parameters.
     alike = [StackLayer("disney", exact), StackLayer("disney", exact | {"eta": 0.5 * exact["k"] + 1.0}, mask)]
     blended = MODELS["disney"].bsdf(MODELS["disney"].blended(alike))
@@ -60,13 +60,13 @@ def test_presence_of_a_disney_layer_is_coverage_as_its_mask_is() -> None:
     present = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above | {"presence": presence}, mask)])
     np.testing.assert_array_equal(evaluate(present, wo, wi), evaluate(masked, wo, wi))
     assert (present.presence == 1.0).all()  # type: ignore[union-attr]
-    # Over a hole, the layer is seen by its own coverage, with its own parameters.
+    # Over a hole, only the layer is visible: its coverage and its parameters remain.
     hole = StackLayer("disney", below | {"presence": np.zeros(_COUNT)})
     over = stack_bsdf([hole, StackLayer("disney", above | {"presence": presence}, mask)])
-    wanted = (mask * presence)[:, None] * evaluate(MODELS["disney"].bsdf(above), wo, wi)
-    np.testing.assert_allclose(evaluate(over, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+    expected = (mask * presence)[:, None] * evaluate(MODELS["disney"].bsdf(above), wo, wi)
+    np.testing.assert_allclose(evaluate(over, wo, wi), expected, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(over.presence, mask * presence, rtol=1e-12)
-    # Both are there in part: what is seen of each decides.
+    # Both are partly present: the weight of each is its visible share.
     half = stack_bsdf([_layer("disney", roughness=0.2, presence=0.5), _layer("disney", roughness=0.6, presence=0.5)])
     third = MODELS["disney"].bsdf(complete_parameters("disney", {"roughness": 0.2 / 3.0 + 0.6 * 2.0 / 3.0}))
     assert half.presence == 0.75
@@ -84,8 +84,10 @@ def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> No
     parts = {model: MODELS[model].bsdf(parameters) for model, parameters in ((base, below), (top, above))}
     covered = mask * parts[top].presence
     for function in (evaluate, evaluate_cosine):
-        wanted = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(parts[base], wo, wi)
-        np.testing.assert_allclose(function(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+        expected = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(
+            parts[base], wo, wi
+        )
+        np.testing.assert_allclose(function(stack, wo, wi), expected, rtol=1e-12, atol=1e-15)
     presence = covered + (1.0 - covered) * parts[base].presence
     np.testing.assert_allclose(stack.presence, presence, rtol=1e-12, atol=1e-15)
     assert stack.two_sided == (MODELS[base].two_sided or MODELS[top].two_sided)
@@ -99,11 +101,11 @@ def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
     models = ("pixar", "pixar", "disney", "disney", "pixar")
     layers = [StackLayer(model, _random(rng, model, presence=1.0), rng.random(_COUNT)) for model in models]
     wo, wi = _directions(rng)
-    wanted = evaluate(stack_bsdf(layers[:2]), wo, wi)
-    for each in layers[2:]:
-        f = evaluate(MODELS[each.model].bsdf(each.parameters), wo, wi)
-        wanted = each.mask[:, None] * f + (1.0 - each.mask)[:, None] * wanted
-    np.testing.assert_allclose(evaluate(stack_bsdf(layers), wo, wi), wanted, rtol=1e-12, atol=1e-15)
+    expected = evaluate(stack_bsdf(layers[:2]), wo, wi)
+    for layer in layers[2:]:
+        f = evaluate(MODELS[layer.model].bsdf(layer.parameters), wo, wi)
+        expected = layer.mask[:, None] * f + (1.0 - layer.mask)[:, None] * expected
+    np.testing.assert_allclose(evaluate(stack_bsdf(layers), wo, wi), expected, rtol=1e-12, atol=1e-15)
 
 
 def test_a_mixed_stack_is_sampled_where_it_sends_light() -> None:
@@ -111,9 +113,9 @@ def test_a_mixed_stack_is_sampled_where_it_sends_light() -> None:
     layers = [StackLayer(model, _random(rng, model, presence=0.5), 0.5) for model in ("disney", "pixar")]
     wo, wi = _directions(rng)
     stack = stack_bsdf(layers)
-    lit = evaluate_cosine(stack, wo, wi).max(axis=-1) > 1e-12
-    assert np.count_nonzero(lit) > 300
-    assert (pdf(stack, wo, wi)[lit] > 0.0).all()
+    is_positive = evaluate_cosine(stack, wo, wi).max(axis=-1) > 1e-12
+    assert np.count_nonzero(is_positive) > 300
+    assert (pdf(stack, wo, wi)[is_positive] > 0.0).all()
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)
@@ -125,8 +127,8 @@ def test_the_mask_of_the_base_has_no_meaning(model: str) -> None:
     np.testing.assert_array_equal(evaluate(alone, wo, wi), evaluate(masked, wo, wi))
 
 
-def _layer(model: str, mode: Any = "over", **given: Any) -> StackLayer:
-    return StackLayer(model, complete_parameters(model, given), 1.0, mode)
+def _layer(model: str, mode: Any = "over", **inputs: Any) -> StackLayer:
+    return StackLayer(model, complete_parameters(model, inputs), 1.0, mode)
 
 
 @pytest.mark.parametrize(

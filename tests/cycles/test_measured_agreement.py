@@ -38,8 +38,8 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 def _small_tables() -> Iterator[None]:
     """Draw directions of anisotropic data by a quarter of the tables, which take seconds; they are kept here alone."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proposal, "_VIEWS", proposal._VIEWS | {True: (VIEWS, VIEWS)})
-        patch.setattr("lookdev.brdf.measured._cached_proposal", lru_cache(proposal.make_proposal))
+        patch.setattr(proposal, "_VIEW_CELLS", proposal._VIEW_CELLS | {True: (VIEWS, VIEWS)})
+        patch.setattr("lookdev.brdf.measured._make_cached_proposal", lru_cache(proposal.make_proposal))
         yield
 
 

@@ -1,4 +1,4 @@
-"""Fits of data that a model made give its parameters back; others end at the loss that they state."""
+"""Fits of a model's own data recover its parameters; other fits end at the loss that they report."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Fits to pictures without a renderer: pictures, their noise and colours, and searches of models that are linear."""
+"""Fits to pictures without a renderer: pictures, their noise and colours, and searches of linear models."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +10,7 @@ import pytest
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture import Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
-from lookdev.fitting.picture.photo import REC709, estimated_noise, to_rec709
+from lookdev.fitting.picture.photo import REC709, estimate_noise, to_rec709
 from lookdev.fitting.picture.target import block_of
 from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.material import Layer, Look
@@ -35,7 +35,7 @@ def unknown(name: str, value: float) -> Unknown:
 
 
 def linear(truth: dict[str, float], noise: float, seed: int = 0, alike: bool = False):
-    """Return a renderer of pictures that are linear in parameters, with noise, and a target of such a picture."""
+    """Return a renderer of noisy pictures that are linear in parameters, and a target that is such a picture."""
     rng = np.random.default_rng(seed)
     shapes = {name: rng.random((SIZE, SIZE, 3)) + 0.2 for name in truth}
     if alike:
@@ -56,7 +56,7 @@ def linear(truth: dict[str, float], noise: float, seed: int = 0, alike: bool = F
 
     value = noisy(picture({name: (value,) for name, value in truth.items()}), 10**6, 64, 0)
     photo = Photo(Path("photo.exr"), value, None, np.full_like(value, noise), np.ones((SIZE, SIZE)), "the test")
-    return render, Target.of(photo, 1, np.ones((SIZE, SIZE)), 1.0, see_through=False)
+    return render, Target.from_photo(photo, 1, np.ones((SIZE, SIZE)), 1.0, see_through=False)
 
 
 def test_parameters_are_found_within_their_errors() -> None:
@@ -88,8 +88,8 @@ def test_what_the_picture_does_not_tell_is_reported() -> None:
     render, target = linear({"a": 0.5, "b": 0.3}, 0.05, alike=True)
     result = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
     assert set(result.undetermined) == {"a", "b"}
-    [(one, other, correlation)] = result.alike
-    assert (one, other) == ("a", "b")
+    [(first, second, correlation)] = result.alike
+    assert (first, second) == ("a", "b")
     assert correlation < -0.95
     assert result.values["a"][0] + result.values["b"][0] == pytest.approx(0.8, abs=0.02)
 
@@ -152,7 +152,7 @@ def test_noise_is_estimated_by_brightness() -> None:
     rng = np.random.default_rng(2)
     smooth = np.broadcast_to(np.linspace(0.1, 2.0, 200)[:, None, None], (200, 200, 3))
     noise = 0.05 * np.sqrt(smooth)
-    result = estimated_noise(smooth + noise * rng.normal(size=smooth.shape), np.ones((200, 200)))
+    result = estimate_noise(smooth + noise * rng.normal(size=smooth.shape), np.ones((200, 200)))
     assert np.mean(result / noise) == pytest.approx(1.0, abs=0.05)
     assert result[180:].mean() > 2.0 * result[:20].mean()
 
@@ -167,9 +167,9 @@ def test_pictures_that_show_too_little_are_refused() -> None:
     color = np.full((8, 8, 3), 0.5)
     photo = Photo(Path("photo.exr"), color, None, 0.01 * color, np.ones((8, 8)), "the test")
     with pytest.raises(LookdevError, match="0 blocks of 1 x 1 pixels are of the asset alone"):
-        Target.of(photo, 1, np.zeros((8, 8)), 1.0, see_through=False)
+        Target.from_photo(photo, 1, np.zeros((8, 8)), 1.0, see_through=False)
     with pytest.raises(LookdevError, match="no alpha to compare with"):
-        Target.of(photo, 1, np.ones((8, 8)), 1.0, see_through=True)
+        Target.from_photo(photo, 1, np.ones((8, 8)), 1.0, see_through=True)
 
 
 def test_units_and_values_are_inverse() -> None:

@@ -41,8 +41,8 @@ def even(file: Path, value: tuple[float, float, float]) -> Path:
 def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Of an even surface every view is alike: 4 tables in place of 256 are the same, in a sixtieth of the time. They are
     # kept here alone: other tests take those of the built-in measurement in full.
-    monkeypatch.setattr(proposal, "_VIEWS", {False: (2, 1), True: (2, 2)})
-    monkeypatch.setattr("lookdev.brdf.measured._cached_proposal", lru_cache(proposal.make_proposal))
+    monkeypatch.setattr(proposal, "_VIEW_CELLS", {False: (2, 1), True: (2, 2)})
+    monkeypatch.setattr("lookdev.brdf.measured._make_cached_proposal", lru_cache(proposal.make_proposal))
     even(tmp_path / "even.dat", (0.1, 0.2, 0.3))
     even(tmp_path / "other.dat", (0.3, 0.2, 0.1))
 

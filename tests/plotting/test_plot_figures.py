@@ -1,4 +1,4 @@
-"""Every command of docs/figures.md and docs/plot.md is read, and one of each sort drawn, at a small size."""
+"""Every command of docs/figures.md and docs/plot.md is parsed; one of each kind is drawn at a small size."""
 
 import re
 import shlex
@@ -40,7 +40,7 @@ def read(words: list[str]) -> list[Subject]:
     return [read_subject(word) for word in words]
 
 
-# Commands of one kind with the same options are alike: the first is drawn, the others in `proof`.
+# Of the commands of one kind with the same options, the first is drawn by default, the others in tier `proof`.
 SORTS = {command: (parse(command)["kind"], *re.findall(" --[a-z]+", command)) for command in COMMANDS}
 FIRST = {sort: command for command, sort in reversed(SORTS.items())}.values()
 DRAWN = [pytest.param(command, marks=() if command in FIRST else pytest.mark.proof) for command in COMMANDS]
@@ -53,7 +53,7 @@ def test_all_commands_are_read() -> None:
 @pytest.mark.parametrize("command", DRAWN)
 def test_a_command_draws_its_figure(command: str, tmp_path: Path) -> None:
     options = parse(command)
-    kind, what, output, _ = (options.pop(name) for name in ("kind", "what", "output", "library"))
+    kind, words, output, _ = (options.pop(name) for name in ("kind", "what", "output", "library"))
     options["size"] = SIZES.get(kind, 24)
-    draw(kind, read(what), Options(**options)).write(tmp_path / output, dpi=40)
+    draw(kind, read(words), Options(**options)).write(tmp_path / output, dpi=40)
     assert (tmp_path / output).stat().st_size > 1000

@@ -1,4 +1,4 @@
-"""Every kind of plot: its figure, and numbers that are those of the models."""
+"""Every kind of plot: its figure, and its numbers, which equal those of the models."""
 
 import csv
 from pathlib import Path
@@ -20,14 +20,14 @@ GLASS = subject_of(MODELS["glass"], {}, "glass")
 SUBJECTS = {"difference": (PLASTIC, WHITE)}
 
 
-def plotted(kind: str, *subjects: object, **options: object) -> Plot:
+def draw_plot(kind: str, *subjects: object, **options: object) -> Plot:
     return draw(kind, subjects or SUBJECTS.get(kind, (PLASTIC,)), Options(**options))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_kind_has_a_figure_and_finite_numbers(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.plotting.sampling._SAMPLES", 1 << 14)
-    plot = plotted(kind, size=6 if kind == "albedo" else 16)
+    plot = draw_plot(kind, size=6 if kind == "albedo" else 16)
     assert isinstance(plot.figure, Figure)
     (length,) = {len(column) for column in plot.columns.values()}
     assert all(np.isfinite(column).all() or name.startswith("difference") for name, column in plot.columns.items())
@@ -43,14 +43,14 @@ def test_each_kind_has_a_figure_and_finite_numbers(kind: str, tmp_path: Path, mo
 def test_the_same_plot_is_the_same_file(suffix: str, tmp_path: Path) -> None:
     first, second = (tmp_path / f"{name}{suffix}" for name in "ab")
     for file in (first, second):
-        plotted("retro", size=16).write(file)
+        draw_plot("retro", size=16).write(file)
     assert first.read_bytes() == second.read_bytes()
     assert first.stat().st_size > 2000
 
 
 def test_another_suffix_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(LookdevError, match=r"plot\.gif: .*\.png"):
-        plotted("retro", size=8).write(tmp_path / "plot.gif")
+        draw_plot("retro", size=8).write(tmp_path / "plot.gif")
     assert not list(tmp_path.iterdir())
 
 
@@ -65,14 +65,14 @@ def test_half_and_difference_angles_are_those_of_the_directions() -> None:
 
 
 def test_a_slice_has_f_and_is_black_below_the_horizon() -> None:
-    columns = plotted("slice", size=32).columns
+    columns = draw_plot("slice", size=32).columns
     h, d = (np.radians(columns[f"theta_{name} (degrees)"]) for name in "hd")
     wo, wi = half_difference(h, d, 0.5 * np.pi)
     f = np.stack([columns[f"plastic.{name}"] for name in "rgb"], axis=-1)
     assert np.array_equal(f, evaluate(PLASTIC.bsdf, wo, wi))
     # At 90 degrees of phi_d both elevations are alike, and cos theta = cos theta_h cos theta_d is above 0.
     assert f.min() > 0.0
-    columns = plotted("slice", size=32, phi=0.0).columns
+    columns = draw_plot("slice", size=32, phi=0.0).columns
     lower = columns["theta_h (degrees)"] + columns["theta_d (degrees)"]
     # At 90 degrees exactly, rounding decides.
     assert not columns["plastic.g"][lower > 90.1].any()
@@ -80,33 +80,33 @@ def test_a_slice_has_f_and_is_black_below_the_horizon() -> None:
 
 
 def test_the_albedo_of_white_is_one_and_its_error_is_in_the_numbers() -> None:
-    columns = plotted("albedo", WHITE, size=4).columns
+    columns = draw_plot("albedo", WHITE, size=4).columns
     assert np.all(np.abs(columns["white"] - 1.0) <= columns["white error"] + 1e-9)
 
 
 def test_retro_and_cartesian_meet_where_both_directions_are_one() -> None:
-    retro = plotted("retro", size=91).columns
+    retro = draw_plot("retro", size=91).columns
     w = towards(np.radians(retro["theta (degrees)"][:80]), 0.5 * np.pi)
     assert retro["plastic"][:80] == pytest.approx(evaluate(PLASTIC.bsdf, w, w) @ (0.2126, 0.7152, 0.0722))
-    along = plotted("cartesian", size=81, theta=0.0, limit=80.0).columns
+    along = draw_plot("cartesian", size=81, theta=0.0, limit=80.0).columns
     w = towards(np.radians(along["theta_h (degrees)"]))
     assert along["plastic"] == pytest.approx(evaluate(PLASTIC.bsdf, w, w) @ (0.2126, 0.7152, 0.0722))
 
 
 def test_theta_i_is_zero_along_the_normal_and_negative_on_the_views_side() -> None:
-    columns = plotted("cartesian", axis="theta_i", theta=30.0, size=181, limit=90.0).columns
+    columns = draw_plot("cartesian", axis="theta_i", theta=30.0, size=181, limit=90.0).columns
     peak = columns["theta_i (degrees)"][np.argmax(columns["plastic"][20:-20]) + 20]
     assert 25.0 < peak < 60.0
 
 
 def test_fresnel_of_glass_is_that_of_the_equations() -> None:
-    columns = plotted("fresnel", GLASS, size=46).columns
+    columns = draw_plot("fresnel", GLASS, size=46).columns
     cosine = np.cos(np.radians(columns["theta_d (degrees)"][:-1]))
     assert columns["glass"][:-1] == pytest.approx(np.asarray(conductor_fresnel(cosine, 1.5, 0.0)), rel=1e-12)
 
 
 def test_fresnel_of_a_surface_rises_as_schlicks_curve_where_shadowing_does_not_matter() -> None:
-    columns = plotted("fresnel", size=91).columns
+    columns = draw_plot("fresnel", size=91).columns
     within = (columns["theta_d (degrees)"] >= 45.0) & (columns["theta_d (degrees)"] <= 80.0)
     assert columns["plastic"][within].mean() == pytest.approx(1.0)
     assert columns["schlick"][within].mean() == pytest.approx(1.0)
@@ -127,13 +127,13 @@ def test_chi_square_accepts_the_models_samples_and_refuses_others() -> None:
 
 
 def test_a_sphere_under_a_light_has_lamberts_law() -> None:
-    columns = plotted("sphere", WHITE, size=16, theta=0.0).columns
+    columns = draw_plot("sphere", WHITE, size=16, theta=0.0).columns
     x, y = ((columns[name] + 0.5) / 8.0 - 1.0 for name in ("column", "row"))
     assert columns["white.point.g"] == pytest.approx(np.sqrt(1.0 - x * x - y * y), abs=1e-12)
 
 
 def test_the_difference_of_one_and_itself_is_nothing() -> None:
-    assert not plotted("difference", PLASTIC, PLASTIC, size=16).columns["difference of cube roots"].any()
+    assert not draw_plot("difference", PLASTIC, PLASTIC, size=16).columns["difference of cube roots"].any()
 
 
 @pytest.mark.parametrize(
@@ -157,6 +157,6 @@ def test_a_plot_that_cannot_be_is_refused(kind: str, count: int, options: dict[s
 @pytest.mark.parametrize("kind", ["slice", "retro", "sampling"])
 def test_what_has_no_f_is_refused(kind: str) -> None:
     with pytest.raises(LookdevError, match="glass: scatters along single directions"):
-        plotted(kind, GLASS, size=8)
+        draw_plot(kind, GLASS, size=8)
     with pytest.raises(LookdevError, match="beside others"):
-        plotted("fresnel", GLASS, PLASTIC)
+        draw_plot("fresnel", GLASS, PLASTIC)

@@ -1,4 +1,4 @@
-"""What words of the command line stand for."""
+"""The subjects that words of the command line describe."""
 
 from pathlib import Path
 
@@ -51,9 +51,9 @@ def test_a_look_is_its_stack_or_one_layer() -> None:
 
 def test_textures_are_read_at_the_place() -> None:
     places = [read_subject(f"{MATERIALS / 'lacquer_wood.usda'}@{u},0.4") for u in (0.1, 0.37)]
-    here, there = (evaluate(subject.bsdf, WO, WI) for subject in places)
-    assert here.shape == WO.shape
-    assert not np.array_equal(here, there)
+    first, second = (evaluate(subject.bsdf, WO, WI) for subject in places)
+    assert first.shape == WO.shape
+    assert not np.array_equal(first, second)
 
 
 @pytest.mark.parametrize("file", sorted(MATERIALS.glob("*.usda")), ids=lambda file: file.stem)

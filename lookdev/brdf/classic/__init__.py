@@ -1,1 +1,1 @@
-"""The classic models of reflection, as published: one file a model, or a family of models."""
+"""The classic models of reflection, as published: one file for each model or family of models."""

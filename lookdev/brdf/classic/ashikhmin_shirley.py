@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import color, cosine_pdf, exponent, one_normal, parameters, power_sin2
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color, cosine_pdf, exponent, parameters, power_sin2
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
 from lookdev.brdf.lobes import Directions, Lobe
@@ -26,18 +26,18 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return schlick_weights(0.5 * cosine)[0]
 
     # Eq. 5. The cosine-weighted mean of `rest` is 23 / 28.
-    seen = scale(reflected, rest(wo[..., 2]))
+    attenuated = scale(reflected, rest(wo[..., 2]))
     return Lobe(
         "ashikhmin-shirley",
         "diffuse",
-        mean(seen),
-        evaluate=lambda d: scale(seen, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i)),
+        mean(attenuated),
+        evaluate=lambda d: scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i)),
         pdf=cosine_pdf,
         sample=sample_cosine,
         group="diffuse",
         frame=frame,
         broad=True,
-        values={"color": seen},
+        values={"color": attenuated},
     )
 
 
@@ -74,7 +74,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "ashikhmin-shirley",
         "specular",
-        # Microfacets lean away from the normal: with Rs = 0 the lobe is not black as seen along the normal.
+        # Half vectors lean away from the normal: with Rs = 0 the lobe is not black for a view along the normal.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate,
         # Eq. 8.
@@ -105,7 +105,7 @@ ASHIKHMIN_SHIRLEY = Model(
         exponent("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
         exponent("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
     ),
-    bsdf=one_normal(_diffuse, _specular),
+    bsdf=bsdf_of_lobes(_diffuse, _specular),
     identifier="LookdevAshikhminShirley",
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=Preview({}, _preview),

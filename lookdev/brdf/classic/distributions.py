@@ -5,8 +5,8 @@
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Burley, B. 2012. Physically Based Shading at Disney, appendix B.
 
-All but ``"gaussian"``, which is normalised as m goes to 0 and reflects less beyond, have an integral of D cos theta_h
-of 1. Formulas are by ``sin^2 theta_h = wm_x^2 + wm_y^2``, as in `lookdev.brdf.microfacet`.
+The integral of D cos theta_h is 1, except for ``"gaussian"``: its normalisation is exact as m goes to 0, and it
+reflects less for larger m. Formulas use ``sin^2 theta_h = wm_x^2 + wm_y^2``, as in `lookdev.brdf.microfacet`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from lookdev.brdf.special import expm1_ratio, log1p_ratio, scaled_erfc, squared_
 from lookdev.brdf.vectors import TINY, Array, Real
 
 Density = Callable[[Array, Real, Real], Array]
-"""From unit half vectors (..., 3), m and gamma to D, (...), in 1/sr."""
+"""Function of unit half vectors (..., 3), m and gamma that returns D, (...), in 1/sr."""
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """D, and half vectors from m, gamma and two uniform numbers, whose pdf is `drawn` times ``cos theta_h``."""
+    """A distribution D, and the sampling of half vectors by m, gamma and two uniform numbers.
+
+    The pdf of `sample` is `drawn` times ``cos theta_h``.
+    """
 
     density: Density
     sample: Callable[[Real, Real, Array, Array], Array]
@@ -40,7 +43,7 @@ def _sin2(wm: Array) -> Array:
 
 # Walter et al. 2007, eq. 25 and 28.
 def _beckmann(wm: Array, m: Real, gamma: Real) -> Array:
-    # The floor: below it the exponential is 0, and its quotient would not be a number.
+    # Below the floor the exponential is 0, and 0 / 0 would not be a number.
     cos2 = np.maximum(wm[..., 2] * wm[..., 2], 1e-8)
     return np.exp(-_sin2(wm) / (m * m * cos2)) / (np.pi * m * m * cos2 * cos2)
 
@@ -72,11 +75,11 @@ def _gtr(wm: Array, m: Real, gamma: Real) -> Array:
 # Burley 2012, appendix B, solved for t: ln t is -L R, with R = ln(1 + (1 - u) expm1(x)) / x and x = (1 - gamma) L; then
 # sin^2 = (t - m^2) / (1 - m^2).
 def _sample_gtr(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
-    log_m2, rest = 2.0 * np.log(m), 1.0 - u2
+    log_m2, complement = 2.0 * np.log(m), 1.0 - u2
     x = (1.0 - gamma) * log_m2
-    grown = rest * x * expm1_ratio(x)
-    left = 1.0 - rest * expm1_ratio(x) * log1p_ratio(grown, 1.0 + grown)
-    sin2 = m * m * left * expm1_ratio(-log_m2 * left) / expm1_ratio(log_m2)
+    excess = complement * x * expm1_ratio(x)
+    log_ratio = 1.0 - complement * expm1_ratio(x) * log1p_ratio(excess, 1.0 + excess)
+    sin2 = m * m * log_ratio * expm1_ratio(-log_m2 * log_ratio) / expm1_ratio(log_m2)
     return polar(np.clip(sin2, 0.0, 1.0), u1)
 
 
@@ -110,8 +113,8 @@ DISTRIBUTIONS: dict[str, Distribution] = {
 def smith_beckmann(cos_theta: Array, m: Real) -> Array:
     """Smith's G1 for Beckmann's distribution, divided by ``2 cos theta``."""
     slope = m * np.sqrt(np.maximum((1.0 - cos_theta) * (1.0 + cos_theta), 0.0))
-    # Beyond 6 nothing is hidden.
+    # Beyond 6 nothing is masked.
     a = np.minimum(cos_theta / np.maximum(slope, TINY), 6.0)
-    hidden = np.exp(-a * a) * (1.0 - np.sqrt(np.pi) * a * scaled_erfc(a))
-    g1: Array = 1.0 / (2.0 * cos_theta + slope * (1.0 / np.sqrt(np.pi)) * hidden)
+    masked = np.exp(-a * a) * (1.0 - np.sqrt(np.pi) * a * scaled_erfc(a))
+    g1: Array = 1.0 / (2.0 * cos_theta + slope * (1.0 / np.sqrt(np.pi)) * masked)
     return g1

@@ -6,8 +6,8 @@ direction: (-1, -1, 1) is that of Phong, the mirror image of the view, and (1, 1
 - Lafortune, E. P., Foo, S.-C., Torrance, K. E. and Greenberg, D. P. 1997. Non-Linear Approximation of Reflectance
   Functions. SIGGRAPH, eq. 7.
 
-A power counts at most `LARGEST`. A lobe is sampled exactly about its direction, unless it is cut off there: then by an
-exponent that halves the pdf where the plateau ends.
+Powers are cut off at `LARGEST`. A lobe is sampled exactly about its direction, unless it is cut off there. Then the pdf
+has a smaller exponent, by which it has halved where the plateau ends.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ from lookdev.brdf.special import log1p_ratio
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, scale
 
 LARGEST = 1e30
-"""The value that a power counts at most."""
+"""The upper limit of a lobe's power."""
 
 LOBES = (1, 2, 3)
-"""The numbers of the lobes."""
+"""The numbers of the lobes, as in the names of their parameters."""
 
 
 def _lobe(number: int) -> parts.Build:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
         direction = c * wo
-        # The square of the direction's length less 1: a unit view is exact here, as rounding left it elsewhere.
+        # The squared length of the direction, less 1, for a view of exactly unit length.
         excess = dot((c - 1.0) * (c + 1.0), wo * wo)
         length2 = dot(direction, direction)
         log_length = 0.5 * excess * log1p_ratio(excess, length2)
-        vanishes = length2 < TINY * TINY
-        axis = scale(direction, 1.0 / np.sqrt(np.where(vanishes, 1.0, length2)))
-        axis = np.where(np.expand_dims(vanishes, -1), np.array([0.0, 0.0, 1.0]), axis)
-        # With m the logarithm by which the peak is cut off, the plateau ends where cos^e is exp(-m).
-        drawn = e / np.maximum((e * log_length - np.log(LARGEST)) * (1.0 / np.log(2.0)), 1.0)
+        is_zero = length2 < TINY * TINY
+        axis = scale(direction, 1.0 / np.sqrt(np.where(is_zero, 1.0, length2)))
+        axis = np.where(np.expand_dims(is_zero, -1), np.array([0.0, 0.0, 1.0]), axis)
+        # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m).
+        sampled_exponent = e / np.maximum((e * log_length - np.log(LARGEST)) * (1.0 / np.log(2.0)), 1.0)
 
         def evaluate(d: Directions) -> Array:
             o, i = d.wo, d.wi
-            # C . (wo * wi) less 1 for unit vectors, without cancellation where C is (-1, -1, 1).
-            apart = o - np.where(c < 0.0, -i, i)
-            rest = 0.5 * (dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), apart * apart))
+            # C . (wo * wi) less 1, for unit vectors, without cancellation where C is (-1, -1, 1).
+            difference = o - np.where(c < 0.0, -i, i)
+            rest = 0.5 * (dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), difference * difference))
             cosine = dot(c, o * i)
             power = np.exp(np.minimum(e * rest * log1p_ratio(rest, cosine), np.log(LARGEST)))
             return scale(weight, np.where(cosine > 0.0, power, 0.0))
 
-        # A peak below the horizon leaves what is highest along it.
+        # If the peak is below the horizon, the largest value is on the horizon.
         x, y, z = (direction[..., k] for k in range(3))
         across2 = x * x + y * y
         peak2 = np.where(z > 0.0, length2, across2)
@@ -60,10 +60,10 @@ def _lobe(number: int) -> parts.Build:
         return Lobe(
             "lafortune",
             f"lobe{number}",
-            mean(weight) * peak * (2.0 * np.pi) / (drawn + 1.0),
+            mean(weight) * peak * (2.0 * np.pi) / (sampled_exponent + 1.0),
             evaluate,
-            pdf=lambda d: parts.power_cosine_pdf(axis, d.wi, drawn),
-            sample=lambda u1, u2: parts.sample_power_cosine(axis, drawn, u1, u2),
+            pdf=lambda d: parts.power_cosine_pdf(axis, d.wi, sampled_exponent),
+            sample=lambda u1, u2: parts.sample_power_cosine(axis, sampled_exponent, u1, u2),
             group="specular",
             frame=frame,
             values={"weight": weight, "coefficients": c, "exponent": e},
@@ -99,7 +99,7 @@ LAFORTUNE = Model(
         parts.color("diffuse", 0.2, "kd, the colour of the body; linear."),
         *(parameter for number in LOBES for parameter in _inputs(number)),
     ),
-    bsdf=parts.one_normal(parts.lambertian("lafortune", "diffuse"), *map(_lobe, LOBES)),
+    bsdf=parts.bsdf_of_lobes(parts.lambertian("lafortune", "diffuse"), *map(_lobe, LOBES)),
     identifier="LookdevLafortune",
     # Lobes are not normalised: each may reach the largest power all over the hemisphere.
     energy=lambda tokens: 1.0 + len(LOBES) * LARGEST * np.pi,

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from lookdev.brdf.classic.parts import color, lambertian, one_normal, parameters
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color, lambertian, parameters
 from lookdev.brdf.model import Model, Preview
 
 LAMBERT = Model(
@@ -13,7 +13,7 @@ LAMBERT = Model(
     title="Lambert",
     text="Lambert's diffuse reflection (Lambert 1760).",
     parameters=parameters(color("reflectance", 0.8, "The part of light that is reflected; linear.")),
-    bsdf=one_normal(lambertian("lambert", "reflectance")),
+    bsdf=bsdf_of_lobes(lambertian("lambert", "reflectance")),
     identifier="LookdevLambert",
     reciprocal=lambda tokens: ("diffuse",),
     preview=Preview({"diffuseColor": "reflectance"}, lambda p: {"roughness": 1.0, "f0": 0.0}),

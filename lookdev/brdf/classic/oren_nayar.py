@@ -4,15 +4,15 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
-Two lobes: `diffuse` has A, `retroreflection` B. The latter is sampled in proportion to
-``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``, which leaves the sines alone in the weight.
+Two lobes: `diffuse` is the term of A, `retroreflection` the term of B. The latter is sampled in proportion to
+``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``; only the sines remain in the weight.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import color, cosine_pdf, one_normal, parameters
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color, cosine_pdf, parameters
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.microfacet import sample_cosine
@@ -49,7 +49,7 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     color = albedo * (1.0 / np.pi)
     cos_o, sin_o = wo[..., 2], _sine(wo)
     # The integral of the density over the cosine.
-    whole = 1.0 - 0.5 * cos_o
+    integral = 1.0 - 0.5 * cos_o
 
     def evaluate(d: Directions) -> Array:
         # The greater sine times the smaller tangent, times the cosine of the azimuth.
@@ -57,26 +57,26 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     def pdf(d: Directions) -> Array:
         azimuth = np.clip(_across(d) / np.maximum(_sine(d.wo) * _sine(d.wi), TINY), 0.0, 1.0)
-        density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_greater(d), TINY) / whole
+        density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_greater(d), TINY) / integral
         return density
 
     def sample(u1: Array, u2: Array) -> Array:
-        place = u2 * whole
+        position = u2 * integral
         # Linear in the cosine up to that of the view, constant beyond.
-        cos_i = np.where(place < 0.5 * cos_o, np.sqrt(2.0 * cos_o * place), place + 0.5 * cos_o)
+        cos_i = np.where(position < 0.5 * cos_o, np.sqrt(2.0 * cos_o * position), position + 0.5 * cos_o)
         sin_i, sin_phi = np.sqrt(np.maximum((1.0 - cos_i) * (1.0 + cos_i), 0.0)), 2.0 * u1 - 1.0
         cos_phi = np.sqrt(np.maximum(1.0 - sin_phi * sin_phi, 0.0))
-        # Along the normal the lobe is 0, and any azimuth will do.
+        # For a view along the normal the lobe is 0, and any azimuth is right.
         upright = sin_o < TINY
-        x, y = (each / np.maximum(sin_o, TINY) for each in (wo[..., 0], wo[..., 1]))
+        x, y = (component / np.maximum(sin_o, TINY) for component in (wo[..., 0], wo[..., 1]))
         x, y = np.where(upright, 1.0, x), np.where(upright, 0.0, y)
         return vector(sin_i * (x * cos_phi - y * sin_phi), sin_i * (y * cos_phi + x * sin_phi), cos_i)
 
     return Lobe(
         "oren-nayar",
         "retroreflection",
-        # The mean sine of what is drawn is about 3/4.
-        mean(color) * 1.5 * whole * sin_o,
+        # The mean sine of the sampled directions is about 3/4.
+        mean(color) * 1.5 * integral * sin_o,
         evaluate,
         pdf,
         sample,
@@ -93,7 +93,7 @@ def _sine(w: Array) -> Array:
 
 
 def _across(d: Directions) -> Array:
-    """Product of both sines and the cosine of the azimuth between them."""
+    """Return the product of both sines and the cosine of the azimuth between the directions."""
     return d.wo[..., 0] * d.wi[..., 0] + d.wo[..., 1] * d.wi[..., 1]
 
 
@@ -125,7 +125,7 @@ OREN_NAYAR = Model(
             help="included: the constant 0.57, for what facets reflect to each other. none: 0.33.",
         ),
     ),
-    bsdf=one_normal(_diffuse, _retroreflection),
+    bsdf=bsdf_of_lobes(_diffuse, _retroreflection),
     identifier="LookdevOrenNayar",
     # A + B / 2 at grazing views.
     energy=lambda tokens: 1.05 if tokens["interreflection"] == "included" else 1.016,

@@ -1,6 +1,6 @@
-"""What classic models share: a surface with one normal, Lambert's lobe, parameters, highlights about a direction.
+"""Parts of the classic models: a surface with one normal, Lambert's lobe, parameters, highlights about a direction.
 
-`DIM` floors products of two cosines in denominators: a highlight divided by it is still a normal float32.
+`DIM` is a floor of products of two cosines in denominators: a highlight divided by it is still a normal float32.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from lookdev.brdf.vectors import Array, Parameters, Real, cross, dot, mean, perp
 DIM = 1e-30
 
 Build = Callable[[Parameters, Array, Frame], Lobe]
-"""From all parameters, the view in the lobe's frame, (..., 3), and the frame to a lobe."""
+"""Function of all parameters, the view in the lobe's frame, (..., 3), and that frame; it returns a lobe."""
 
 
-def one_normal(*builds: Build) -> Callable[[Parameters], Bsdf]:
-    """Return the BSDF of a model whose lobes share the parameter ``"normal"``."""
+def bsdf_of_lobes(*builds: Build) -> Callable[[Parameters], Bsdf]:
+    """Return the BSDF function of a model whose lobes share the parameter ``"normal"``."""
 
     def bsdf(parameters: Parameters) -> Bsdf:
         def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -37,7 +37,7 @@ def one_normal(*builds: Build) -> Callable[[Parameters], Bsdf]:
 
 
 def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
-    """Return the builder of a lobe of constant f; white, its directional albedo is `albedo`."""
+    """Return the builder of a lobe of constant f; for white, its directional albedo is `albedo`."""
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return Lobe(
@@ -57,51 +57,51 @@ def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
 
 
 def cosine_pdf(d: Directions) -> Array:
-    """Pdf of `lookdev.brdf.microfacet.sample_cosine`."""
+    """Return the pdf of `lookdev.brdf.microfacet.sample_cosine`."""
     return d.cos_theta_i * (1.0 / np.pi)
 
 
-def parameters(*own: Parameter) -> Mapping[str, Parameter]:
-    """Return parameters by name, the normal last."""
+def parameters(*model_parameters: Parameter) -> Mapping[str, Parameter]:
+    """Return a model's parameters by name, with the normal last."""
     normal = normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal.")
-    return {each.name: each for each in (*own, normal)}
+    return {parameter.name: parameter for parameter in (*model_parameters, normal)}
 
 
 def color(name: str, grey: float, help: str) -> Parameter:
-    """Return a colour in [0, 1]."""
+    """Return a parameter that is a colour in [0, 1]."""
     return Parameter(name, "color", (grey, grey, grey), help=help)
 
 
 def exponent(name: str, default: float, help: str) -> Parameter:
-    """Return the exponent of a cosine."""
+    """Return a parameter that is the exponent of a cosine."""
     return Parameter(name, "float", default, hard=(0.0, 1e5), soft=(0.0, 1000.0), help=help)
 
 
 def versine(wm: Array) -> Array:
-    """Return 1 less the cosine of unit vectors (..., 3) to the normal; both may be up to a right angle apart."""
+    """Return 1 less the cosine of unit vectors (..., 3) to the normal, for angles up to a right angle."""
     return (wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]) / (1.0 + wm[..., 2])
 
 
 def power_cosine(axis: Array, w: Array, exponent: Real) -> Array:
     """Return ``max(0, axis . w)^exponent``, (...), of unit vectors (..., 3)."""
-    apart = w - axis
-    return cosine_power(dot(axis, w), 0.5 * dot(apart, apart), exponent)
+    difference = w - axis
+    return cosine_power(dot(axis, w), 0.5 * dot(difference, difference), exponent)
 
 
 def power_cosine_pdf(axis: Array, w: Array, exponent: Real) -> Array:
-    """Pdf of `sample_power_cosine`."""
+    """Return the pdf of `sample_power_cosine`."""
     return power_cosine(axis, w, exponent) * ((exponent + 1.0) * (0.5 / np.pi))
 
 
 def sample_power_cosine(axis: Array, exponent: Real, u1: Array, u2: Array) -> Array:
-    """Draw directions (..., 3) in proportion to a power of the cosine to unit vectors (..., 3)."""
+    """Draw directions (..., 3) in proportion to a power of their cosine to `axis`, unit vectors (..., 3)."""
     tangent = perpendicular(axis)
     local = polar(power_sin2(2.0 / (exponent + 1.0), u2), u1)
     return scale(tangent, local[..., 0]) + scale(cross(axis, tangent), local[..., 1]) + scale(axis, local[..., 2])
 
 
 def polar(sin2: Array, u: Array) -> Array:
-    """Return unit vectors (..., 3) of a squared sine to the normal, and an azimuth of ``2 pi u``."""
+    """Return the unit vectors (..., 3) with the squared sine `sin2` to the normal and the azimuth ``2 pi u``."""
     sin_theta, phi = np.sqrt(sin2), 2.0 * np.pi * u
     return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(np.maximum(1.0 - sin2, 0.0)))
 
@@ -113,7 +113,7 @@ def power_sin2(power: Real, u: Array) -> Array:
 
 
 def log_rest(u: Array) -> Array:
-    """Return the logarithm of 1 less a uniform number, which float32 may round to 1."""
+    """Return ``log(1 - u)`` of a uniform number; float32 may round the number to 1."""
     return -u * log1p_ratio(-u, 1.0 - u)
 
 

@@ -1,4 +1,4 @@
-"""Phong's model and its descendants: a diffuse part, and a highlight that is a power of a cosine.
+"""Phong's model and two variants: a diffuse part, and a highlight that is a power of a cosine.
 
 phong: ``kd + ks (r . wi)^e / cos_theta_i``; blinn-phong: ``kd + ks (n . h)^e / cos_theta_i``; modified-phong, which is
 reciprocal and conserves energy: ``kd / pi + ks (e + 2) / (2 pi) (r . wi)^e``. The first two have no pi, as published.
@@ -34,14 +34,14 @@ def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return _about_mirror("phong", p, r, frame, mean(p["specular"]) * (2.0 * np.pi) / (e + 1.0), evaluate)
 
 
-def _modified(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     e, r = p["exponent"], parts.mirror(wo)
     factor = (e + 2.0) * (0.5 / np.pi)
 
     def evaluate(d: Directions) -> Array:
         return scale(p["specular"], factor * parts.power_cosine(r, d.wi, e))
 
-    # The mean cosine of the light, about that of the view.
+    # The mean cosine of the light is about the cosine of the view.
     albedo = np.minimum(np.sqrt(wo[..., 2] * wo[..., 2] + 1.0 / (e + 2.0)), 1.0)
     return _about_mirror("modified-phong", p, r, frame, mean(p["specular"]) * albedo, evaluate)
 
@@ -72,7 +72,7 @@ def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(wo, parts.polar(parts.power_sin2(2.0 / (e + 1.0), u2), u1))
 
-    # 8 pi / (e + 4), as seen along the normal; the mean cosine of light and half vector is about that of the view.
+    # 8 pi / (e + 4) for a view along the normal; the mean cosine of light and half vector is about that of the view.
     typical = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))
     return Lobe(
         "blinn-phong",
@@ -109,9 +109,9 @@ PHONG = Model(
     title="Phong",
     text="Phong's model as published, without 1/pi (Phong 1975).",
     parameters=_PARAMETERS,
-    bsdf=parts.one_normal(parts.lambertian("phong", "diffuse", np.pi), _phong),
+    bsdf=parts.bsdf_of_lobes(parts.lambertian("phong", "diffuse", np.pi), _phong),
     identifier="LookdevPhong",
-    # Its diffuse part up to pi, the highlight up to 2 pi at exponent 0.
+    # The diffuse part reflects up to pi, the highlight up to 2 pi at exponent 0.
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
     preview=_preview(np.pi),
@@ -122,7 +122,7 @@ BLINN_PHONG = Model(
     title="Blinn-Phong",
     text="Blinn's form of Phong's model, by the half vector (Blinn 1977).",
     parameters=_PARAMETERS,
-    bsdf=parts.one_normal(parts.lambertian("blinn-phong", "diffuse", np.pi), _blinn),
+    bsdf=parts.bsdf_of_lobes(parts.lambertian("blinn-phong", "diffuse", np.pi), _blinn),
     identifier="LookdevBlinnPhong",
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
@@ -134,9 +134,9 @@ MODIFIED_PHONG = Model(
     title="Modified Phong",
     text="Phong's model, reciprocal and normalised (Lafortune and Willems 1994).",
     parameters=_PARAMETERS,
-    bsdf=parts.one_normal(parts.lambertian("modified-phong", "diffuse"), _modified),
+    bsdf=parts.bsdf_of_lobes(parts.lambertian("modified-phong", "diffuse"), _modified_phong),
     identifier="LookdevModifiedPhong",
-    # White in both parts; neither alone reflects more than it receives.
+    # Both parts may be white; neither alone reflects more light than it receives.
     energy=lambda tokens: 2.0,
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=_preview(1.0),

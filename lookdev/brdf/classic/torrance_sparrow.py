@@ -7,9 +7,10 @@ f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
 
-Multiscale roughness is two lobes, `specular` and `specular2`, with one G. Behind V-grooves, half vectors are drawn from
-D: the weight is at most 8 F / q. With Smith's G, normals are drawn that GGX of the same roughness shows to the viewer:
-every other D is at most 1.5 times that of GGX, but for ``"gtr"``, whose tail may be heavier, and which is drawn from D.
+Multiscale roughness is two lobes, `specular` and `specular2`, with one G. With G of V-grooves, half vectors are sampled
+from D: the weight is at most 8 F / q. With Smith's G, half vectors are sampled from the visible normals of GGX of the
+same roughness: every other D is at most 1.5 times that of GGX. The exception is ``"gtr"``, whose tail may be heavier,
+and which is sampled from D.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS, smith_beckmann
-from lookdev.brdf.classic.parts import DIM, Build, color, lambertian, one_normal, parameters
+from lookdev.brdf.classic.parts import DIM, Build, bsdf_of_lobes, color, lambertian, parameters
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions, Lobe
@@ -32,17 +33,17 @@ from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
 
 def _fresnel(p: Parameters, cos_theta: Array) -> Array:
     cos_theta, ior, polarisation = (
-        np.expand_dims(each, -1) for each in (cos_theta, p["externalIor"], p["polarisation"])
+        np.expand_dims(quantity, -1) for quantity in (cos_theta, p["externalIor"], p["polarisation"])
     )
     return conductor_fresnel(cos_theta, p["eta"], p["k"], ior, polarisation)
 
 
 def _shadowing(p: Parameters) -> Callable[[Directions], Array]:
-    """Return G over the product of both cosines."""
+    """Return the function that computes G over the product of both cosines."""
     if p["geometry"] == "v-groove":
         return _v_groove
     g1 = smith_beckmann if p["distribution"] == "beckmann" else mf.smith_ggx
-    # Both have absorbed 1 / (2 cos theta).
+    # Both include the factor 1 / (2 cos theta).
     return lambda d: 4.0 * g1(d.cos_theta_i, p["roughness"]) * g1(d.cos_theta_o, p["roughness"])
 
 
@@ -53,11 +54,11 @@ def _v_groove(d: Directions) -> Array:
     return np.minimum(1.0 / np.maximum(i * o, DIM), grooves)
 
 
-def _specular(name: str, roughness: str, part: Callable[[Parameters], Real]) -> Build:
+def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> Build:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         m, gamma = p[roughness], p["gamma"]
         distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
-        tint = scale(p["specular"], part(p) * (1.0 / (np.pi if p["normalisation"] == "pi" else 4.0)))
+        tint = scale(p["specular"], facet_share(p) * (1.0 / (np.pi if p["normalisation"] == "pi" else 4.0)))
 
         def evaluate(d: Directions) -> Array:
             return scale(tint * _fresnel(p, d.cos_theta_d), distribution.density(d.wm, m, gamma) * shadowing(d))
@@ -68,18 +69,18 @@ def _specular(name: str, roughness: str, part: Callable[[Parameters], Real]) -> 
         def drawn_pdf(d: Directions) -> Array:
             return distribution.drawn(d.wm, m, gamma) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
-        visible = p["geometry"] == "smith" and p["distribution"] != "gtr"
+        samples_visible = p["geometry"] == "smith" and p["distribution"] != "gtr"
         fresnel = _fresnel(p, wo[..., 2])
         return Lobe(
             "torrance-sparrow",
             name,
-            # Microfacets lean away from the normal: F may be 0 at the angle of the view alone.
+            # Half vectors lean away from the normal: F may be 0 at the angle of the view and not at theirs.
             mean(tint * np.maximum(fresnel, 0.001)) * 4.0,
             evaluate,
-            pdf=visible_pdf if visible else drawn_pdf,
+            pdf=visible_pdf if samples_visible else drawn_pdf,
             sample=lambda u1, u2: reflect(
                 wo,
-                mf.sample_visible_ggx(wo, m, m, u1, u2) if visible else distribution.sample(m, gamma, u1, u2),
+                mf.sample_visible_ggx(wo, m, m, u1, u2) if samples_visible else distribution.sample(m, gamma, u1, u2),
             ),
             group="specular",
             frame=frame,
@@ -105,8 +106,8 @@ def _roughness(name: str, help: str) -> Parameter:
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # Smith's G1 of the smallest m hides nothing of a broad D, and G / (4 cos_theta_i cos_theta_o) reaches 1 / m, for
-    # Beckmann sqrt(pi) / m.
+    # Smith's G1 of the smallest m masks nothing of a broad D: G / (4 cos_theta_i cos_theta_o) reaches 1 / m, and
+    # sqrt(pi) / m for Beckmann.
     specular = 2000.0 if tokens["geometry"] == "smith" else 1.0
     return 1.0 + specular * (4.0 / np.pi if tokens["normalisation"] == "pi" else 1.0)
 
@@ -151,7 +152,7 @@ TORRANCE_SPARROW = Model(
         Parameter("externalIor", "float", 1.0, hard=(1.0, 4.0), soft=(1.0, 2.0), help="Index of what surrounds it."),
         Parameter("polarisation", "float", 0.5, help="0 all light perpendicular, 1 all parallel to the plane."),
     ),
-    bsdf=one_normal(
+    bsdf=bsdf_of_lobes(
         lambertian("torrance-sparrow", "diffuse"),
         _specular("specular", "roughness", lambda p: 1.0 - p["weight2"]),
         _specular("specular2", "roughness2", lambda p: p["weight2"]),

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import DIM, color, lambertian, log_rest, one_normal, parameters
+from lookdev.brdf.classic.parts import DIM, bsdf_of_lobes, color, lambertian, log_rest, parameters
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.model import Model, Preview
@@ -56,7 +56,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _cosine(d: Directions) -> Array:
-    # Below the floor the Gaussian is 0, and its quotient by the cube would not be a number.
+    # Below the floor the Gaussian is 0, and its quotient by the cube would be 0 / 0.
     cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
     return cosine
 
@@ -93,9 +93,9 @@ WARD = Model(
             help="1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
         ),
     ),
-    bsdf=one_normal(lambertian("ward", "diffuse"), _specular),
+    bsdf=bsdf_of_lobes(lambertian("ward", "diffuse"), _specular),
     identifier="LookdevWard",
-    # Diffuse and specular may both be white; Dür's grows without bound as the view grazes.
+    # Diffuse and specular may both be white; Dür's albedo grows without bound towards grazing views.
     energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,
     reciprocal=lambda tokens: ("diffuse", "specular"),
     probe={"alphaX": 0.2, "alphaY": 0.2},

@@ -1,7 +1,7 @@
-"""Measured reflectance: f by look-up in a file's samples, sampled by tables of the same samples.
+"""Measured reflectance: f is looked up in a file's samples; importance sampling uses tables of the same samples.
 
-One lobe, in the data's own units: nothing is fitted. `grids` has the look-up, `proposal` the sampling, `files` the
-formats, `synthetic` makes files of known models.
+The model has one lobe, in the units of the data; nothing is fitted. `grids` has the look-up, `proposal` the sampling,
+`files` the formats. `synthetic` makes files of known models.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, scale
 
 BUILT_IN = "builtin:plastic"
-"""The file that is none: `lookdev.brdf.measured.synthetic.plastic`."""
+"""The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic`, in place of a file."""
 
 
 def grid_of(file: str) -> Grid:
-    """Return the samples of a file; raises ModelError where it has none."""
+    """Return the samples of a file, or of `BUILT_IN`; raises ModelError where the file has none."""
     return plastic() if file == BUILT_IN else read_grid(Path(file))
 
 
-_making = Lock()
+_proposal_lock = Lock()
 
 
-def _proposal(grid: Grid) -> Proposal:
-    with _making:  # else threads that ask at once each make one, which takes seconds
-        return _cached_proposal(grid)
+def _load_proposal(grid: Grid) -> Proposal:
+    with _proposal_lock:  # otherwise simultaneous threads would each make one, which takes seconds
+        return _make_cached_proposal(grid)
 
 
 @lru_cache(maxsize=8)
-def _cached_proposal(grid: Grid) -> Proposal:
+def _make_cached_proposal(grid: Grid) -> Proposal:
     return make_proposal(grid)
 
 
 def _bsdf(p: Parameters) -> Bsdf:
     grid = grid_of(p["file"])
-    proposal = _proposal(grid)
+    proposal = _load_proposal(grid)
 
     def evaluate(d: Directions) -> Array:
         return scale(grid.f(d, p["interpolation"]), p["scale"])
@@ -70,16 +70,19 @@ def _bsdf(p: Parameters) -> Bsdf:
     return Bsdf(lobes)
 
 
-def _over(layers: Sequence[StackLayer]) -> Bsdf:
-    """Blend f by the masks: two files have no parameters between them."""
+def _combine(layers: Sequence[StackLayer]) -> Bsdf:
+    """Blend f by the masks: the samples of two files cannot be interpolated as parameters."""
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        found: tuple[Lobe, ...] = ()
-        seen: Real = 1.0
+        lobes_above: tuple[Lobe, ...] = ()
+        visible: Real = 1.0
         for layer in layers[:0:-1]:
-            found = *(lobe.blended(seen * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)), *found
-            seen = seen * (1.0 - layer.mask)
-        return *(lobe.blended(seen) for lobe in _bsdf(layers[0].parameters).lobes(wo)), *found
+            lobes_above = (
+                *(lobe.blended(visible * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)),
+                *lobes_above,
+            )
+            visible = visible * (1.0 - layer.mask)
+        return *(lobe.blended(visible) for lobe in _bsdf(layers[0].parameters).lobes(wo)), *lobes_above
 
     return Bsdf(lobes)
 
@@ -89,13 +92,13 @@ def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # Between the views of the tables the albedo differs by less than a tenth from theirs.
-    return 1.1 * float(_proposal(grid_of(tokens["file"])).albedo.max())
+    # Between the views of the tables, the albedo differs by less than a tenth from the tabulated values.
+    return 1.1 * float(_load_proposal(grid_of(tokens["file"])).albedo.max())
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
-    # The mean of the tables' views, each as its part of the projected hemisphere.
-    proposal = _proposal(grid_of(p["file"]))
+    # The mean over the views of the tables, each weighted by its part of the projected hemisphere.
+    proposal = _load_proposal(grid_of(p["file"]))
     theta = (np.arange(len(proposal.albedo)) + 0.5) * 0.5 * np.pi / len(proposal.albedo)
     weights = np.sin(2.0 * theta)
     color = (proposal.albedo * weights[:, None]).sum(axis=0) / weights.sum()
@@ -133,7 +136,7 @@ MEASURED = Model(
     identifier="LookdevMeasured",
     energy=_energy,
     reciprocal=_reciprocal,
-    combine=_over,
+    combine=_combine,
     probe={"file": BUILT_IN},
     preview=Preview(derived=_preview),
 )

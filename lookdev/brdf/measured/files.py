@@ -1,15 +1,15 @@
 """Files of measured reflectance: MERL's binaries, and the anisotropic data of Ngan et al.
 
-A MERL binary has three int32, 90, 90 and 180, and float64 samples: a block for each of red, green and blue, in the
-order theta_h, theta_d, phi_d, in units of 1/1500, 1.15/1500 and 1.66/1500. A file of Ngan et al. has 16 int32: the
-numbers of theta_i, theta_o, phi_d and phi_i, two that are reserved, 1 for this parametrisation, 0 for even cells, a
-reserved one, 1 where phi_d covers [0, pi] alone, 3 channels and five that are reserved; then float32 samples in 1/sr, a
-block for each channel. All numbers are little-endian; a negative sample is none, and counts as 0.
+A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue, in the
+order theta_h, theta_d, phi_d, in units of 1/1500, 1.15/1500 and 1.66/1500 per sr. A file of Ngan et al. has 16 int32,
+then float32 samples in 1/sr, a block for each channel. The 16 int32 are: the numbers of theta_i, theta_o, phi_d and
+phi_i, two reserved, 1 for this parametrisation, 0 for even cells, one reserved, 1 where phi_d covers only [0, pi], the
+number of channels, 3, and five reserved. All numbers are little-endian. A negative sample is missing, and counts as 0.
 
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3), and the reader beside the data.
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR. The layout of the files is as
-  described in the BRDF Explorer, https://github.com/wdas/brdf, src/brdf/BRDFMeasuredAniso.cpp. That viewer shows ten
-  times the numbers, and counts azimuths from the opposite of the tangent, of which the description has neither.
+  described in the BRDF Explorer, https://github.com/wdas/brdf, src/brdf/BRDFMeasuredAniso.cpp. That viewer multiplies
+  the numbers by ten, and measures azimuths from the opposite of the tangent; the description has neither.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ MERL_SCALES = np.array([1.0, 1.15, 1.66]) / 1500.0
 
 _LARGEST = 1e12  # 1/sr
 _MOST_SAMPLES = 1 << 28
-_RIGHT = "a MERL binary or the anisotropic data of Ngan et al. would be right"
+_EXPECTED_FILE = "a MERL binary or the anisotropic data of Ngan et al. would be right"
 
 
 def read_grid(file: Path) -> Grid:
-    """Read a file, once while it does not change; raises ModelError with the file, what is wrong and what is right."""
+    """Read a file, from a cache while it does not change; raises ModelError if it is not a readable measurement."""
     try:
         status = file.stat()
     except FileNotFoundError:
-        raise ModelError(f"{file}: no such file; {_RIGHT}") from None
+        raise ModelError(f"{file}: no such file; {_EXPECTED_FILE}") from None
     except (OSError, ValueError) as error:
-        raise ModelError(f"{file}: cannot be read: {getattr(error, 'strerror', error)}; {_RIGHT}") from None
+        raise ModelError(f"{file}: cannot be read: {getattr(error, 'strerror', error)}; {_EXPECTED_FILE}") from None
     if not stat.S_ISREG(status.st_mode):
-        raise ModelError(f"{file}: is not a regular file; {_RIGHT}")
+        raise ModelError(f"{file}: is not a regular file; {_EXPECTED_FILE}")
     return _read(file, status.st_size, status.st_mtime_ns, status.st_ino)
 
 
@@ -53,49 +53,53 @@ def _read(file: Path, size: int, *state: int) -> Grid:
         with file.open("rb") as stream:
             head = np.frombuffer(stream.read(64), "<i4", count=min(size, 64) // 4).tolist()
     except OSError as error:
-        raise ModelError(f"{file}: cannot be read: {error.strerror}; {_RIGHT}") from None
+        raise ModelError(f"{file}: cannot be read: {error.strerror}; {_EXPECTED_FILE}") from None
     if len(head) == 16 and head[6] == 1 and head[10] == 3:
         return _read_anisotropic(file, size, head)
     return _read_merl(file, size, head)
 
 
 def _read_merl(file: Path, size: int, head: list[int]) -> Isotropic:
-    right = f"a MERL binary has {_times(MERL_SIZE)} samples of three channels, {12 + 24 * prod(MERL_SIZE)} bytes"
-    if len(head) < 3 or not all(0 < each <= 1 << 15 for each in head[:3]):
-        raise ModelError(f"{file}: is not a file of measured reflectance, of {size} bytes; {right}; {_RIGHT}")
+    expected = (
+        f"a MERL binary has {_dimensions(MERL_SIZE)} samples of three channels, {12 + 24 * prod(MERL_SIZE)} bytes"
+    )
+    if len(head) < 3 or not all(0 < count <= 1 << 15 for count in head[:3]):
+        raise ModelError(
+            f"{file}: is not a file of measured reflectance, of {size} bytes; {expected}; {_EXPECTED_FILE}"
+        )
     if tuple(head[:3]) != MERL_SIZE:
-        raise ModelError(f"{file}: its header gives {_times(head[:3])} samples; {right}")
+        raise ModelError(f"{file}: its header gives {_dimensions(head[:3])} samples; {expected}")
     if size != 12 + 24 * prod(MERL_SIZE):
-        raise ModelError(f"{file}: has {size} bytes; {right}")
-    samples = _samples(file, np.dtype("<f8"), 12, MERL_SIZE) * MERL_SCALES
+        raise ModelError(f"{file}: has {size} bytes; {expected}")
+    samples = _read_samples(file, np.dtype("<f8"), 12, MERL_SIZE) * MERL_SCALES
     return Isotropic(samples)
 
 
 def _read_anisotropic(file: Path, size: int, head: list[int]) -> Anisotropic:
-    shape, what = tuple(head[:4]), f"{file}: its header of anisotropic data gives"
+    shape, subject = tuple(head[:4]), f"{file}: its header of anisotropic data gives"
     if min(shape) < 1 or prod(shape) > _MOST_SAMPLES:
         raise ModelError(
-            f"{what} {_times(shape)} samples; numbers of theta_i, theta_o, phi_d and phi_i from 1 on, at most "
+            f"{subject} {_dimensions(shape)} samples; numbers of theta_i, theta_o, phi_d and phi_i from 1 on, at most "
             f"{_MOST_SAMPLES} in all, would be right"
         )
     if head[7] != 0:
-        raise ModelError(f"{what} cells of type {head[7]}; 0, for even ones, would be right")
+        raise ModelError(f"{subject} cells of type {head[7]}; 0, for even ones, would be right")
     if head[9] not in (0, 1):
-        raise ModelError(f"{what} {head[9]} for half the data; 0 or 1 would be right")
+        raise ModelError(f"{subject} {head[9]} for half the data; 0 or 1 would be right")
     if size != 64 + 12 * prod(shape):
-        right = f"{_times(shape)} samples of three channels, as its header gives, are {64 + 12 * prod(shape)}"
-        raise ModelError(f"{file}: has {size} bytes; {right}")
-    return Anisotropic(_samples(file, np.dtype("<f4"), 64, shape), half=head[9] == 1)
+        expected = f"{_dimensions(shape)} samples of three channels, as its header gives, are {64 + 12 * prod(shape)}"
+        raise ModelError(f"{file}: has {size} bytes; {expected}")
+    return Anisotropic(_read_samples(file, np.dtype("<f4"), 64, shape), half=head[9] == 1)
 
 
-def _samples(file: Path, kind: np.dtype[Any], offset: int, shape: tuple[int, ...]) -> Floats:
-    """Return samples (*shape, 3) as stored, but 0 for those that are negative."""
-    stored = np.fromfile(file, kind, offset=offset).reshape(3, *shape)
-    wrong = ~(np.isfinite(stored) & (stored <= _LARGEST))
-    if wrong.any():
-        place = tuple(int(each) for each in np.argwhere(wrong)[0])
-        count = f"{np.count_nonzero(wrong)} samples are not finite or are above {_LARGEST:g}"
-        raise ModelError(f"{file}: {count}, the first in channel {place[0]} at {place[1:]}; finite ones would be right")
+def _read_samples(file: Path, dtype: np.dtype[Any], offset: int, shape: tuple[int, ...]) -> Floats:
+    """Read samples (*shape, 3) in the units of the file; negative samples become 0."""
+    stored = np.fromfile(file, dtype, offset=offset).reshape(3, *shape)
+    is_invalid = ~(np.isfinite(stored) & (stored <= _LARGEST))
+    if is_invalid.any():
+        index = tuple(int(coordinate) for coordinate in np.argwhere(is_invalid)[0])
+        count = f"{np.count_nonzero(is_invalid)} samples are not finite or are above {_LARGEST:g}"
+        raise ModelError(f"{file}: {count}, the first in channel {index[0]} at {index[1:]}; finite ones would be right")
     return np.moveaxis(np.maximum(stored, 0.0), 0, -1).copy()
 
 
@@ -111,5 +115,5 @@ def write_anisotropic(file: Path, f: NDArray[np.float64], *, half: bool = False)
     file.write_bytes(head.tobytes() + np.moveaxis(f, -1, 0).astype("<f4").tobytes())
 
 
-def _times(shape: tuple[int, ...] | list[int]) -> str:
+def _dimensions(shape: tuple[int, ...] | list[int]) -> str:
     return " x ".join(map(str, shape))

@@ -4,8 +4,8 @@
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3): the grid of MERL's files.
 - Ngan, A. et al. 2005. Experimental Analysis of BRDF Models. EGSR: the grid of the anisotropic measurements.
 
-A sample stands at the centre of its cell. ``"nearest"`` takes the cell that contains the angles, ``"linear"``
-interpolates in every coordinate: beyond the first and last sample of an elevation the end one holds, azimuths wrap.
+A sample is at the centre of its cell. ``"nearest"`` returns the sample of the cell that contains the angles.
+``"linear"`` interpolates in every coordinate: elevations are clamped to the first and last sample, azimuths wrap.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ HALF_PI = 0.5 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Isotropic:
-    """Samples (theta_h, theta_d, phi_d, 3), in 1/sr, none negative, of a surface without direction.
+    """Samples (theta_h, theta_d, phi_d, 3) of an isotropic surface, in 1/sr, none negative.
 
-    theta_h is that of the half vector, in steps of its root; theta_d and phi_d are those of the light's direction about
-    it. phi_d covers [0, pi): by reciprocity f is the same at phi_d + pi.
+    theta_h is the elevation of the half vector, in even steps of its root. theta_d and phi_d are the angles of the
+    light's direction about the half vector. phi_d covers [0, pi): by reciprocity f is the same at phi_d + pi.
     """
 
     samples: NDArray[Any]
 
     @cached_property
     def table(self) -> Table:
-        """A row for each theta_h and theta_d."""
+        """The samples with a row for each theta_h and theta_d, and a column for each phi_d."""
         return Table(self.samples.reshape(-1, self.samples.shape[2], 3))
 
     def f(self, d: Directions, interpolation: str) -> Array:
-        """Return f (..., 3)."""
+        """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         halves, differences, azimuths = self.samples.shape[:3]
         corners = _corners(interpolation)
         theta_h = _elevation(d.wm)
-        # Half the chord between the directions is sin theta_d; their dot product would cancel.
+        # sin theta_d is half the length of the chord between the directions; their dot product would cancel.
         chord = d.wi - d.wo
         theta_d = arc_tangent(0.5 * np.sqrt(dot(chord, chord)), d.cos_theta_d)
         # About the half vector, the light's direction is at (wo_z - wi_z, (wo x wi)_z / cos theta_d): both have the
@@ -60,7 +60,7 @@ class Isotropic:
         phi_d = arc_tangent(across, d.wo[..., 2] - d.wi[..., 2])
         folded = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
         folded = np.where(folded >= np.pi, folded - np.pi, folded)
-        return _sum(
+        return _interpolate(
             self.table,
             lambda h, t: h * float(differences) + t,
             lambda phi: phi,
@@ -74,10 +74,10 @@ class Isotropic:
 
 @dataclass(frozen=True, eq=False)
 class Anisotropic:
-    """Samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, of a surface with a direction, the tangent.
+    """Samples (theta_i, theta_o, phi_d, phi_i, 3) of an anisotropic surface, in 1/sr.
 
-    phi_i is the azimuth of the light from the tangent, phi_d that of the view from the light's. Where phi_d covers
-    [0, pi] alone, `half`, the rest follows by reciprocity. A negative sample counts as 0.
+    phi_i is the azimuth of the light from the tangent, phi_d the azimuth of the view from the light. With `half`, phi_d
+    covers only [0, pi], and the rest follows by reciprocity. A negative sample counts as 0.
     """
 
     samples: NDArray[Any]
@@ -85,12 +85,12 @@ class Anisotropic:
 
     @cached_property
     def table(self) -> Table:
-        """A row for each theta_i and theta_o, a column for each phi_d and phi_i."""
+        """The samples with a row for each theta_i and theta_o, and a column for each phi_d and phi_i."""
         lights, views, differences, azimuths = self.samples.shape[:4]
         return Table(self.samples.reshape(lights * views, differences * azimuths, 3))
 
     def f(self, d: Directions, interpolation: str) -> Array:
-        """Return f (..., 3)."""
+        """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         lights, views, differences, azimuths = self.samples.shape[:4]
         corners = _corners(interpolation)
         phi_i, phi_o = (arc_tangent(w[..., 1], w[..., 0]) for w in (d.wi, d.wo))
@@ -101,8 +101,10 @@ class Anisotropic:
             swapped = turn < 0.0
             theta_i, theta_o = np.where(swapped, theta_o, theta_i), np.where(swapped, theta_i, theta_o)
             phi_i, turn = np.where(swapped, phi_o, phi_i), np.absolute(turn)
-        across = corners(_turns(turn, 1.0 if self.half else 2.0) * differences, differences, wraps=not self.half)
-        return _sum(
+        across = corners(
+            _azimuth_fraction(turn, 1.0 if self.half else 2.0) * differences, differences, wraps=not self.half
+        )
+        return _interpolate(
             self.table,
             lambda i, o: i * float(views) + o,
             lambda difference, phi: difference * float(azimuths) + phi,
@@ -110,7 +112,7 @@ class Anisotropic:
                 corners(theta_i * (lights / HALF_PI), lights, wraps=False),
                 corners(theta_o * (views / HALF_PI), views, wraps=False),
             ),
-            (across, corners(_turns(phi_i, 2.0) * azimuths, azimuths, wraps=True)),
+            (across, corners(_azimuth_fraction(phi_i, 2.0) * azimuths, azimuths, wraps=True)),
         )
 
 
@@ -122,14 +124,17 @@ def _elevation(w: Array) -> Array:
 
 
 def arc_tangent(y: Array, x: Array) -> Array:
-    """Return the arc tangent of y / x by a step of Newton's: that of a shading language can be off by 1e-4."""
+    """Return the arc tangent of y / x with a Newton step, as that of a shading language can be off by 1e-4."""
     angle: Array = np.arctan2(y, x)
     length = np.sqrt(x * x + y * y)
     return angle + (y * np.cos(angle) - x * np.sin(angle)) / np.maximum(length, TINY)
 
 
-def _turns(angle: Array, period: float) -> Array:
-    """Return an angle above -2 pi, or from 0 to pi where the period is 1, as a part of ``period * pi``, in [0, 1]."""
+def _azimuth_fraction(angle: Array, period: float) -> Array:
+    """Return an angle as a fraction of ``period * pi``, in [0, 1].
+
+    The angle is above -2 pi, or from 0 to pi if the period is 1.
+    """
     part = angle * (1.0 / (period * np.pi))
     return np.where(part < 0.0, part + 1.0, part)
 
@@ -138,26 +143,26 @@ def _corners(interpolation: str) -> Callable[..., tuple[Corner, ...]]:
     return {"nearest": _nearest, "linear": _linear}[interpolation]
 
 
-def _nearest(place: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the cell that contains a place, in cells from 0 on."""
-    return ((np.clip(np.floor(place), 0.0, count - 1.0), 1.0),)
+def _nearest(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
+    """Return the cell that contains a position, which is in units of cells."""
+    return ((np.clip(np.floor(position), 0.0, count - 1.0), 1.0),)
 
 
-def _linear(place: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the two samples beside a place, in cells from 0 on."""
+def _linear(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
+    """Return the two samples beside a position, which is in units of cells."""
     last = count - 1.0
-    at = place - 0.5
+    shifted = position - 0.5
     if wraps:
-        low = np.floor(at)
-        part = at - low
+        low = np.floor(shifted)
+        part = shifted - low
         return (np.where(low < 0.0, last, low), 1.0 - part), (np.where(low >= last, 0.0, low + 1.0), part)
-    at = np.clip(at, 0.0, last)
-    low = np.minimum(np.floor(at), max(last - 1.0, 0.0))
-    part = at - low
+    shifted = np.clip(shifted, 0.0, last)
+    low = np.minimum(np.floor(shifted), max(last - 1.0, 0.0))
+    part = shifted - low
     return (low, 1.0 - part), (np.minimum(low + 1.0, last), part)
 
 
-def _sum(
+def _interpolate(
     table: Table,
     row: Callable[..., Array],
     column: Callable[..., Array],
@@ -166,15 +171,15 @@ def _sum(
 ) -> Array:
     """Sum the samples of a table at all corners by the products of their weights."""
     total: Any = 0.0
-    for chosen in product(*rows):
-        line = row(*(index for index, _ in chosen))
+    for row_corners in product(*rows):
+        row_index = row(*(index for index, _ in row_corners))
         across: Any = 0.0
-        for place in product(*columns):
-            sample = look_up(table, line, column(*(index for index, _ in place)))
-            across = across + _weighted(sample, place)
-        total = total + _weighted(across, chosen)
+        for column_corners in product(*columns):
+            sample = look_up(table, row_index, column(*(index for index, _ in column_corners)))
+            across = across + _apply_weights(sample, column_corners)
+        total = total + _apply_weights(across, row_corners)
     return total  # type: ignore[no-any-return]
 
 
-def _weighted(color: Array, corners: tuple[Corner, ...]) -> Array:
+def _apply_weights(color: Array, corners: tuple[Corner, ...]) -> Array:
     return scale(color, reduce(mul, (weight for _, weight in corners)))

@@ -1,4 +1,4 @@
-"""Pixar's reflection model for Wall-E and Up (Smits): its record, and how layers of it are combined."""
+"""Pixar's reflection model for Wall-E and Up (Smits): its record, and the combination of its layers."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lookdev.errors import ModelError
 
 
 def _combine(layers: Sequence[StackLayer]) -> Bsdf:
-    for each in layers[1:]:
-        if each.parameters["energy"] != layers[0].parameters["energy"]:
+    for layer in layers[1:]:
+        if layer.parameters["energy"] != layers[0].parameters["energy"]:
             raise ModelError("layers disagree on 'energy'; all Pixar layers of a stack must use the same")
 
     def partition(wo: Array) -> Partition:
-        parts = [layer_partition(each.parameters, wo) for each in layers]
-        if len(parts) == 1:
-            return parts[0]
-        return compose([(part, each.mask, each.mode) for part, each in zip(parts, layers, strict=True)])
+        partitions = [layer_partition(layer.parameters, wo) for layer in layers]
+        if len(partitions) == 1:
+            return partitions[0]
+        return compose([(part, layer.mask, layer.mode) for part, layer in zip(partitions, layers, strict=True)])
 
     # Presence is the same from every direction.
     return Bsdf(lambda wo: partition_lobes(partition(wo)), partition(ZENITH).presence, two_sided=True)
@@ -42,7 +42,7 @@ PIXAR = Model(
     parameters=PARAMETERS,
     bsdf=lambda parameters: _combine([StackLayer("pixar", parameters)]),
     identifier="LookdevPixar",
-    # docs/models.md has the published case that reaches 1.87.
+    # docs/models.md has a case of the published model whose albedo is 1.87.
     energy=lambda tokens: 1.0 if tokens["energy"] == "conserving" else 2.0,
     reciprocal=lambda tokens: FRONT if tokens["energy"] == "published" else (),
     combine=_combine,
@@ -54,7 +54,7 @@ PIXAR = Model(
             "diffuseColor": "surfaceColor",
             "metallic": "metallic",
             "roughness": "roughness",
-            "opacity": "presence",  # a cut-out, if it varies; a constant one is blended
+            "opacity": "presence",  # a cut-out if it varies; a constant opacity is blended
         },
         _preview,
     ),

@@ -2,8 +2,8 @@
 
 "Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
 weight for each layer and producing a single set." Light meets the layers from the top down. Each lobe that it meets
-contributes to one lobe of the stack, with an energy, by which cone angles, normals and indices of refraction are
-averaged: once, over all contributions.
+contributes to one lobe of the stack, with an energy. The cone angles, normals and indices of refraction of a lobe are
+averages over all of its contributions, weighted by energy.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ _LOBES = (*FRONT, *THROUGH)
 
 
 @dataclass(frozen=True)
-class _Share:
-    """A contribution to a lobe: weights, shape and frame, and the energy (...) that weights shape and frame."""
+class _Contribution:
+    """A contribution to a lobe: its term, its frame, and the energy (...) that weights cone, index and frame."""
 
     name: str
     term: Term
     frame: Frame
     energy: Array
 
-    def scaled(self, weight: Real) -> _Share:
-        """Return the contribution of a weight (...) of the light."""
-        term = self.term.changed(lambda each: scale(each, weight), lambda each: scale(each, weight))
+    def multiplied(self, weight: Real) -> _Contribution:
+        """Return the contribution, multiplied by a weight (...) of the light."""
+        term = self.term.with_weights(lambda values: scale(values, weight), lambda values: scale(values, weight))
         return replace(self, term=term, energy=self.energy * weight)
 
 
 def outcome(incoming: str, lobe: str) -> str:
-    """Return the lobe of transmitted light that has met a lobe of the layer beneath (Smits, table in "Layering").
+    """Return the lobe of light that has met `lobe` of the layer beneath (Smits, table in "Layering").
 
-    It is on that lobe's side, and as blurred as the blurrier of the two.
+    It is on the side of `lobe`, and as blurred as the more blurred of the two.
     """
     side = FRONT if lobe in FRONT else THROUGH
     return side[max(THROUGH.index(incoming), side.index(lobe))]
@@ -50,106 +50,124 @@ def outcome(incoming: str, lobe: str) -> str:
 def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     """Combine partitions, base first, seen from the same direction, with masks (...) in [0, 1] and modes.
 
-    In mode ``"over"`` it is simple layering, A over B. In mode ``"transmit"``, what a layer transmits meets all six
-    lobes of those beneath instead of leaving on the other side. The base has no mask.
+    Mode ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
+    lobes of the layers beneath instead of leaving on the other side. The mask of the base has no effect.
     """
-    final: list[_Share] = []
-    incoming: list[_Share] = []  # transmitted by the layers above
-    unmet: Real = 1.0  # weight of the light that no layer above has met
+    leaving: list[_Contribution] = []
+    incoming: list[_Contribution] = []  # transmitted by the layers above
+    remaining: Real = 1.0  # weight of the light that no layer above has met
     for number, (partition, mask, mode) in reversed([*enumerate(layers)]):
         mask = mask if number else 1.0
-        met = [share.scaled(mask * unmet) for share in _own(partition)]
-        met += [share.scaled(mask) for share in _interactions(_terms(incoming), partition)]
-        leaving = _LOBES if mode == "over" or not number else FRONT
-        passing = 1.0 - mask * partition.presence
-        final += [share for share in met if share.name in leaving]
-        incoming = [share.scaled(passing) for share in incoming]
-        incoming += [share for share in met if share.name not in leaving]
-        unmet = unmet * passing
-    final += incoming
-    terms = _terms(final)
-    bent = [share for share in final if share.name in THROUGH and family(share.name) == "highlight"]
-    bend = _mean([share.term.bend for share in bent], [share.energy for share in bent])
-    terms |= {share.name: replace(terms[share.name], bend=bend) for share in bent}
+        contributions = [contribution.multiplied(mask * remaining) for contribution in _contributions(partition)]
+        contributions += [
+            contribution.multiplied(mask) for contribution in _interactions(_sum_contributions(incoming), partition)
+        ]
+        leaving_lobes = _LOBES if mode == "over" or not number else FRONT
+        passing_weight = 1.0 - mask * partition.presence
+        leaving += [contribution for contribution in contributions if contribution.name in leaving_lobes]
+        incoming = [contribution.multiplied(passing_weight) for contribution in incoming]
+        incoming += [contribution for contribution in contributions if contribution.name not in leaving_lobes]
+        remaining = remaining * passing_weight
+    leaving += incoming
+    terms = _sum_contributions(leaving)
+    refracted = [
+        contribution
+        for contribution in leaving
+        if contribution.name in THROUGH and family(contribution.name) == "highlight"
+    ]
+    bend = _mean(
+        [contribution.term.bend for contribution in refracted], [contribution.energy for contribution in refracted]
+    )
+    terms |= {contribution.name: replace(terms[contribution.name], bend=bend) for contribution in refracted}
     frames = {
-        kind: _mean_frame([share for share in final if family(share.name) == kind]) for kind in ("diffuse", "highlight")
+        kind: _mean_frame([contribution for contribution in leaving if family(contribution.name) == kind])
+        for kind in ("diffuse", "highlight")
     }
-    return Partition(layers[0][0].wo, terms, frames, 1.0 - unmet)
+    return Partition(layers[0][0].wo, terms, frames, 1.0 - remaining)
 
 
-def _own(partition: Partition) -> Iterator[_Share]:
+def _contributions(partition: Partition) -> Iterator[_Contribution]:
     for name in _LOBES:
         term = partition.terms[name]
-        yield _Share(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
+        yield _Contribution(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
 
 
-def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterator[_Share]:
-    """Yield the 18 interactions of the transmitted lobes: one, three and five with each side, by what comes out."""
+def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterator[_Contribution]:
+    """Yield the 18 interactions of the transmitted lobes with the lobes beneath: 1, 3 and 5 by result on each side."""
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
             result = outcome(above, name)
             a, b = THROUGH.index(above), (FRONT if name in FRONT else THROUGH).index(name)
             cone = entering.cone if b < a else np.maximum(entering.cone, term.cone) if b == a else term.cone
-            # The lobe beneath "replaces the direction": index of refraction and normal are its.
+            # The lobe beneath "replaces the direction": index of refraction and normal are those of that lobe.
             normal, grazing = partial(operator.mul, entering.normal), partial(operator.mul, entering.grazing)
-            made = replace(term.changed(normal, grazing), cone=cone)
-            yield _Share(result, made, partition.frames[family(result)], made.energy(partition.cosine(result)))
+            product = replace(term.with_weights(normal, grazing), cone=cone)
+            yield _Contribution(
+                result, product, partition.frames[family(result)], product.energy(partition.cosine(result))
+            )
 
 
-def _terms(shares: Sequence[_Share]) -> dict[str, Term]:
-    """Sum contributions to each lobe."""
+def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, Term]:
+    """Sum the contributions to each lobe, by the lobe's name."""
     terms = {}
     for name in _LOBES:
-        mine = [share for share in shares if share.name == name]
-        if mine:
+        of_lobe = [contribution for contribution in contributions if contribution.name == name]
+        if of_lobe:
             terms[name] = Term(
-                reduce(operator.add, (share.term.normal for share in mine)),
-                reduce(operator.add, (share.term.grazing for share in mine)),
-                _mean([share.term.cone for share in mine], [share.energy for share in mine]),
-                metals=_metals([metal for share in mine for metal in share.term.metals]),
+                reduce(operator.add, (contribution.term.normal for contribution in of_lobe)),
+                reduce(operator.add, (contribution.term.grazing for contribution in of_lobe)),
+                _mean(
+                    [contribution.term.cone for contribution in of_lobe],
+                    [contribution.energy for contribution in of_lobe],
+                ),
+                metals=_sum_metals([metal for contribution in of_lobe for metal in contribution.term.metals]),
             )
     return terms
 
 
-def _metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
-    """Sum what the same metal reflects."""
+def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
+    """Sum the weights of equal metals."""
     sums: list[Metal] = []
     for part in parts:
-        known = next((n for n, each in enumerate(sums) if same(each.eta, part.eta) and same(each.k, part.k)), None)
-        if known is None:
+        index = next((n for n, metal in enumerate(sums) if same(metal.eta, part.eta) and same(metal.k, part.k)), None)
+        if index is None:
             sums.append(part)
         else:
-            whole = sums[known]
-            sums[known] = replace(whole, normal=whole.normal + part.normal, grazing=whole.grazing + part.grazing)
+            sum_of_metal = sums[index]
+            sums[index] = replace(
+                sum_of_metal, normal=sum_of_metal.normal + part.normal, grazing=sum_of_metal.grazing + part.grazing
+            )
     return tuple(sums)
 
 
 def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
-    """Average by energy, (...); where there is none, the value has no effect."""
+    """Average values by their energies, (...); where there is no energy, the result has no effect."""
     # Equal values, and contributions without energy, generate no code.
-    kept = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
-    if not kept or all(same(value, kept[0][0]) for value, _ in kept):
-        return kept[0][0] if kept else values[0]
-    total, lit = _total([energy for _, energy in kept])
-    weighted = reduce(operator.add, (value * energy for value, energy in kept))
-    mean: Array = np.where(lit, weighted / total, kept[0][0])
+    weighted_values = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
+    if not weighted_values or all(same(value, weighted_values[0][0]) for value, _ in weighted_values):
+        return weighted_values[0][0] if weighted_values else values[0]
+    total, has_energy = _sum_energies([energy for _, energy in weighted_values])
+    weighted = reduce(operator.add, (value * energy for value, energy in weighted_values))
+    mean: Array = np.where(has_energy, weighted / total, weighted_values[0][0])
     return mean
 
 
-def _mean_frame(shares: Sequence[_Share]) -> Frame:
-    """Average unit normals by energy; the shading normal where there is no energy."""
-    kept = [share for share in shares if not same(share.energy, 0.0)]
-    if not kept:
+def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
+    """Return the frame about the mean normal, weighted by energy; the shading normal where there is no energy."""
+    contributing = [contribution for contribution in contributions if not same(contribution.energy, 0.0)]
+    if not contributing:
         return Upright()
-    if all(same(share.frame.normal, kept[0].frame.normal) for share in kept):
-        return kept[0].frame
-    total, lit = _total([share.energy for share in kept])
-    weighted = reduce(operator.add, (scale(share.frame.normal, share.energy) for share in kept))
-    return Leaning(normalize(np.where(np.expand_dims(lit, -1), scale(weighted, 1.0 / total), ZENITH)))
+    if all(same(contribution.frame.normal, contributing[0].frame.normal) for contribution in contributing):
+        return contributing[0].frame
+    total, has_energy = _sum_energies([contribution.energy for contribution in contributing])
+    weighted = reduce(
+        operator.add, (scale(contribution.frame.normal, contribution.energy) for contribution in contributing)
+    )
+    return Leaning(normalize(np.where(np.expand_dims(has_energy, -1), scale(weighted, 1.0 / total), ZENITH)))
 
 
-def _total(energies: Sequence[Array]) -> tuple[Array, Mask]:
-    """Return the sum of energies, 1 where there is none, and where there is some."""
+def _sum_energies(energies: Sequence[Array]) -> tuple[Array, Mask]:
+    """Return the sum of energies, 1 where there is no energy, and the mask of where there is energy."""
     total = reduce(operator.add, energies)
-    lit = total > TINY * TINY
-    return np.where(lit, total, 1.0), lit
+    has_energy = total > TINY * TINY
+    return np.where(has_energy, total, 1.0), has_energy

@@ -8,12 +8,12 @@ from lookdev.brdf.parameters import Parameter, normal_parameter
 _WHITE = (1.0, 1.0, 1.0)
 
 
-def _scale(lobe: str, of: str) -> Parameter:
-    return Parameter(f"{lobe}Scale", "float", 1.0, hard=(0.0, 10.0), help=f"Scales {of}.")
+def _scale(lobe: str, lobe_text: str) -> Parameter:
+    return Parameter(f"{lobe}Scale", "float", 1.0, hard=(0.0, 10.0), help=f"Scales {lobe_text}.")
 
 
-def _cone_scale(lobe: str, of: str, follows: str = "") -> Parameter:
-    help = f"Scales the {of} lobe's cone angle{f'; if not given, as {follows} does' * bool(follows)}."
+def _cone_scale(lobe: str, lobe_text: str, follows: str = "") -> Parameter:
+    help = f"Scales the {lobe_text} lobe's cone angle{f'; if not given, as {follows} does' * bool(follows)}."
     return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=help, follows=follows)
 
 

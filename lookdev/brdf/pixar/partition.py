@@ -3,10 +3,10 @@
 - Smits, B. Reflection Model Design for Wall-E and Up. Pixar Animation Studios.
 
 "Pick a fixed set of reflection lobes ... and then determine how to partition the incoming energy between those lobes
-in such a way that energy is conserved." There are six lobes, each with weights at normal and at grazing incidence,
-blended by Schlick's term; four of them, the highlights, have a cone angle; there are two normals, of diffuse lobes and
-of highlights. A `Partition` holds all of that for a view; layers are combined as partitions
-(`lookdev.brdf.pixar.layering`) before lobes are built.
+in such a way that energy is conserved." There are six lobes. Each has weights at normal and at grazing incidence,
+blended by Schlick's term. Four of them, the highlights, have a cone angle. Diffuse lobes have one normal, highlights
+another. A `Partition` has all of these for a view. `lookdev.brdf.pixar.layering` combines the partitions of layers,
+then lobes are built.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
 FRONT = ("reflection", "specular", "diffuse")
-"""The lobes on the viewer's side, by how much they blur: "reflection/refraction blurs less than specular, which
+"""The lobes on the viewer's side, in the order of their blur: "reflection/refraction blurs less than specular, which
 blurs less than diffuse" (Smits, "Layering")."""
 
 THROUGH = ("refraction", "specularTransmission", "diffuseTransmission")
 """The lobes on the other side, in the same order."""
 
-# Degrees: "0 (or epsilon in practice)", and the angle from which a lobe's albedo exceeds 1 at a view of 89.999 degrees.
+# Limits in degrees: "0 (or epsilon in practice)", and the angle above which a lobe's albedo exceeds 1 at a view of
+# 89.999 degrees.
 _CONES = (0.25, 54.0)
 
 
 @dataclass(frozen=True)
 class Metal:
-    """The part of a lobe that exact metal reflects: its reflectance, times weights as those of a `Term`.
+    """The part of a lobe that an exact metal reflects: the metal's reflectance times weights as in `Term`.
 
-    eta, k : (..., 3), its index of refraction.
+    eta, k : (..., 3), index of refraction of the metal.
     """
 
     normal: Array
@@ -50,7 +51,7 @@ class Metal:
     k: Array
 
     def weight(self, cos_theta: Array) -> Array:
-        """Weight (..., 3) at a cosine (...)."""
+        """Return the weight (..., 3) at a cosine (...)."""
         reflectance = conductor_fresnel(np.expand_dims(cos_theta, -1), self.eta, self.k)
         return fresnel_blend(self.normal, self.grazing, cos_theta) * reflectance
 
@@ -60,9 +61,9 @@ class Term:
     """One lobe of a partition.
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
-    cone : (...), degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
-    bend : (...), of a transmitted highlight, the index of refraction minus 1, which is exact in float32 near 0; else 0.
-    metals : what is added by exact metals, on the viewer's side.
+    cone : (...), angle in degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
+    bend : (...), of a transmitted highlight, the index of refraction less 1, exact in float32 near 0; else 0.
+    metals : terms of exact metals, which are added; on the viewer's side only.
     """
 
     normal: Array
@@ -72,36 +73,36 @@ class Term:
     metals: tuple[Metal, ...] = ()
 
     def weight(self, cos_theta: Array) -> Array:
-        """Weight (..., 3) at a cosine (...)."""
+        """Return the weight (..., 3) at a cosine (...)."""
         blend = fresnel_blend(self.normal, self.grazing, cos_theta)
         return functools.reduce(operator.add, (metal.weight(cos_theta) for metal in self.metals), blend)
 
-    def ends(self) -> tuple[Array, Array]:
-        """Weights (..., 3) at normal and at grazing incidence, exact metals included."""
+    def end_weights(self) -> tuple[Array, Array]:
+        """Return the weights (..., 3) at normal and at grazing incidence, exact metals included."""
         normal, grazing = self.normal, self.grazing
         for metal in self.metals:
             normal, grazing = normal + metal.weight(np.ones(())), grazing + metal.grazing
         return normal, grazing
 
-    def changed(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> Term:
-        """Return the term with functions of its weights at normal and at grazing incidence."""
+    def with_weights(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> Term:
+        """Return the term with its weights at normal and at grazing incidence replaced by functions of them."""
         metals = tuple(
             replace(metal, normal=normal(metal.normal), grazing=grazing(metal.grazing)) for metal in self.metals
         )
         return replace(self, normal=normal(self.normal), grazing=grazing(self.grazing), metals=metals)
 
     def energy(self, cos_theta: Array) -> Array:
-        """Mean over RGB of the weight at a cosine (...); cones and normals are averaged by it."""
+        """Return the mean over RGB of the weight at a cosine (...), the weight in averages of cones and normals."""
         return mean(self.weight(cos_theta))
 
 
 @dataclass(frozen=True)
 class Partition:
-    """How a surface divides light among the six lobes, seen from `wo`, (..., 3).
+    """The division of light among the six lobes of a surface, for views `wo`, (..., 3).
 
     terms : the six lobes by name, weights multiplied by `presence`.
     frames : about the normals of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
-    presence : (...), how much of the surface is there.
+    presence : (...), coverage of the surface.
     """
 
     wo: Array
@@ -110,23 +111,23 @@ class Partition:
     presence: Real
 
     def cosine(self, name: str) -> Array:
-        """Cosine of the view to the normal of a lobe, (...), at least 0."""
+        """Return the cosine of the view to the normal of a lobe, (...), at least 0."""
         return view_cosine(self.frames[family(name)], self.wo)
 
 
 def family(name: str) -> Literal["diffuse", "highlight"]:
-    """Return which of the two normals a lobe has."""
+    """Return the family of a lobe; each family has one normal."""
     return "diffuse" if name in ("diffuse", "diffuseTransmission") else "highlight"
 
 
 def view_cosine(frame: Frame, wo: Array) -> Array:
-    """Cosine of unit views (..., 3), above the horizon, to the normal of a frame, at least 0."""
+    """Return the cosine of unit views (..., 3), above the horizon, to the normal of a frame, at least 0."""
     cosine: Array = wo[..., 2] if isinstance(frame, Upright) else np.maximum(dot(frame.normal, wo), 0.0)
     return cosine
 
 
 def layer_partition(p: Parameters, wo: Array) -> Partition:
-    """Divide light among the lobes of one layer of parameters `p` for unit views (..., 3), above the horizon."""
+    """Divide light among the lobes of a layer with parameters `p`, for unit views (..., 3) above the horizon."""
     frames = {name: frame_of(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
     cosines = {name: view_cosine(frame, wo) for name, frame in frames.items()}
     conserving = p["energy"] == "conserving"
@@ -136,10 +137,10 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     # Smits, "Diffuse" and "Transmission". A scaled reflectance is at most 1.
     n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
     g_refl = p["grazingScale"]
-    # Conserving, light enters by the Fresnel term of the highlights for the diffuse lobes too.
+    # In form "conserving", the Fresnel term of the highlights also decides how much light reaches the diffuse lobes.
     at_interface = cosines["highlight" if conserving else "diffuse"]
-    enters = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
-    d_n, d_g = (scale(color, mix(enters * (1.0 - each), 1.0, rough)) for each in (n_diffuse, g_refl))
+    entering = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
+    d_n, d_g = (scale(color, mix(entering * (1.0 - reflectance), 1.0, rough)) for reflectance in (n_diffuse, g_refl))
     scattered = Term(d_n, d_g)
 
     # Smits, "Specular" and "Transmission": "reflRatio".
@@ -147,21 +148,21 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     ratio = m * m * m
     # 1 - ratio, without cancellation where the surface is smooth.
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
-    reflected = _reflected(p)
-    unreflected = _unreflected(p, np.ones(())) if is_exact(p) else 1.0 - reflected.ends()[0]
+    reflected = _reflected_term(p)
+    unreflected = _unreflected_weight(p, np.ones(())) if is_exact(p) else 1.0 - reflected.end_weights()[0]
     through = Term(scale(color * unreflected, clear), scale(color, clear * (1.0 - g_refl)))
     if conserving:
         at_view = reflected.weight(cosines["highlight"])
         # An exact curve is not a blend of its ends.
         view = cosines["highlight"]
-        passed = scale(color * _unreflected(p, view), clear) if is_exact(p) else through.weight(view)
-        reflected, through = Term(at_view, at_view), Term(passed, passed)
+        transmitted = scale(color * _unreflected_weight(p, view), clear) if is_exact(p) else through.weight(view)
+        reflected, through = Term(at_view, at_view), Term(transmitted, transmitted)
 
-    def term(of: Term, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
+    def term(base: Term, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
         def scaled(weight: Array) -> Array:
             return scale(tint * weight, factor * p["presence"])
 
-        return replace(of.changed(scaled, scaled), cone=np.clip(cone, *_CONES), bend=bend)
+        return replace(base.with_weights(scaled, scaled), cone=np.clip(cone, *_CONES), bend=bend)
 
     broad, tight = smooth * rest, smooth * ratio
     wide, narrow = 30.0 * rough + 5.0, 10.0 * rough
@@ -186,36 +187,36 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
 
 
 def layer_color(p: Parameters) -> Array:
-    """Return what is left of the light that enters, (..., 3): of exact metal, what it reflects along its normal."""
+    """Return the colour that tints entering light, (..., 3); for an exact metal, its reflectance along the normal."""
     color: Array = p["surfaceColor"]
     return mix_color(color, metal_fresnel(p, np.ones(())), p["metallic"]) if is_exact(p) else color
 
 
 # Smits, "Specular". A scaled reflectance is at most 1.
-def _reflected(p: Parameters) -> Term:
-    """Return what the surface reflects where it is smooth."""
-    white, rises, metallic = np.ones(3), p["normalScale"], p["metallic"]
+def _reflected_term(p: Parameters) -> Term:
+    """Return the term of the light that a smooth surface reflects."""
+    white, normal_scale, metallic = np.ones(3), p["normalScale"], p["metallic"]
     grazing = np.expand_dims(p["grazingScale"], -1) * white
     if not is_exact(p):
-        return Term(np.minimum(scale(mix_color(0.05 * white, p["surfaceColor"], metallic), rises), 1.0), grazing)
-    dielectric, metal = _scaled(p)
+        return Term(np.minimum(scale(mix_color(0.05 * white, p["surfaceColor"], metallic), normal_scale), 1.0), grazing)
+    dielectric, metal = _scaled_reflectances(p)
     exact = Metal(scale(white, metal * metallic), scale(grazing, metallic), p["eta"], p["k"])
     return Term(scale(white, dielectric * (1.0 - metallic)), scale(grazing, 1.0 - metallic), metals=(exact,))
 
 
-def _scaled(p: Parameters) -> tuple[Real, Real]:
+def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
     """Return the scaled reflectance at normal incidence of a dielectric, and the factor of that of an exact metal."""
     return np.minimum(0.05 * p["normalScale"], 1.0), np.minimum(p["normalScale"], 1.0)
 
 
-def _unreflected(p: Parameters, cos_theta: Array) -> Array:
-    """Return 1 less what a smooth surface with exact metal reflects, (..., 3), without cancellation."""
-    dielectric, metal = _scaled(p)
+def _unreflected_weight(p: Parameters, cos_theta: Array) -> Array:
+    """Return 1 less the reflectance of a smooth surface with exact metal, (..., 3), without cancellation."""
+    dielectric, metal = _scaled_reflectances(p)
     absorbed = conductor_absorptance(np.expand_dims(cos_theta, -1), p["eta"], p["k"])
-    # Neither reflects it by its scales; or metal absorbs it.
-    missed = schlick_blend(mix(1.0 - dielectric, 1.0 - metal, p["metallic"]), 1.0 - p["grazingScale"], cos_theta)
-    met = p["metallic"] * schlick_blend(metal, p["grazingScale"], cos_theta)
-    return np.expand_dims(missed, -1) + scale(absorbed, met)
+    # Light that the scales remove from the reflection of either part, and light that the metal absorbs.
+    not_reflected = schlick_blend(mix(1.0 - dielectric, 1.0 - metal, p["metallic"]), 1.0 - p["grazingScale"], cos_theta)
+    incident = p["metallic"] * schlick_blend(metal, p["grazingScale"], cos_theta)
+    return np.expand_dims(not_reflected, -1) + scale(absorbed, incident)
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
@@ -234,7 +235,7 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
         return term.weight(d.cos_theta_i) * (1.0 / np.pi)
 
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
-    at_normal, at_grazing = term.ends()
+    at_normal, at_grazing = term.end_weights()
     share = mean(at_normal) * (20.0 / 21.0) + mean(at_grazing) * (1.0 / 21.0)
     return Lobe(
         "pixar",
@@ -255,19 +256,19 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
 def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     power = _power(term.cone)
 
-    def seen(d: Directions) -> Directions:
-        # The view whose reflection is the refraction of this one (Smits, "Transmission").
+    def reflected_pair(d: Directions) -> Directions:
+        # The view whose reflection is the refraction of `d.wo` (Smits, "Transmission").
         return Directions.of(_refracted(d.wo, term.bend), d.wi) if transmits else d
 
     def evaluate(d: Directions) -> Array:
-        d = seen(d)
-        # Smits, "Specular": D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)), whose squares the scan lost.
+        d = reflected_pair(d)
+        # Smits, "Specular": D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)); the scan of the paper lost the squares.
         i, o = d.cos_theta_i, d.cos_theta_o
         factor = 0.25 * mf.sin_gaussian(d.wm, power) / np.maximum((i - o) * (i - o) + i * o, TINY)
         return scale(term.weight(d.cos_theta_d), factor)
 
     def density(d: Directions) -> Array:
-        d = seen(d)
+        d = reflected_pair(d)
         return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
     local = frame.to_local(wo)
@@ -276,8 +277,8 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
-    # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is not black.
-    at_normal, at_grazing = term.ends()
+    # Half vectors lean away from the normal: the lobe is not black even if the weight at the view is 0.
+    at_normal, at_grazing = term.end_weights()
     share = term.energy(view[..., 2]) + 0.001 * mean(at_normal + at_grazing)
     return Lobe(
         "pixar",
@@ -294,8 +295,8 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
     )
 
 
-# Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. Written by the cosine, which does not cancel where
-# the view grazes and the index is near 1.
+# Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. The form with the cosine does not cancel for grazing
+# views and an index near 1.
 def _refracted(wo: Array, bend: Real) -> Array:
     ior, z = 1.0 + bend, wo[..., 2]
     cos_t = np.sqrt(bend * (bend + 2.0) + z * z) / ior
@@ -311,7 +312,7 @@ def _power(cone: Real) -> Array:
 
 def _sin_degrees(angle: Real) -> Array:
     x = angle * (np.pi / 180.0)
-    # OSL's sin() is good to 6e-8 however small the angle; the series is good to 3e-14 of the sine here.
+    # OSL's sin() has an absolute error of 6e-8 at any angle; the series has a relative error of 3e-14 here.
     square = x * x
     small = x * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
     return np.where(x < 0.1, small, np.sin(x))

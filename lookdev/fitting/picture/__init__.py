@@ -1,7 +1,8 @@
-"""Parameters of a look found in a picture of it, by derivatives of renders.
+"""The fit of a look's parameters to a picture of it, by derivatives of renders.
 
-`photo` reads the picture and its noise, `unknowns` has what is searched, `target` compares renders with the picture,
-`search` is the optimisation, `page` the report. Renders come from a function: who renders is not known here.
+`photo` reads the picture and its noise, `unknowns` has the parameters that are searched, `target` compares renders with
+the picture, `search` is the optimisation, `page` the report. A function supplies the renders, so these modules do not
+depend on a renderer.
 """
 
 from lookdev.fitting.picture.photo import Photo, read_photo

@@ -1,4 +1,4 @@
-"""`lookdev fit --picture`: parameters of a look of a job, found in a picture of it, by derivatives of renders."""
+"""`lookdev fit --picture`: the fit of a job's look to a picture of it, by derivatives of renders."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unkn
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
 from lookdev.fitting.picture.page import Pictures, Row, numbers, rows_of, write_page
 from lookdev.fitting.picture.search import Point
-from lookdev.fitting.picture.target import block_of, blocks
+from lookdev.fitting.picture.target import block_means, block_of
 from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.job import load_job
 from lookdev.material import Look
@@ -30,23 +30,24 @@ Floats = NDArray[np.float64]
 
 _PAGE_PIXELS = 1 << 18
 _PAGE_SAMPLES = 1 << 19
-"""Of a picture of the page, over all of its pixels."""
+"""Samples of a picture of the page, over all of its pixels."""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What is to be found, and where it goes.
+    """A request to fit a job's look to a picture.
 
     parameters
-        Names of constants, ``Layer.`` before them where several layers have one, ``=low..high`` behind them for bounds.
+        Names of constants. ``Layer.`` precedes a name that several layers have, ``=low..high`` after it sets bounds.
     frame
-        ``look/light/turntable.0001`` of the job, or its beginning; "": the first.
+        ``look/light/turntable.0001`` of the job, or the beginning of it. By default the first frame.
     look, page
-        The files to write; None: neither. A look that cannot be written is an error if it was `look_named`, or a note.
+        The files to write, if any. A look that cannot be written is an error if the user named it (`look_named`), else
+        a note.
     exposure
-        Whether the picture's exposure is found, too.
+        Whether the exposure of the picture is searched, too.
     pixels, settings
-        At least so many pixels are rendered, where blocks of the picture's can be as large; how much is searched.
+        The least number of pixels to render, if the picture divides into suitable blocks, and the extent of the search.
     """
 
     picture: Path
@@ -65,7 +66,7 @@ class Wish:
 
 @dataclass(frozen=True, eq=False)
 class PictureFit:
-    """What was found for a frame of a job, and what was written; notes for the user."""
+    """The result for a frame of a job, the files that were written, and notes for the user."""
 
     wish: Wish
     frame: str
@@ -78,23 +79,23 @@ class PictureFit:
 
     def data(self) -> dict[str, Any]:
         """Return the fit as plain data."""
-        found = self.found
+        result = self.found
         return {
             "picture": str(self.wish.picture), "job": str(self.wish.job), "frame": self.frame,
             "parameters": {
-                row.name: {"before": _plain(row.before), "after": _plain(row.after), "error": _plain(row.error),
+                row.name: {"before": _to_json(row.before), "after": _to_json(row.after), "error": _to_json(row.error),
                            "remark": row.remark}
                 for row in self.rows
             },
-            "without_effect": list(found.without_effect), "undetermined": list(found.undetermined),
-            "alike": [{"parameters": [a, b], "correlation": value} for a, b, value in found.alike],
-            "loss": {"before": found.before, "after": found.after, "noise": found.noise},
-            "misfit": found.misfit, "noise_from": self.noise_from,
-            "starts": [{"loss": loss, "near_the_result": near} for loss, near in found.starts],
-            "curve": [{"stage": p.stage, "start": p.start, "loss": p.loss, "accepted": p.accepted}
-                      for p in found.curve],
-            "block": self.block, "converged": found.converged, "interrupted": found.interrupted,
-            "seconds": found.seconds, "written": [str(each) for each in self.written],
+            "without_effect": list(result.without_effect), "undetermined": list(result.undetermined),
+            "alike": [{"parameters": [a, b], "correlation": value} for a, b, value in result.alike],
+            "loss": {"before": result.before, "after": result.after, "noise": result.noise},
+            "misfit": result.misfit, "noise_from": self.noise_from,
+            "starts": [{"loss": loss, "near_the_result": near} for loss, near in result.starts],
+            "curve": [{"stage": point.stage, "start": point.start, "loss": point.loss, "accepted": point.accepted}
+                      for point in result.curve],
+            "block": self.block, "converged": result.converged, "interrupted": result.interrupted,
+            "seconds": result.seconds, "written": [str(file) for file in self.written],
         }  # fmt: skip
 
     @property
@@ -102,145 +103,152 @@ class PictureFit:
         return "interrupted" if self.found.interrupted else "converged" if self.found.converged else "not converged"
 
     def lines(self) -> list[str]:
-        """Return what the page says below its title."""
-        found, wish = self.found, self.wish
+        """Return the lines of text below the title of the page."""
+        fit, wish = self.found, self.wish
         return [
-            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {self._state} in {found.seconds:.0f} s.",
-            f"Difference {_percent(found.before)} before, {_percent(found.after)} after, of which the picture's noise "
-            f"is {_percent(found.noise)}. Noise: by {self.noise_from}.",
+            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {self._state} in {fit.seconds:.0f} s.",
+            f"Difference {_percent(fit.before)} before, {_percent(fit.after)} after, of which the picture's noise "
+            f"is {_percent(fit.noise)}. Noise: by {self.noise_from}.",
         ]
 
     def text(self) -> str:
         """Return the fit as lines of text."""
-        found = self.found
+        result = self.found
         lines = [f"{self.wish.picture}: {self.frame}"]
         width = max(len(row.name) for row in self.rows)
         for row in self.rows:
             error = "" if np.isnan(row.error).all() else f" ± {numbers(row.error, 2)}"
             remark = f"  ({row.remark})" if row.remark else ""
             lines.append(f"  {row.name:<{width}} = {numbers(row.after)}{error}  (was {numbers(row.before)}){remark}")
-        lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in found.alike]
+        lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in result.alike]
         lines.append(
-            f"{self._state}: difference {_percent(found.before)} before, {_percent(found.after)} after, of which the "
-            f"picture's noise is {_percent(found.noise)}; {found.seconds:.0f} s"
+            f"{self._state}: difference {_percent(result.before)} before, {_percent(result.after)} after, of which the "
+            f"picture's noise is {_percent(result.noise)}; {result.seconds:.0f} s"
         )
-        lines += [f"wrote {each}" for each in self.written]
+        lines += [f"wrote {file}" for file in self.written]
         return "\n".join(lines)
 
 
-def fit_picture(wish: Wish, report: Callable[[Point], None] = lambda point: None) -> PictureFit:
-    """Find parameters of a look in a picture of it; `report` is called with every render that is tried.
+def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: None) -> PictureFit:
+    """Fit parameters of a look to a picture of it; `report` is called with the loss of every render.
 
-    After a KeyboardInterrupt the best so far is written and returned, if there is one.
+    After a KeyboardInterrupt the best result so far is written and returned, if there is one.
 
     Raises
     ------
     LookdevError
-        The picture, the job or a parameter is wrong, or they do not belong together: before anything is rendered.
+        The picture, the job or a parameter is wrong, or they do not match. This is raised before any render.
     WorkerError, RenderError
-        The renderer fails; pip names the extra where it is not installed.
+        The renderer fails, or is not installed; the message then names the extra for pip.
     """
-    BACKENDS[BACKEND].version()  # raises where it is not installed
-    photo = read_photo(wish.picture, wish.mask)
-    job = load_job(wish.job).model_copy(update={"wedge": ()})
+    BACKENDS[BACKEND].version()  # raises if it is not installed
+    photo = read_photo(request.picture, request.mask)
+    job = load_job(request.job).model_copy(update={"wedge": ()})
     scenes = job_scenes(job)
-    frame = JobFrame.named(wish.frame, scenes.job, scenes.scenes)
-    look, unknowns = _searched(frame.scene, wish.parameters)
-    wish, notes = _checked(wish, photo, frame, look)
-    if wish.exposure:
+    frame = JobFrame.from_name(request.frame, scenes.job, scenes.scenes)
+    look, unknowns = _find_look(frame.scene, request.parameters)
+    request, notes = _check_request(request, photo, frame, look)
+    if request.exposure:
         unknowns = (*unknowns, exposure_unknown())
-    block = block_of(photo.size, wish.pixels)
-    with live_frame(job, frame, look, unknowns) as shown:
-        wide = shown.scene_of(photo.size, block)
-        first = shown.render(wide, shown.given, False, wish.settings.samples, (0, 1))
+    block = block_of(photo.size, request.pixels)
+    with live_frame(job, frame, look, unknowns) as live:
+        wide = live.scene_of(photo.size, block)
+        first = live.render(wide, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in wide.shaders)
-        target = Target.of(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
+        target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
 
         def render(values: Mapping[str, tuple[float, ...]], slopes: bool, samples: int, seeds: tuple[int, int]) -> Any:
-            return shown.render(wide, values, slopes, samples, seeds)
+            return live.render(wide, values, slopes, samples, seeds)
 
-        found = Search(render, target, unknowns, wish.settings, report).run()
-        before = {each.name: each.constant.value for each in unknowns}
-        result = PictureFit(
-            wish,
+        result = Search(render, target, unknowns, request.settings, report).run()
+        before = {unknown.name: unknown.constant.value for unknown in unknowns}
+        picture_fit = PictureFit(
+            request,
             frame.name,
-            found,
-            tuple(rows_of(found, before)),
+            result,
+            tuple(rows_of(result, before)),
             block,
             photo.noise_from,
-            tuple(_written_look(wish, frame, unknowns, found)),
+            tuple(_write_look(request, frame, unknowns, result)),
             (*scenes.notes, *photo.notes, *notes),
         )
-        if wish.page is not None:
-            pictures = _pictures(photo, shown, target, result, before, frame.gain)
+        if request.page is not None:
+            pictures = _page_pictures(photo, live, target, picture_fit, before, frame.gain)
             write_page(
-                wish.page, f"Fit of {', '.join(each.name for each in result.rows)}", result.lines(), pictures,
-                result.rows, found,
+                request.page, f"Fit of {', '.join(row.name for row in picture_fit.rows)}", picture_fit.lines(),
+                pictures, picture_fit.rows, result,
             )  # fmt: skip
-            result = replace(result, written=(*result.written, wish.page))
-    return result
+            picture_fit = replace(picture_fit, written=(*picture_fit.written, request.page))
+    return picture_fit
 
 
-def _written_look(wish: Wish, frame: JobFrame, unknowns: tuple[Unknown, ...], found: Found) -> Iterator[Path]:
-    """Write the look that was found, if one is wanted; yield its file."""
-    if wish.look is not None and frame.table.material is not None:
-        changed = [replace(each.constant, value=found.values[each.name]) for each in unknowns if not each.is_exposure]
-        write_changed(frame.table.material, wish.look, changed, frame.table.prim, frame.table.variants)
-        yield wish.look
+def _write_look(request: Wish, frame: JobFrame, unknowns: tuple[Unknown, ...], result: Found) -> Iterator[Path]:
+    """Write the fitted look, if it is requested; yield its file."""
+    if request.look is not None and frame.table.material is not None:
+        constants = [
+            replace(unknown.constant, value=result.values[unknown.name])
+            for unknown in unknowns
+            if not unknown.is_exposure
+        ]
+        write_changed(frame.table.material, request.look, constants, frame.table.prim, frame.table.variants)
+        yield request.look
 
 
-def _searched(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
-    """Return the look of a scene that has all parameters, and these; raises LookdevError of the last where none has."""
-    different = list({id(look): look for look in scene.looks}.values())
-    failed: LookdevError | None = None
-    found = []
-    for look in different:
+def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
+    """Return the only look of a scene that has all parameters, and its unknowns.
+
+    Raises LookdevError if several looks have them. If no look has, raises the error of the last look.
+    """
+    looks = list({id(look): look for look in scene.looks}.values())
+    last_error: LookdevError | None = None
+    candidates = []
+    for look in looks:
         try:
-            found.append((look, unknowns_of(look, parameters)))
+            candidates.append((look, unknowns_of(look, parameters)))
         except ModelError as error:
-            failed = error
-    if len(found) > 1:
-        names = ", ".join(f"'{look.name}'" for look, _ in found)
+            last_error = error
+    if len(candidates) > 1:
+        names = ", ".join(f"'{look.name}'" for look, _ in candidates)
         raise LookdevError(
             f"the parts wear several looks with {', '.join(parameters)}: {names}; a job whose frame shows one of them "
             "would be right"
         )
-    if not found:
-        assert failed is not None, "a scene has a look"
-        raise failed
-    return found[0]
+    if not candidates:
+        assert last_error is not None, "a scene has a look"
+        raise last_error
+    return candidates[0]
 
 
-def _checked(wish: Wish, photo: Photo, frame: JobFrame, look: Look) -> tuple[Wish, tuple[str, ...]]:
-    """Return the wish, without a look that cannot be written unless it was named, and notes.
+def _check_request(request: Wish, photo: Photo, frame: JobFrame, look: Look) -> tuple[Wish, tuple[str, ...]]:
+    """Return the request and notes; a look that cannot be written is removed from it, unless the user named it.
 
-    Raises LookdevError where picture and job do not belong together, or a file cannot be written.
+    Raises LookdevError if picture and job do not match, or if a file cannot be written.
     """
     width, height = photo.size
     if frame.scene.film.resolution != photo.size:
-        have = " x ".join(map(str, frame.scene.film.resolution))
+        job_size = " x ".join(map(str, frame.scene.film.resolution))
         raise LookdevError(
-            f"{photo.file}: is {width} x {height} pixels large, the job renders {have}: in [render], resolution = "
+            f"{photo.file}: is {width} x {height} pixels large, the job renders {job_size}: in [render], resolution = "
             f"[{width}, {height}] would be right, with the camera of the picture"
         )
     notes = list[str]()
     try:
-        _check_look(wish.look, frame, look)
+        _check_look(request.look, frame, look)
     except LookdevError as error:
-        if wish.look_named:
+        if request.look_named:
             raise
         notes.append(f"no look is written: {error}")
-        wish = replace(wish, look=None)
-    for file in (wish.look, wish.page):
-        if file is not None and file.exists() and not wish.force:
+        request = replace(request, look=None)
+    for file in (request.look, request.page):
+        if file is not None and file.exists() and not request.force:
             raise LookdevError(f"{file}: exists already; another name, or --force, would be right")
         if file is not None and not file.absolute().parent.is_dir():
             raise LookdevError(f"{file}: its folder does not exist")
-    return wish, tuple(notes)
+    return request, tuple(notes)
 
 
 def _check_look(file: Path | None, frame: JobFrame, look: Look) -> None:
-    """Raise LookdevError where a look with other parameters cannot be written."""
+    """Raise LookdevError if the look cannot be written with changed parameters."""
     material = frame.table.material
     if material is None or look.name != frame.table.name:
         raise LookdevError(
@@ -251,37 +259,43 @@ def _check_look(file: Path | None, frame: JobFrame, look: Look) -> None:
     check_writable(material, frame.table.prim, frame.table.variants)
 
 
-def _pictures(
+def _page_pictures(
     photo: Photo,
-    shown: LiveFrame,
+    live: LiveFrame,
     target: Target,
-    result: PictureFit,
+    picture_fit: PictureFit,
     before: Mapping[str, tuple[float, ...]],
     gain: float,
 ) -> Pictures:
-    """Return what the page shows: renders as large as the photo, if that is not huge, or those of the search."""
-    found, block = result.found, result.block
-    if found.interrupted:
-        renders = [gain * each[..., :3] for each in found.pictures]
-        side, errors = block, [np.zeros_like(each) for each in renders]
+    """Return the pictures of the page.
+
+    Renders are as large as the photo, or of fewer pixels for a large photo. After an interruption they are those of the
+    search.
+    """
+    result, block = picture_fit.found, picture_fit.block
+    if result.interrupted:
+        renders = [gain * render[..., :3] for render in result.pictures]
+        side, errors = block, [np.zeros_like(render) for render in renders]
     else:
         side = block_of(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
-        scene = shown.scene_of(photo.size, side)
+        scene = live.scene_of(photo.size, side)
         width, height = scene.resolution
         samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
         renders, errors = [], []
-        for values in (before, found.values):
-            a, b = gain * shown.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
-            exposed = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
-            renders.append(exposed * 0.5 * (a + b))
-            errors.append(exposed * 0.5 * (a - b))
-    noise = blocks(photo.noise**2, side) / side**2
-    # One difference of halves knows little of a variance: that of neighbours is like it.
-    near = [uniform_filter(noise + each**2, (5, 5, 1)) for each in errors]
-    one, other = (np.sqrt(np.maximum(each, 0.0)) for each in near)  # running sums are 0 but for their rounding
-    rows, columns = (np.arange(each // side) * side // block for each in photo.color.shape[:2])
+        for values in (before, result.values):
+            a, b = gain * live.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
+            exposure = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
+            renders.append(exposure * 0.5 * (a + b))
+            errors.append(exposure * 0.5 * (a - b))
+    noise = block_means(photo.noise**2, side) / side**2
+    # The difference of two halves is a poor estimate of a variance: it is averaged over neighbours.
+    variances = [uniform_filter(noise + error**2, (5, 5, 1)) for error in errors]
+    noise_before, noise_after = (
+        np.sqrt(np.maximum(variance, 0.0)) for variance in variances
+    )  # rounding of running sums may make them negative
+    rows, columns = (np.arange(length // side) * side // block for length in photo.color.shape[:2])
     used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
-    return Pictures(blocks(photo.color, side), renders[0], renders[1], one, other, used)
+    return Pictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, used)
 
 
 def _percent(loss: float) -> str:
@@ -289,5 +303,5 @@ def _percent(loss: float) -> str:
     return f"{100.0 * max(loss, 0.0) ** 0.5:.3g} %"
 
 
-def _plain(values: tuple[float, ...]) -> float | list[float]:
+def _to_json(values: tuple[float, ...]) -> float | list[float]:
     return values[0] if len(values) == 1 else list(values)

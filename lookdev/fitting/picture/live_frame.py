@@ -1,4 +1,4 @@
-"""A frame of a job whose look has live inputs, and what renders it with its derivatives by them."""
+"""A frame of a job whose look has live inputs, and the worker that renders it and its derivatives by them."""
 
 from __future__ import annotations
 
@@ -44,23 +44,29 @@ class JobFrame:
     scene: Scene
 
     @classmethod
-    def named(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> JobFrame:
-        """Return the frame of a name, or of its beginning; raises LookdevError where there is none."""
+    def from_name(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> JobFrame:
+        """Return the frame of a name, or of the beginning of one; raises LookdevError if there is no such frame."""
         look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
         stem, _, digits = last.rpartition(".") if last.rpartition(".")[2].isdigit() else (last, "", "1")
-        looks = {each.name: each for each in job.look}
-        rigs = {each.name: each for each in job.rigs}
-        turntables = {each.name: each for each in job.turntable}
-        chosen = []
-        for what, given, known in (("look", look, looks), ("light", light, rigs), ("turntable", stem, turntables)):
-            if given and given not in known:
-                raise LookdevError(f"{job.file}: has no {what} '{given}' ({nearest_hint(given, list(known))})")
-            chosen.append(given or next(iter(known)))
-        turntable, number = turntables[chosen[2]], int(digits)
+        looks = {look.name: look for look in job.look}
+        rigs = {rig.name: rig for rig in job.rigs}
+        turntables = {turntable.name: turntable for turntable in job.turntable}
+        names = []
+        for kind, requested, by_name in (
+            ("look", look, looks),
+            ("light", light, rigs),
+            ("turntable", stem, turntables),
+        ):
+            if requested and requested not in by_name:
+                raise LookdevError(
+                    f"{job.file}: has no {kind} '{requested}' ({nearest_hint(requested, list(by_name))})"
+                )
+            names.append(requested or next(iter(by_name)))
+        turntable, number = turntables[names[2]], int(digits)
         if not 1 <= number <= turntable.frames:
-            raise LookdevError(f"{job.file}: turntable '{chosen[2]}' has frames 1 to {turntable.frames}, not {number}")
-        scene = scenes[chosen[0], chosen[1]]
-        return cls(looks[chosen[0]], rigs[chosen[1]], turntable, number, scene)
+            raise LookdevError(f"{job.file}: turntable '{names[2]}' has frames 1 to {turntable.frames}, not {number}")
+        scene = scenes[names[0], names[1]]
+        return cls(looks[names[0]], rigs[names[1]], turntable, number, scene)
 
     @property
     def name(self) -> str:
@@ -68,22 +74,22 @@ class JobFrame:
 
     @property
     def gain(self) -> float:
-        """The exposure of the light, which renders lack."""
+        """The factor of the light's exposure, which renders do not include."""
         return float(2.0**self.rig.exposure)
 
 
 class LiveFrame:
-    """A worker, and a frame whose look has live inputs by numbers of the unknowns."""
+    """A worker, and a frame whose look has the unknowns as live inputs, named by their numbers."""
 
     def __init__(self, worker: Worker, setup: Setup, pose: Pose, unknowns: tuple[Unknown, ...]) -> None:
         self._worker, self._setup, self._pose = worker, setup, pose
-        self._own = {str(n): each for n, each in enumerate(unknowns) if not each.is_exposure}
+        self._unknowns = {str(n): unknown for n, unknown in enumerate(unknowns) if not unknown.is_exposure}
         self._live = live_inputs(setup.task)
         self._numbers = itertools.count()
-        self.given = {each.name: each.constant.value for each in self._own.values()}
+        self.initial_values = {unknown.name: unknown.constant.value for unknown in self._unknowns.values()}
 
     def scene_of(self, size: tuple[int, int], block: int) -> SceneTask:
-        """Return the scene with blocks of pixels as its pixels."""
+        """Return the scene at a lower resolution: each of its pixels is a block of pixels of `size`."""
         return replace(self._setup.task, resolution=(size[0] // block, size[1] // block))
 
     def render(
@@ -94,33 +100,35 @@ class LiveFrame:
         samples: int,
         seeds: tuple[int, int],
     ) -> Floats:
-        """Return halves (2, 1 + P, H, W, 4), with zeros for numbers that no look reads."""
-        bindings = {key: self._live[key] for key in self._own if key in self._live}
-        given = {binding.parameter: values[self._own[key].name] for key, binding in bindings.items()}
+        """Return halves (2, 1 + P, H, W, 4); derivatives by numbers that no look reads are 0."""
+        bindings = {key: self._live[key] for key in self._unknowns if key in self._live}
+        live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
         symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if slopes else []
         digest = f"picture {next(self._numbers)}"
-        task = SlopeTask(scene, self._pose, given, tuple(symbols), samples, seeds, digest)
+        task = SlopeTask(scene, self._pose, live_values, tuple(symbols), samples, seeds, digest)
         try:
-            found = self._worker.slopes(task, lambda progress: None).astype(np.float64)
+            halves = self._worker.slopes(task, lambda progress: None).astype(np.float64)
         except WorkerError as error:
             raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
-        if not slopes or len(bindings) == len(self._own):
-            return found
-        parts, place = [found[:, :1]], 1
-        for key, each in self._own.items():
-            read = key in bindings
-            parts.append(found[:, place : place + each.width] if read else np.zeros((2, each.width, *found.shape[2:])))
-            place += each.width * read
+        if not slopes or len(bindings) == len(self._unknowns):
+            return halves
+        parts, first = [halves[:, :1]], 1
+        for key, unknown in self._unknowns.items():
+            is_read = key in bindings
+            parts.append(
+                halves[:, first : first + unknown.width] if is_read else np.zeros((2, unknown.width, *halves.shape[2:]))
+            )
+            first += unknown.width * is_read
         return np.concatenate(parts, axis=1)
 
 
 @contextmanager
 def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, ...]) -> Iterator[LiveFrame]:
-    """Start a worker for a frame whose look's unknowns are inputs; raises RenderError where none can be had."""
-    constants = {str(n): each.constant for n, each in enumerate(unknowns) if not each.is_exposure}
+    """Start a worker for a frame with the unknowns of its look as inputs; raises RenderError if none can start."""
+    constants = {str(n): unknown.constant for n, unknown in enumerate(unknowns) if not unknown.is_exposure}
     live = live_look(look, constants)
-    wears = {path: live if each is look else each for path, each in frame.scene.wears.items()}
-    scene = replace(frame.scene, wears=wears)
+    looks = {path: live if assigned is look else assigned for path, assigned in frame.scene.wears.items()}
+    scene = replace(frame.scene, wears=looks)
     sampling = replace(job.render.sampling, denoise="off", error=None, passes=())
     backend = BACKENDS[BACKEND]
     device = job.render.device if job.render.device in backend.devices else "cpu"

@@ -1,4 +1,4 @@
-"""The report of a fit to a picture: one HTML file, without scripts, that needs nothing besides itself."""
+"""The report of a fit to a picture: one HTML file without scripts or links to other files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lookdev.output.display import to_display
 Floats = NDArray[np.float64]
 
 _MOST_NOISE = 4.0
-"""Standard errors at which the colours of differences end."""
+"""Standard errors at which the colour scale of differences ends."""
 
 _STYLE = """
 :root { color-scheme: light dark; --line: #8885; --weak: #8881; }
@@ -48,9 +48,9 @@ svg text { fill: currentColor; font-size: 12px; }
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """What the page shows, linear (H, W, 3): the picture, renders of both looks, and standard errors of differences.
+    """Pictures of the page, linear (H, W, 3): the photo, renders of both looks, and standard errors of differences.
 
-    `used` (H, W) is where pixels were compared.
+    `used` (H, W) are the pixels that were compared.
     """
 
     photo: Floats
@@ -72,21 +72,21 @@ class Row:
     remark: str = ""
 
 
-def rows_of(found: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
-    """Return the rows of the table; `before` are the look's own values by name."""
+def rows_of(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
+    """Return the rows of the table; `before` has the values of the original look by name."""
     rows = []
-    for name, value in found.values.items():
-        numbers = [name] if len(value) == 1 else [f"{name}[{each}]" for each in "rgb"]
-        remark = "no effect on the picture" if {*numbers} <= {*found.without_effect} else ""
-        remark = remark or ("not determined by the picture" if {*numbers} & {*found.undetermined} else "")
-        others = [f"{b if a in numbers else a}" for a, b, _ in found.alike if {a, b} & {*numbers}]
-        outside = list(dict.fromkeys(each for each in others if each not in numbers))
+    for name, value in result.values.items():
+        numbers = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
+        remark = "no effect on the picture" if {*numbers} <= {*result.without_effect} else ""
+        remark = remark or ("not determined by the picture" if {*numbers} & {*result.undetermined} else "")
+        others = [f"{b if a in numbers else a}" for a, b, _ in result.alike if {a, b} & {*numbers}]
+        outside = list(dict.fromkeys(other for other in others if other not in numbers))
         rows.append(
             Row(
                 name,
                 before[name],
                 value,
-                found.errors[name],
+                result.errors[name],
                 remark or (f"trades off with {', '.join(outside)}" if outside else ""),
             )
         )
@@ -95,18 +95,21 @@ def rows_of(found: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
 
 def numbers(values: Sequence[float], digits: int = 4) -> str:
     """Return values as text."""
-    return ", ".join("?" if np.isnan(each) else f"{each:.{digits}g}" for each in values)
+    return ", ".join("?" if np.isnan(value) else f"{value:.{digits}g}" for value in values)
 
 
 def write_page(
-    file: Path, title: str, lines: Sequence[str], pictures: Pictures, rows: Sequence[Row], found: Found
+    file: Path, title: str, lines: Sequence[str], pictures: Pictures, rows: Sequence[Row], result: Found
 ) -> None:
-    """Write the page, whole or not at all; `lines` are of plain text, below the title."""
-    body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(each)}</p>" for each in lines)]
-    body += [f'<p class="note">{escape(each)}</p>' for each in _warnings(found)]
+    """Write the page, complete or not at all; `lines` are plain text below the title."""
+    body = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(line)}</p>" for line in lines)]
+    body += [f'<p class="note">{escape(warning)}</p>' for warning in _warnings(result)]
     body += ["<h2>Pictures</h2>", '<div class="pictures">']
-    shown = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
-    body += [_figure(name, to_display(_clean(each), VIEWS[0])) for name, each in shown.items()]
+    pictures_by_caption = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
+    body += [
+        _figure(name, to_display(_replace_non_finite(picture), VIEWS[0]))
+        for name, picture in pictures_by_caption.items()
+    ]
     body.append('</div><h2>Differences in units of noise</h2><div class="pictures">')
     for name, render, noise in (
         ("Before − photo", pictures.before, pictures.noise_before),
@@ -115,7 +118,7 @@ def write_page(
         difference = (render - pictures.photo).mean(axis=-1) / np.maximum(noise.mean(axis=-1), 1e-12)
         spread = float(np.sqrt(np.mean(difference[pictures.used] ** 2))) if pictures.used.any() else 0.0
         caption = f"{name}: root mean square {spread:.2f} of the noise where pixels are compared"
-        body.append(_figure(caption, _signed(difference, pictures.used)))
+        body.append(_figure(caption, _color_difference(difference, pictures.used)))
     body.append(
         '</div><div class="scale"></div><div class="ends"><span>darker than the photo by '
         f"{_MOST_NOISE:g} standard errors</span><span>brighter</span></div>"
@@ -125,7 +128,7 @@ def write_page(
         *_table(rows),
         "<h2>Loss</h2>",
         '<div class="wide">',
-        _curve(found.curve, found.noise),
+        _curve(result.curve, result.noise),
     ]
     body.append("</div>")
     text = (
@@ -137,17 +140,17 @@ def write_page(
         temporary.write_text(text, encoding="utf-8")
 
 
-def _warnings(found: Found) -> Iterator[str]:
-    if found.interrupted:
+def _warnings(result: Found) -> Iterator[str]:
+    if result.interrupted:
         yield "The search was interrupted: these are the best parameters so far, without errors."
-    elif not found.converged:
+    elif not result.converged:
         yield "The search ended before its steps were smaller than the errors: more steps or samples may find better."
-    if found.misfit > 1.5:
+    if result.misfit > 1.5:
         yield (
-            f"The difference that is left is {found.misfit:.1f} times the picture's noise: something else than these "
+            f"The difference that is left is {result.misfit:.1f} times the picture's noise: something else than these "
             "parameters differs. Errors are multiplied by that."
         )
-    if len(found.starts) > 1 and not found.starts[1][1] and found.starts[1][0] < 1.2 * found.after + 1e-12:
+    if len(result.starts) > 1 and not result.starts[1][1] and result.starts[1][0] < 1.2 * result.after + 1e-12:
         yield "Another start ended elsewhere at about the same loss: the result may be one of several."
 
 
@@ -161,11 +164,11 @@ def _figure(caption: str, pixels: NDArray[np.uint8]) -> str:
     return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
 
 
-def _clean(picture: Floats) -> Floats:
+def _replace_non_finite(picture: Floats) -> Floats:
     return np.where(np.isfinite(picture), picture, 0.0)
 
 
-def _signed(difference: Floats, used: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _color_difference(difference: Floats, used: NDArray[np.bool_]) -> NDArray[np.uint8]:
     from matplotlib import colormaps
 
     codes = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * difference / _MOST_NOISE, 0.0, 1.0))[..., :3]
@@ -177,7 +180,7 @@ def _table(rows: Sequence[Row]) -> Iterator[str]:
     yield '<div class="wide"><table><tr><th>parameter</th><th class="number">before</th><th class="number">after</th>'
     yield '<th class="number">standard error</th><th></th></tr>'
     for row in rows:
-        cells = [f'<td class="number">{_swatch(each)}{numbers(each)}</td>' for each in (row.before, row.after)]
+        cells = [f'<td class="number">{_swatch(value)}{numbers(value)}</td>' for value in (row.before, row.after)]
         error = f'<td class="number">{numbers(row.error, 2)}</td>'
         yield f"<tr><td>{escape(row.name)}</td>{''.join(cells)}{error}<td>{escape(row.remark)}</td></tr>"
     yield "</table></div>"
@@ -191,45 +194,46 @@ def _swatch(value: Sequence[float]) -> str:
 
 
 def _curve(curve: Sequence[Point], noise: float) -> str:
-    """Return the loss of every render that was tried, as SVG, on a logarithmic axis."""
+    """Return the loss of every render as SVG, on a logarithmic axis."""
     width, height, left, bottom = 900, 320, 64, 40
-    shown = np.array([max(each.loss, 1e-12) for each in curve])
-    floor = max(min(shown.min(), noise if noise > 0.0 else shown.min()), shown.max() * 1e-8)
-    low, high = np.floor(np.log10(floor)), np.ceil(np.log10(shown.max()) + 1e-9)
+    losses = np.array([max(point.loss, 1e-12) for point in curve])
+    floor = max(min(losses.min(), noise if noise > 0.0 else losses.min()), losses.max() * 1e-8)
+    low, high = np.floor(np.log10(floor)), np.ceil(np.log10(losses.max()) + 1e-9)
     high = max(high, low + 1.0)
 
     def x(number: int) -> float:
         return left + (width - left - 16) * (number + 0.5) / len(curve)
 
     def y(loss: float) -> float:
-        place = (np.log10(max(loss, 10.0**low)) - low) / (high - low)
-        return 12.0 + (height - bottom - 12.0) * float(1.0 - min(place, 1.0))
+        fraction = (np.log10(max(loss, 10.0**low)) - low) / (high - low)
+        return 12.0 + (height - bottom - 12.0) * float(1.0 - min(fraction, 1.0))
 
     parts = [f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="Loss of every render">']
     for power in range(int(low), int(high) + 1):
-        at = y(10.0**power)
-        parts.append(f'<line x1="{left}" x2="{width - 16}" y1="{at:.1f}" y2="{at:.1f}" stroke="#8885"/>')
-        parts.append(f'<text x="{left - 8}" y="{at + 4:.1f}" text-anchor="end">1e{power}</text>')
+        y_px = y(10.0**power)
+        parts.append(f'<line x1="{left}" x2="{width - 16}" y1="{y_px:.1f}" y2="{y_px:.1f}" stroke="#8885"/>')
+        parts.append(f'<text x="{left - 8}" y="{y_px + 4:.1f}" text-anchor="end">1e{power}</text>')
     if noise > 0.0:
-        at = y(noise)
+        y_px = y(noise)
         parts.append(
-            f'<line x1="{left}" x2="{width - 16}" y1="{at:.1f}" y2="{at:.1f}" stroke="#c33" stroke-dasharray="6 4"/>'
-            f'<text x="{left + 6}" y="{at - 5:.1f}">noise of the photo</text>'
+            f'<line x1="{left}" x2="{width - 16}" y1="{y_px:.1f}" y2="{y_px:.1f}" stroke="#c33" '
+            'stroke-dasharray="6 4"/>'
+            f'<text x="{left + 6}" y="{y_px - 5:.1f}">noise of the photo</text>'
         )
     colors = {"start": "#888", "follow": "#2a78c2", "refine": "#2a9d4a", "end": "#c2185b"}
     line: list[str] = []
-    for number, each in enumerate(curve):
+    for number, step in enumerate(curve):
         if (
-            each.stage == "follow"
+            step.stage == "follow"
             and number
-            and (curve[number - 1].stage, curve[number - 1].start) != ("follow", each.start)
+            and (curve[number - 1].stage, curve[number - 1].start) != ("follow", step.start)
         ):
             line.append("M")
-        if each.stage == "follow" and each.accepted:
-            line.append(f"{x(number):.1f} {y(each.loss):.1f}")
-        fill = colors[each.stage] if each.accepted else "none"
+        if step.stage == "follow" and step.accepted:
+            line.append(f"{x(number):.1f} {y(step.loss):.1f}")
+        fill = colors[step.stage] if step.accepted else "none"
         parts.append(
-            f'<circle cx="{x(number):.1f}" cy="{y(each.loss):.1f}" r="4" fill="{fill}" stroke="{colors[each.stage]}"/>'
+            f'<circle cx="{x(number):.1f}" cy="{y(step.loss):.1f}" r="4" fill="{fill}" stroke="{colors[step.stage]}"/>'
         )
     if line:
         path = " ".join(line if line[0] == "M" else ["M", *line])
@@ -237,7 +241,7 @@ def _curve(curve: Sequence[Point], noise: float) -> str:
     for number, (stage, text) in enumerate(
         {"start": "starts", "follow": "steps (hollow: rejected)", "refine": "refinement", "end": "result"}.items()
     ):
-        at = left + 190 * number
-        parts.append(f'<circle cx="{at + 6}" cy="{height - 14}" r="4" fill="{colors[stage]}"/>')
-        parts.append(f'<text x="{at + 16}" y="{height - 10}">{text}</text>')
+        y_px = left + 190 * number
+        parts.append(f'<circle cx="{y_px + 6}" cy="{height - 14}" r="4" fill="{colors[stage]}"/>')
+        parts.append(f'<text x="{y_px + 16}" y="{height - 10}">{text}</text>')
     return "".join([*parts, "</svg>"])

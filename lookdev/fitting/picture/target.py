@@ -1,8 +1,8 @@
-"""How renders are compared with a picture: pixels in blocks, weights, and a square without the noise of renders.
+"""The comparison of renders with a picture: blocks of pixels, weights, and a squared difference without bias.
 
-The squared difference of a noisy render has its variance as a bias, which favours parameters of little noise. Of two
-independent renders a and b, w (a - y) (b - y) has the mean w (mean - y)^2, and with derivatives of a third render its
-gradient has no bias either.
+The squared difference of a noisy render has the render's variance as a bias, which favours parameters of little noise.
+For two independent renders a and b, the mean of w (a - y) (b - y) is w (mean - y)^2. With derivatives of a third
+render, the gradient has no bias either.
 """
 
 from __future__ import annotations
@@ -20,27 +20,28 @@ from lookdev.fitting.picture.photo import Photo
 Floats = NDArray[np.float64]
 
 _RELATIVE = 0.02
-"""Of a pixel's brightness: no pixel is believed to a smaller error, so that few do not outweigh all."""
+"""The least error of a pixel, relative to its brightness: it keeps few pixels from outweighing all others."""
 
 _DARK = 0.02
-"""Of the mean brightness: the same for dark pixels."""
+"""The least error of a pixel, relative to the mean brightness, for dark pixels."""
 
 
 def block_of(size: tuple[int, int], pixels: int) -> int:
-    """Return the side of the blocks of a picture's pixels that are one pixel of renders.
+    """Return the side of the blocks of a picture's pixels that correspond to one pixel of renders.
 
-    It divides width and height, and leaves at least so many blocks; a film of boxes makes a block's mean its pixel.
+    It divides width and height, and leaves at least `pixels` blocks if possible. With a box filter, the mean of a block
+    is the pixel of a render.
     """
     common = gcd(*size)
-    sides = [each for each in range(1, common + 1) if common % each == 0]
-    return max(each for each in sides if each == 1 or size[0] * size[1] >= pixels * each**2)
+    sides = [side for side in range(1, common + 1) if common % side == 0]
+    return max(side for side in sides if side == 1 or size[0] * size[1] >= pixels * side**2)
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A picture as renders are compared with it: `value` and `variance` (H, W, C), `weight` (H, W, C), 0 if left out.
+    """The target of a fit: `value`, `variance` and `weight` (H, W, C); the weight is 0 for pixels that are left out.
 
-    The fourth channel, of looks that can be seen through, is alpha.
+    The fourth channel, for looks that can be seen through, is alpha.
     """
 
     value: Floats
@@ -48,24 +49,27 @@ class Target:
     weight: Floats
 
     @classmethod
-    def of(cls, photo: Photo, block: int, covered: Floats, gain: float, *, see_through: bool) -> Target:
-        """Return the target of a picture that is divided by `gain`, the exposure of renders.
+    def from_photo(cls, photo: Photo, block: int, covered: Floats, gain: float, *, see_through: bool) -> Target:
+        """Return the target of a picture, divided by `gain`, the exposure that renders do not include.
 
-        Of blocks of pixels the mean is compared, where all of them count, and where the asset covers them whole:
-        `covered` (H, W) is that of a render. A look that can be seen through is compared everywhere, and by alpha.
-        Raises LookdevError where nothing is left.
+        The means of blocks are compared where all pixels of a block have weight and the asset covers the block
+        completely; `covered` (H, W) is the alpha of a render. A look that can be seen through is compared everywhere,
+        and in alpha. Raises LookdevError if too few blocks are left.
         """
-        color, variance = blocks(photo.color, block) / gain, blocks(photo.noise**2, block) / (block * gain) ** 2
-        counts = _least(photo.counts, block)
+        color, variance = (
+            block_means(photo.color, block) / gain,
+            block_means(photo.noise**2, block) / (block * gain) ** 2,
+        )
+        counts = _block_minima(photo.counts, block)
         if photo.alpha is not None and not see_through:
-            counts = counts * (_least(photo.alpha, block) >= 1.0 - 1e-4)
+            counts = counts * (_block_minima(photo.alpha, block) >= 1.0 - 1e-4)
         if see_through:
             if photo.alpha is None:
                 raise LookdevError(
                     f"{photo.file}: the look can be seen through, and the picture has no alpha to compare with; an EXR "
                     "with channel A, premultiplied, would be right"
                 )
-            alpha = blocks(photo.alpha[..., None], block)
+            alpha = block_means(photo.alpha[..., None], block)
             noise = np.full_like(alpha, max(float(np.mean(variance / np.maximum(color, 1e-3) ** 2)), 1e-6))
             color, variance = np.concatenate([color, alpha], -1), np.concatenate([variance, noise], -1)
         else:
@@ -75,17 +79,17 @@ class Target:
                 f"{photo.file}: {int((counts > 0.0).sum())} blocks of {block} x {block} pixels are of the asset alone; "
                 "a picture of the job's camera, whose alpha and mask leave some, would be right"
             )
-        # A pixel's own noise must not decide its weight: neighbours do.
-        near = _neighbours(color, counts)
-        noise = _neighbours(variance, counts)
+        # The weight of a pixel depends on its neighbours, as its own noise would bias it.
+        mean_color = _mean_of_neighbours(color, counts)
+        noise = _mean_of_neighbours(variance, counts)
         floor = _DARK * (color * counts[..., None]).sum(axis=(0, 1)) / counts.sum()
-        weight = counts[..., None] / (noise + (_RELATIVE * near) ** 2 + floor**2 + 1e-12)
+        weight = counts[..., None] / (noise + (_RELATIVE * mean_color) ** 2 + floor**2 + 1e-12)
         return cls(color, variance, weight)
 
     def loss(self, a: Floats, b: Floats) -> float:
-        """Return the weighted squared difference from the mean of independent renders (H, W, C), without bias.
+        """Return the weighted squared difference of two independent renders (H, W, C) from the picture, without bias.
 
-        Relative to the weighted square of the picture; it can be below 0 where it is less than the renders' noise.
+        It is relative to the weighted square of the picture. It may be below 0 if it is less than the renders' noise.
         """
         return float((self.weight * (a - self.value) * (b - self.value)).sum() / self.scale)
 
@@ -96,29 +100,29 @@ class Target:
 
     @property
     def noise(self) -> float:
-        """The part of the loss that is the picture's own noise."""
+        """The part of the loss that the noise of the picture causes."""
         return float((self.weight * self.variance).sum() / self.scale)
 
 
-def blocks(values: Floats, side: int) -> Floats:
+def block_means(values: Floats, side: int) -> Floats:
     """Return the means (h, w, C) of blocks of pixels (H, W, C)."""
     height, width, channels = values.shape
     return np.asarray(values.reshape(height // side, side, width // side, side, channels).mean(axis=(1, 3)))
 
 
-def _least(values: Floats, side: int) -> Floats:
+def _block_minima(values: Floats, side: int) -> Floats:
     height, width = values.shape
     return np.asarray(values.reshape(height // side, side, width // side, side).min(axis=(1, 3)))
 
 
-def _neighbours(values: Floats, counts: Floats) -> Floats:
-    """Return the means (H, W, C) of the 24 neighbours that count, or of all pixels where there are none."""
+def _mean_of_neighbours(values: Floats, counts: Floats) -> Floats:
+    """Return the weighted means (H, W, C) of the 24 neighbours, or of all pixels where no neighbour has weight."""
     kernel = np.ones((5, 5))
     kernel[2, 2] = 0.0
     total = convolve(counts, kernel, mode="constant")
-    found = np.empty_like(values)
+    means = np.empty_like(values)
     for channel in range(values.shape[-1]):
         plane = values[..., channel]
-        near = convolve(plane * counts, kernel, mode="constant") / np.maximum(total, 1e-12)
-        found[..., channel] = np.where(total > 0.0, near, np.average(plane, weights=counts))
-    return found
+        mean = convolve(plane * counts, kernel, mode="constant") / np.maximum(total, 1e-12)
+        means[..., channel] = np.where(total > 0.0, mean, np.average(plane, weights=counts))
+    return means

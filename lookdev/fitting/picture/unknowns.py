@@ -1,4 +1,4 @@
-"""What is searched: constants of a look within bounds, as numbers of about one scale."""
+"""The unknowns of a search: constants of a look within bounds, scaled to similar ranges."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from lookdev.material.change import Constant, constant_of
 
 Floats = NDArray[np.float64]
 
-_WIDE = 100.0
-"""The end of a slider from which on 1 plus a number is searched by its logarithm: exponents."""
+_LOGARITHMIC_END = 100.0
+"""Numbers whose slider ends here or higher, such as exponents, are searched as the logarithm of 1 plus them."""
 
 _EXPOSURE = Constant(
     "exposure", -1, ("exposure",), Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0)), (0.0,)
@@ -27,9 +27,9 @@ _RANGED = re.compile(r"([^=]+)=(.+)\.\.(.+)")
 
 @dataclass(frozen=True)
 class Unknown:
-    """A constant that is searched between `low` and `high`; starts are drawn between the ends of `usual`.
+    """A constant that is searched between `low` and `high`; starts are drawn within the range `usual`.
 
-    Its numbers are searched as units: in linear steps of the width of `usual`, or as the logarithm of 1 plus them.
+    The search scales numbers to units: linearly, by the width of `usual`, or by the logarithm of 1 plus the number.
     """
 
     constant: Constant
@@ -39,55 +39,55 @@ class Unknown:
 
     @property
     def name(self) -> str:
-        """The whole name, of the layer too."""
+        """The full name, with the name of the layer."""
         return self.constant.name
 
     @property
     def width(self) -> int:
-        """How many numbers it has."""
+        """The number of its components."""
         return len(self.constant.value)
 
     @property
     def is_exposure(self) -> bool:
-        """Whether it is the picture's exposure, in stops, no parameter of a look."""
+        """Whether it is the exposure of the picture, in stops, which is not a parameter of a look."""
         return self.constant.layer < 0
 
     @property
-    def _curved(self) -> bool:
-        return self.low >= 0.0 and self.usual[1] >= _WIDE
+    def _is_logarithmic(self) -> bool:
+        return self.low >= 0.0 and self.usual[1] >= _LOGARITHMIC_END
 
     @property
     def _scale(self) -> float:
-        return float(np.log1p(self.usual[1])) if self._curved else self.usual[1] - self.usual[0]
+        return float(np.log1p(self.usual[1])) if self._is_logarithmic else self.usual[1] - self.usual[0]
 
     def unit(self, value: Floats) -> Floats:
-        """Return units of values."""
-        given = np.log1p(value) if self._curved else np.asarray(value, np.float64)
-        return np.asarray(given / self._scale)
+        """Return the units of values."""
+        scaled = np.log1p(value) if self._is_logarithmic else np.asarray(value, np.float64)
+        return np.asarray(scaled / self._scale)
 
     def value(self, unit: Floats) -> Floats:
-        """Return values of units, within the bounds."""
-        given = unit * self._scale
-        return np.clip(np.expm1(given) if self._curved else given, self.low, self.high)
+        """Return the values of units, clipped to the bounds."""
+        scaled = unit * self._scale
+        return np.clip(np.expm1(scaled) if self._is_logarithmic else scaled, self.low, self.high)
 
     def rate(self, unit: Floats) -> Floats:
         """Return the derivatives of values by units."""
-        return np.asarray(self._scale * (np.exp(unit * self._scale) if self._curved else np.ones_like(unit)))
+        return np.asarray(self._scale * (np.exp(unit * self._scale) if self._is_logarithmic else np.ones_like(unit)))
 
 
 def exposure_unknown() -> Unknown:
-    """Return the picture's exposure, in stops, as an unknown."""
+    """Return the unknown that is the exposure of the picture, in stops."""
     return Unknown(_EXPOSURE, *_EXPOSURE.parameter.hard, _EXPOSURE.parameter.soft)
 
 
-def unknowns_of(look: Look, wanted: Sequence[str]) -> tuple[Unknown, ...]:
+def unknowns_of(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     """Return the unknowns of a look by names of its constants: ``roughness``, ``Flakes.mask``, ``sheen=0..0.3``.
 
-    Bounds are those given, else the hard range of the parameter. Raises LookdevError where a name is none or twice, a
-    range is none, or an input of an expression, which has no range of its own, is given none.
+    Bounds are those of the text, by default the hard range of the parameter. Raises LookdevError if a name is unknown
+    or repeated, if a range is invalid, or if an input of an expression, which has no default range, is without one.
     """
-    found: list[Unknown] = []
-    for text in wanted:
+    unknowns: list[Unknown] = []
+    for text in names:
         match = _RANGED.fullmatch(text.strip())
         constant = constant_of(look, match[1].strip() if match else text.strip())
         low, high = constant.parameter.hard
@@ -96,15 +96,15 @@ def unknowns_of(look: Look, wanted: Sequence[str]) -> tuple[Unknown, ...]:
             low, high = usual = _range(text, match[2], match[3], (low, high))
         elif len(constant.path) > 1:
             raise LookdevError(f"{text}: an input of an expression has no range; '{text}=0..1' would be right")
-        if any(each.name == constant.name for each in found):
+        if any(unknown.name == constant.name for unknown in unknowns):
             raise LookdevError(f"{constant.name}: is named twice")
-        if not all(low <= each <= high for each in constant.value):
-            given = ", ".join(f"{each:g}" for each in constant.value)
-            raise LookdevError(f"{text}: the look has {given}, which is not in {low:g}..{high:g}")
-        found.append(Unknown(constant, low, high, (max(usual[0], low), min(usual[1], high))))
-    if not found:
+        if not all(low <= number <= high for number in constant.value):
+            value = ", ".join(f"{number:g}" for number in constant.value)
+            raise LookdevError(f"{text}: the look has {value}, which is not in {low:g}..{high:g}")
+        unknowns.append(Unknown(constant, low, high, (max(usual[0], low), min(usual[1], high))))
+    if not unknowns:
         raise LookdevError("no parameter is to be found; --parameters roughness,baseColor would be right")
-    return tuple(found)
+    return tuple(unknowns)
 
 
 def _range(text: str, low: str, high: str, hard: tuple[float, float]) -> tuple[float, float]:
