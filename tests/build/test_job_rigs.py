@@ -208,4 +208,4 @@ def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
     (of_ibl,), (of_rig,) = (setup.scene.lights for setup in prepared.setups)
     assert isinstance(of_rig, Dome)
     assert of_rig.emission.group == "Rig"
-    assert replace(of_rig, emission=of_rig.emission.unnamed) == of_ibl
+    assert replace(of_rig, emission=of_rig.emission.without_names) == of_ibl

@@ -50,7 +50,7 @@ def test_no_normal_sees_what_its_bin_does_not(normals: Floats) -> None:
     wi = np.concatenate([wi, np.cross(wi, normals[:, -1][np.arange(500) % bins.COUNT])])
     wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
     for axis, of_bin in zip(bins.AXES, normals, strict=True):
-        weight = bins.widened(wi @ axis)
+        weight = bins.widened_cosine(wi @ axis)
         assert (weight[:, None] >= wi @ of_bin.T).all()
         assert (weight >= 0.0).all()
 
@@ -58,6 +58,6 @@ def test_no_normal_sees_what_its_bin_does_not(normals: Floats) -> None:
 def test_widened_is_the_cosine_to_the_nearest_normal_of_the_cone() -> None:
     angle = np.linspace(0.0, np.pi, 2001)
     wanted = np.clip(np.cos(np.maximum(angle - bins.RADIUS, 0.0)), 0.0, 1.0)
-    np.testing.assert_allclose(bins.widened(np.cos(angle)), wanted, atol=1e-12)
+    np.testing.assert_allclose(bins.widened_cosine(np.cos(angle)), wanted, atol=1e-12)
     # Rounded beyond what a cosine can be.
-    assert bins.widened(np.array([1.0 + 1e-15, -1.0 - 1e-15])).tolist() == [1.0, 0.0]
+    assert bins.widened_cosine(np.array([1.0 + 1e-15, -1.0 - 1e-15])).tolist() == [1.0, 0.0]

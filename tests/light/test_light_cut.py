@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.light.dome.points import along_hilbert
+from lookdev.light.dome.points import hilbert_positions
 from lookdev.light.dome.slots import cut
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ def drawn(first: Ints, count: Ints, times: Ints, n: int) -> tuple[Floats, Ints]:
 @pytest.mark.parametrize("side", [1, 2, 4, 32])
 def test_a_hilbert_curve_goes_from_each_cell_to_the_next(side: int) -> None:
     square = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
-    place = along_hilbert(square, side)
+    place = hilbert_positions(square, side)
     assert sorted(place) == list(range(side * side))
     steps = np.abs(np.diff(square[np.argsort(place)], axis=0)).sum(axis=1)
     assert (steps == 1).all()

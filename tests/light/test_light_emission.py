@@ -26,7 +26,7 @@ def off_axis(degrees: float, azimuth: float = 0.0) -> Floats:
 
 
 def factor(shaping: Shaping, degrees: float) -> Floats:
-    return Emission(shaping=shaping).towards(off_axis(degrees))
+    return Emission(shaping=shaping).radiance_towards(off_axis(degrees))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-3, 0.53, 40.0, 180.0])

@@ -8,12 +8,12 @@ from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.light import CylinderLight, DiskLight, RectLight, SphereLight
-from lookdev.light.cone import about, draw_uniform, uniform_density
-from lookdev.light.cylinder import covering
+from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
+from lookdev.light.cylinder import covering_rectangle
 from lookdev.light.placed import PlacedLight
 from lookdev.light.plane import seen_part, towards_plane
 from lookdev.light.sphere import sphere_versine
-from lookdev.light.spherical_rectangle import Point, density, draw, seen_rectangle
+from lookdev.light.spherical_rectangle import Point, density, draw, project_rectangle
 
 Floats = NDArray[Any]
 
@@ -158,12 +158,14 @@ def test_directions_to_a_rectangle_from_behind_are_along_its_z() -> None:
 
 
 def test_a_rectangle_of_no_size_is_seen_at_no_angle() -> None:
-    assert seen_rectangle(*np.array([0.0, 0.0, 0.0, 0.0, 1.0])).solid_angle == 0.0
+    assert project_rectangle(*np.array([0.0, 0.0, 0.0, 0.0, 1.0])).solid_angle == 0.0
 
 
 def test_a_cylinder_is_covered_from_a_grid_of_places() -> None:
     places = np.random.default_rng(3).normal(scale=3.0, size=(4, 5, 3))
-    for grid, row in zip(covering(places, 3.0, 1.0), covering(places.reshape(-1, 3), 3.0, 1.0), strict=True):
+    for grid, row in zip(
+        covering_rectangle(places, 3.0, 1.0), covering_rectangle(places.reshape(-1, 3), 3.0, 1.0), strict=True
+    ):
         np.testing.assert_array_equal(np.reshape(grid, (20,)), row)
 
 
@@ -175,13 +177,13 @@ def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
     def by_cone(place: Floats, u: Floats) -> tuple[Floats, Floats]:
         versine = sphere_versine(place, 1.0)
         axis = -place / np.sqrt((place * place).sum(axis=-1, keepdims=True))
-        return uniform_density(versine), about(axis, draw_uniform(versine, u))
+        return uniform_density(versine), orient_to_axis(axis, draw_uniform(versine, u))
 
     def by_cover(place: Floats, u: Floats) -> tuple[Floats, Floats]:
         turned = place[:, [1, 0, 2]]
-        cover = covering(turned, 3.0, 1.0)
-        point = draw(cover.seen, u)
-        return density(cover.seen, point), cover.towards(point)
+        cover = covering_rectangle(turned, 3.0, 1.0)
+        point = draw(cover.spherical_rectangle, u)
+        return density(cover.spherical_rectangle, point), cover.directions_to(point)
 
     for method in (by_cone, by_cover):
         pdf, wi = method(*single(place, grid))

@@ -14,8 +14,8 @@ from lookdev.errors import ContentError
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.files import read_exr
-from lookdev.light.dome.points import along_hilbert, draw_points
-from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, packed
+from lookdev.light.dome.points import draw_points, hilbert_positions
+from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, pack_ranges
 from lookdev.light.dome.warp import BilinearWarp, lookup
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
@@ -79,7 +79,7 @@ def by_the_shader(tables: Tables, number: int) -> tuple[Floats, Floats]:
     probability = np.bincount(place, np.repeat(each, count), len(tables.towards))
     factor = np.zeros(len(tables.towards))
     factor[place] = np.repeat(tables.numbers[number, 1] * count / np.maximum(times, 1), count)
-    return probability, factor * bins.widened(tables.towards @ tables.axes[number])
+    return probability, factor * bins.widened_cosine(tables.towards @ tables.axes[number])
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_points_are_one_in_each_cell_along_the_curve() -> None:
     u, v = direction_to_uv(drawn(dome(np.ones((1, 1, 3))), side)[1]).T
     # A row of texels begins amid the first; here that is the middle of the map.
     square = np.stack([(u - 0.5) % 1.0, 0.5 - 0.5 * np.cos(np.pi * (1.0 - v))], axis=-1)
-    place = along_hilbert(np.floor(square * side).astype(np.int64), side)
+    place = hilbert_positions(np.floor(square * side).astype(np.int64), side)
     np.testing.assert_array_equal(place, np.arange(side * side))
 
 
@@ -154,7 +154,7 @@ def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> N
     axis, scale = of_sunny.axes[number], of_sunny.inverse[number]
     probability, ratio = by_the_shader(of_sunny, number)
     assert probability.sum() == pytest.approx(1.0, rel=1e-12)
-    seen = bins.widened(of_sunny.towards @ axis)
+    seen = bins.widened_cosine(of_sunny.towards @ axis)
     # Cosines in float32 are off by 2^-24, and so is where they end.
     assert (probability[seen > 1e-6] > 0.0).all()
     # In exact arithmetic 1.
@@ -164,7 +164,7 @@ def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> N
     # So weighed, the points are a quadrature with the density that weighs them against other samples.
     height = 512
     towards, solid = cells(height)
-    density = of_sunny.light.radiance(np.zeros(3), towards).mean(axis=-1) * bins.widened(towards @ axis) * scale
+    density = of_sunny.light.radiance(np.zeros(3), towards).mean(axis=-1) * bins.widened_cosine(towards @ axis) * scale
     # What 2^20 stratified points miss, and the midpoint rule.
     assert (density * solid).sum() == pytest.approx(1.0, abs=1e-4)
     wanted = (density * solid).reshape(8, height // 8, 16, height // 8).sum(axis=(1, 3)).ravel()
@@ -182,7 +182,7 @@ def test_irradiance_of_a_constant_light_is_pi() -> None:
         white = tables_of(dome(np.ones((4, 8, 3))), points.SIDE)
         for number, axis in enumerate(bins.AXES):
             probability, ratio = by_the_shader(white, number)
-            seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened(white.towards @ axis)
+            seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened_cosine(white.towards @ axis)
             mean = white.points[:, 2].astype(np.float64)
             density = np.where(seen > 0.0, mean * weight * white.inverse[number], 1.0)
             assert (probability * ratio * seen / density).sum() == pytest.approx(np.pi, rel=1e-4)
@@ -199,13 +199,13 @@ def test_every_bin_of_a_lit_sky_has_slots() -> None:
 def test_slots_are_unpacked_as_they_were_packed() -> None:
     last = 2**20
     first, count, times = np.array([[0, 1, 1], [1, MOST_POINTS, 1], [5000, 1, 2], [5000, 1, 2], [last - 1, 1, 1]]).T
-    unpack = unpacked(packed(first, count, times))
+    unpack = unpacked(pack_ranges(first, count, times))
     for got, wanted in zip(unpack, (first, count, times), strict=True):
         np.testing.assert_array_equal(got, wanted)
 
 
 def test_a_point_of_more_slots_than_there_are_codes_leaves_some_empty() -> None:
-    first, count, times = unpacked(packed(np.full(SLOTS, 7), np.ones(SLOTS, np.int64), np.full(SLOTS, SLOTS)))
+    first, count, times = unpacked(pack_ranges(np.full(SLOTS, 7), np.ones(SLOTS, np.int64), np.full(SLOTS, SLOTS)))
     kept = count > 0
     assert (first[kept] == 7).all()
     assert (times[kept] == kept.sum()).all()

@@ -92,7 +92,7 @@ def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None
     near = 2.0 ** -rng.uniform(1.0, 30.0, (50, 2))
     u = np.concatenate([rng.random((300, 2)), near, 1.0 - near])
     warp = BilinearWarp(values)
-    x, y = warp.places(u).T
+    x, y = warp.coordinates(u).T
     height, width = values.shape
     down = cumulative(of_rows(values), 2 * height, y) / warp.integral
     # Newton's steps start farthest off where rows are 22 degrees high and one of them is dark.
@@ -110,9 +110,9 @@ def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None
 @pytest.mark.parametrize("values", MAPS.values(), ids=MAPS)
 def test_no_place_is_dark_or_off_the_map(values: Floats) -> None:
     warp, ends = BilinearWarp(values), np.array([0.0, 0.5, 1.0 - 2.0**-53])
-    x, y = warp.places(np.random.default_rng(3).random((100_000, 2))).T
+    x, y = warp.coordinates(np.random.default_rng(3).random((100_000, 2))).T
     assert (looked_up(values, x, y) > 0.0).all()
-    places = warp.places(np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2))
+    places = warp.coordinates(np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2))
     assert ((places >= 0.0) & (places <= 1.0)).all()
 
 
@@ -122,6 +122,6 @@ def test_a_black_map_is_sampled_evenly(shape: tuple[int, int]) -> None:
     np.testing.assert_allclose(black.integral, 4.0 * np.pi, rtol=1e-14)
     u = np.random.default_rng(4).random((1000, 2))
     u[0, 1] = 0.0  # the pole, where the density of a latitude is 0
-    x, y = black.places(u).T
+    x, y = black.coordinates(u).T
     np.testing.assert_allclose(x, (u[:, 0] + 0.5 / shape[1]) % 1.0, atol=1e-12)
     np.testing.assert_allclose(np.cos(np.pi * y), 1.0 - 2.0 * u[:, 1], atol=1e-12)

@@ -11,7 +11,7 @@ from rig_files import light, rig, write_image
 
 from lookdev.errors import RigError
 from lookdev.light import make_environment
-from lookdev.light.rig.images import BALLS, ball_point, ball_power, light_image, unrolled
+from lookdev.light.rig.images import BALLS, ball_point, ball_power, load_light_image, unroll_ball
 
 SIDE = 128
 TO_DOME = (1, 2, 0)
@@ -37,7 +37,7 @@ def ball(kind: str) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("kind", BALLS)
 def test_a_ball_shows_the_same_as_a_lat_long_map(kind: str) -> None:
-    made, power_error = unrolled(make_environment("ball", ball(kind)), kind)
+    made, power_error = unroll_ball(make_environment("ball", ball(kind)), kind)
     towards, solid = cells(SIDE)
     expected = sky(towards[..., TO_DOME])
     error = np.abs(made.radiance - expected).max(axis=-1) / expected.max(axis=-1)
@@ -57,14 +57,14 @@ def test_texels_beyond_the_rim_of_a_ball_are_not_met(kind: str) -> None:
     middle = (np.arange(16) + 0.5) / 8.0 - 1.0
     beyond = np.hypot(middle, middle[:, None]) > 1.0
     pixels = np.repeat(np.where(beyond, 100.0, 1.0)[..., None], 3, axis=-1).astype(np.float32)
-    made, _ = unrolled(make_environment("ball", pixels), kind)
+    made, _ = unroll_ball(make_environment("ball", pixels), kind)
     assert made.radiance == pytest.approx(np.ones((16, 32, 3)))
 
 
 def test_the_mean_of_a_map_is_over_the_sphere(tmp_path: Path) -> None:
     rows = np.arange(8.0)
     pixels = np.broadcast_to(rows[:, None, None], (8, 16, 3)).astype(np.float32)
-    found = light_image(write_image(tmp_path / "sky.exr", pixels), "", "latlong")
+    found = load_light_image(write_image(tmp_path / "sky.exr", pixels), "", "latlong")
     height = np.cos(np.pi * np.arange(9) / 8)
     assert found.mean == pytest.approx([(rows * (height[:-1] - height[1:])).sum() / 2.0] * 3)
 

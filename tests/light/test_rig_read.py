@@ -191,10 +191,10 @@ def test_texture_and_profile_come_from_a_package(tmp_path: Path) -> None:
     file = write_rig(tmp_path / "rig.usda", light("RectLight", shaped, '"ShapingAPI"'))
     assert UsdUtils.CreateNewUsdzPackage(str(file), str(tmp_path / "rig.usdz"))
     assert {"box.exr", "lamp.ies"} <= {Path(name).name for name in zipfile.ZipFile(tmp_path / "rig.usdz").namelist()}
-    packed, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
-    assert packed == plain
-    assert packed[0].emission.shaping.profile == load_profile(tmp_path / "lamp.ies")
-    assert packed[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
+    zipped, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
+    assert zipped == plain
+    assert zipped[0].emission.shaping.profile == load_profile(tmp_path / "lamp.ies")
+    assert zipped[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
 
 
 def test_lights_are_those_below_the_prim_that_shine(tmp_path: Path) -> None:
