@@ -16,7 +16,7 @@ from lookdev.job.charts import JobCharts
 from lookdev.job.ground import JobGround
 from lookdev.scene import Camera
 from lookdev.scene.charts import Strip
-from lookdev.scene.ground import GREY, PATH, on_ground
+from lookdev.scene.ground import GREY, PATH, add_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 LOOK = f"metal = {MATERIALS}/classic/mirror.usda"
@@ -65,10 +65,10 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
         ground_under(JobGround(height=camera.position[2] + 0.1), sphere, None, camera)
     ground = ground_under(JobGround(height=-3.0), sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
-    grounded = on_ground(sphere, wears, ground, (0.0, 0.0))[0]
+    grounded = add_ground(sphere, wears, ground, (0.0, 0.0))[0]
     assert grounded.revolved
     assert {*map(tuple, grounded.meshes[-1].tangents.tolist())} == {(1.0, 0.0, 0.0)}
-    assert not on_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
+    assert not add_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
 
 
 def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:

@@ -15,7 +15,7 @@ from lookdev.asset.silhouette import outline, turning_axis
 from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
-from lookdev.scene.framing import _touched, _turn
+from lookdev.scene.framing import _farthest_point_function, _rotation_about_z
 
 Floats = NDArray[np.float64]
 
@@ -135,9 +135,9 @@ def test_only_the_angles_that_are_shown_count(name: str, arcs: list[tuple[float,
 def test_the_farthest_point_is_one_of_the_turned_asset(direction: tuple[float, ...], arcs: list[Any]) -> None:
     points, w = points_of("angle off centre"), np.array(direction)
     turned = np.concatenate(
-        [points @ _turn(math.radians(start + t)).T for start, sweep in arcs for t in range(sweep + 1)]
+        [points @ _rotation_about_z(math.radians(start + t)).T for start, sweep in arcs for t in range(sweep + 1)]
     )
-    farthest = _touched(points, arcs)(w)
+    farthest = _farthest_point_function(points, arcs)(w)
     assert farthest @ w == pytest.approx((turned @ w).max(), rel=1e-3)
     assert np.linalg.norm(turned - farthest, axis=-1).min() < 0.01 * np.linalg.norm(farthest)
 

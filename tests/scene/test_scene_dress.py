@@ -7,7 +7,7 @@ import numpy as np
 from hand_made import asset_of, squares
 
 from lookdev.asset import Asset, Slot, load_asset
-from lookdev.scene.dress import asset_parts, dress, fit_patterns, path_hint
+from lookdev.scene.dress import asset_parts, assign_to_parts, fit_patterns, path_hint
 
 CAR = ["/Car", "/Car/Body", "/Car/Body/red", "/Car/Body/Hood", "/Car/Tires/FL", "/Car/Tires/FR"]
 
@@ -37,12 +37,12 @@ def test_a_part_has_the_path_of_its_instance() -> None:
 def test_a_mesh_that_is_nowhere_has_parts_too() -> None:
     asset = asset_of([squares("/A", [0]), squares("/B", [1])], [(0, "/A")], [Slot("/A"), Slot("/B")])
     assert paths(asset) == ["/A", "/B"]
-    assert dress(asset, asset_parts(asset), lambda part: part.path)[1] == {"/A": "/A", "/B": "/B"}
+    assert assign_to_parts(asset, asset_parts(asset), lambda part: part.path)[1] == {"/A": "/A", "/B": "/B"}
 
 
 def test_instances_that_wear_the_same_stay_one_mesh() -> None:
     asset = wheels()
-    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path.rpartition("/")[2])
+    dressed, wears = assign_to_parts(asset, asset_parts(asset), lambda part: part.path.rpartition("/")[2])
     assert dressed is asset
     assert wears == {"/A/Wheel": "Wheel", "/A/Wheel/rim": "rim", "/Body": "Body"}
 
@@ -50,7 +50,7 @@ def test_instances_that_wear_the_same_stay_one_mesh() -> None:
 def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_copies() -> None:
     asset = wheels()
     parts = asset_parts(asset)
-    dressed, wears = dress(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
+    dressed, wears = assign_to_parts(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
     assert looks_of_parts(dressed, wears) == dict.fromkeys(paths(asset), "grey") | {"/B/Wheel/rim": "gold"}
     assert set(wears) == {slot.path for slot in dressed.slots}
     assert [instance.mesh for instance in dressed.instances] == [0, 1, 2]
@@ -62,12 +62,12 @@ def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_cop
         assert getattr(split, name) is getattr(wheel, name)
     assert dressed.digest != asset.digest
     # Another look that dresses it alike makes the same asset, whatever it wears.
-    assert dress(asset, parts, lambda part: part.path == "/B/Wheel/rim")[0].digest == dressed.digest
+    assert assign_to_parts(asset, parts, lambda part: part.path == "/B/Wheel/rim")[0].digest == dressed.digest
 
 
 def test_what_wears_the_same_shares_one_split() -> None:
     asset = asset_of([squares("/A/Mesh")], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
-    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
+    dressed, wears = assign_to_parts(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
     assert [instance.mesh for instance in dressed.instances] == [0, 1, 0, 1]
     assert wears == {"/A/Mesh": False, "/B/Mesh": True}
 
@@ -132,7 +132,7 @@ def test_many_parts_and_patterns_take_little_time() -> None:
     start = time.thread_time()
     parts = asset_parts(asset)
     first = fit_patterns([f"/World/Group{number}?" for number in range(0, 50)], paths).first
-    dressed, wears = dress(asset, parts, lambda part: first.get(part.path))
+    dressed, wears = assign_to_parts(asset, parts, lambda part: first.get(part.path))
     assert time.thread_time() - start < 1.5
     assert len(first) == 4_750  # all but the groups 0 to 9
     assert len(wears) == 5_000
