@@ -182,9 +182,9 @@ class Light(ABC):
         A filter of its light, such as the colour of its shadow, is converted such that light and filter multiplied
         give the same colour in both spaces.
         """
-        return self if space == REC709 else self._converted(space)
+        return self if space == REC709 else self._convert(space)
 
-    def _converted(self, space: Space) -> Self:
+    def _convert(self, space: Space) -> Self:
         return self.with_emission(self.emission.in_space(space))
 
     def may_reach(self, center: Vector, radius: float) -> bool:

@@ -170,13 +170,13 @@ def covering_rectangle(point: Floats, length: Any, radius: Any) -> CoveringRecta
     # The margin keeps the outline inside after rounding.
     half = radius * np.sqrt((axis_distance - radius) * (axis_distance + radius)) / axis_distance * (1 + _MARGIN)
     start, end = -length / 2 - x, length / 2 - x
-    before_ends, beyond_ends = np.maximum(-start, 0) * (growth - 1), np.maximum(end, 0) * (growth - 1)
+    start_margin, end_margin = np.maximum(-start, 0) * (growth - 1), np.maximum(end, 0) * (growth - 1)
     return CoveringRectangle(
         outside,
         np.where(outside, -y / axis_distance, 0),
         np.where(outside, -z / axis_distance, 1),
-        start - before_ends,
-        length + before_ends + beyond_ends,
+        start - start_margin,
+        length + start_margin + end_margin,
         half,
         away,
     )
@@ -185,7 +185,7 @@ def covering_rectangle(point: Floats, length: Any, radius: Any) -> CoveringRecta
 def _read(prim: PlacedPrim) -> LightShape:
     radius, length = prim.radius("treatAsLine", "cylinder", (2,)), prim.length("length", prim.scale[0])
     light = CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes)
-    return LightShape.of(light, length, radius)
+    return LightShape.without_image(light, length, radius)
 
 
 CYLINDER = LightKind(CylinderLight, CylinderLight.example, {"CylinderLight": UsdLight(_read)})

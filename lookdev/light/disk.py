@@ -101,7 +101,7 @@ class DiskLight(PlacedLight):
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.length("radius", 1.0)
     x, y = prim.scale[0] * radius, prim.scale[1] * radius
-    return LightShape.of(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
+    return LightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
 
 
 DISK = LightKind(DiskLight, DiskLight.example, {"DiskLight": UsdLight(_read)})

@@ -103,7 +103,9 @@ class DistantLight(Light):
 
     def native_gap(self) -> str | None:
         too_wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
-        return native.gap(self.emission, "shadow", first=(*too_wide, *native.shadow_gap(self.emission)))
+        return native.missing_features(
+            self.emission, "shadow", first=(*too_wide, *native.missing_shadow_features(self.emission))
+        )
 
     @property
     def sent(self) -> Color:

@@ -174,34 +174,34 @@ def parse_profile(text: str, where: str) -> Floats:
     tilts = [number for number, line in enumerate(lines, 1) if line.startswith("TILT=")]
     if not tilts:
         raise _fault(where, len(lines), "no line 'TILT=', after which an IES file has its numbers")
-    numbers = _Numbers(where, lines, tilts[0])
+    numbers = _NumberReader(where, lines, tilts[0])
     if lines[tilts[0] - 1].strip() == "TILT=INCLUDE":
-        numbers.whole("lamp to luminaire geometry", 1, 3)
-        count = numbers.whole("number of tilt angles", 1, _MOST_ANGLES)
+        numbers.take_integer("lamp to luminaire geometry", 1, 3)
+        count = numbers.take_integer("number of tilt angles", 1, _MOST_ANGLES)
         numbers.take("tilt angles", count)
         numbers.take("tilt factors", count)
-    numbers.whole("number of lamps", 1, 1 << 16)
+    numbers.take_integer("number of lamps", 1, 1 << 16)
     numbers.take("lumens of a lamp", 1)  # -1: absolute photometry
-    multiplier = numbers.positive("candela multiplier")
-    down_count = numbers.whole("number of vertical angles", 2, _MOST_ANGLES)
-    around_count = numbers.whole("number of horizontal angles", 1, _MOST_ANGLES)
-    kind = numbers.whole("photometric type", 1, 3)
+    multiplier = numbers.take_positive("candela multiplier")
+    down_count = numbers.take_integer("number of vertical angles", 2, _MOST_ANGLES)
+    around_count = numbers.take_integer("number of horizontal angles", 1, _MOST_ANGLES)
+    kind = numbers.take_integer("photometric type", 1, 3)
     if kind != 1:
         raise numbers.fault(f"is of type {'?CBA'[kind]} goniophotometry; type C, 1, would be right")
-    numbers.whole("unit of the luminous opening", 1, 2)
+    numbers.take_integer("unit of the luminous opening", 1, 2)
     numbers.take("width, length and height", 3)
-    factor = multiplier * numbers.positive("ballast factor") * numbers.positive("ballast-lamp factor")
+    factor = multiplier * numbers.take_positive("ballast factor") * numbers.take_positive("ballast-lamp factor")
     numbers.take("input watts", 1)
-    down = numbers.angles("vertical angles", down_count, _VERTICAL)
-    around = numbers.angles("horizontal angles", around_count, _HORIZONTAL)
+    down = numbers.take_angles("vertical angles", down_count, _VERTICAL)
+    around = numbers.take_angles("horizontal angles", around_count, _HORIZONTAL)
     rows = []
     for _ in range(around_count):
         row = numbers.take("candela values", down_count)
         if not (row >= 0.0).all():
             raise numbers.fault(f"candela value {row.min():g}: none is negative")
         rows.append(row)
-    numbers.end()
-    around, candela = _all_around(around, np.stack(rows))
+    numbers.check_end()
+    around, candela = _mirror_to_full_circle(around, np.stack(rows))
     table = np.zeros((1 + len(around), 1 + len(down)))
     table[0, 1:], table[1:, 0], table[1:, 1:] = down, around, factor * candela
     if not table.max() < 1e18:
@@ -209,7 +209,7 @@ def parse_profile(text: str, where: str) -> Floats:
     return table
 
 
-def _all_around(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
+def _mirror_to_full_circle(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Mirror horizontal angles and values (H, V) to the whole circle, 0 to 360."""
     if around[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
         angles = np.unique(np.concatenate([around, (540.0 - around) % 360.0, [0.0, 360.0]]))
@@ -228,7 +228,7 @@ def _fault(where: str, line: int, problem: str) -> EnvironmentMapError:
     return EnvironmentMapError(f"{where}, line {line}: {problem}")
 
 
-class _Numbers:
+class _NumberReader:
     """The numbers after a line of a file, each with its line."""
 
     def __init__(self, where: str, lines: list[str], after: int) -> None:
@@ -263,19 +263,19 @@ class _Numbers:
                 raise self.fault(f"{token[:40]!r} among the {name} is no number")
         return values
 
-    def whole(self, name: str, least: int, most: int) -> int:
+    def take_integer(self, name: str, least: int, most: int) -> int:
         value = float(self.take(name, 1)[0])
         if not (value.is_integer() and least <= value <= most):
             raise self.fault(f"{name} {value:g}: a whole number from {least} to {most} would be right")
         return int(value)
 
-    def positive(self, name: str) -> float:
+    def take_positive(self, name: str) -> float:
         value = float(self.take(name, 1)[0])
         if not value > 0.0:
             raise self.fault(f"{name} {value:g}: a number above 0 would be right")
         return value
 
-    def angles(self, name: str, count: int, ranges: tuple[tuple[float, float], ...]) -> Floats:
+    def take_angles(self, name: str, count: int, ranges: tuple[tuple[float, float], ...]) -> Floats:
         values = self.take(name, count)
         if (np.diff(values) <= 0.0).any():
             raise self.fault(f"the {name} do not increase")
@@ -284,7 +284,7 @@ class _Numbers:
             raise self.fault(f"the {name} are from {values[0]:g} to {values[-1]:g}; {right} would be right")
         return values
 
-    def end(self) -> None:
+    def check_end(self) -> None:
         if self._next < len(self._tokens):
             more = len(self._tokens) - self._next
             self._next += 1

@@ -26,7 +26,7 @@ _FIELD_PHRASES = {
 _ALWAYS_SUPPORTED = ("color", "turns", "group", "path")
 
 
-def gap(emission: Emission, *supported: str, first: Iterable[str] = ()) -> str | None:
+def missing_features(emission: Emission, *supported: str, first: Iterable[str] = ()) -> str | None:
     """Return the features of an emission that are neither default nor `supported`, as a phrase; None without any.
 
     `supported` are names of fields; `first` are phrases that come first in the result.
@@ -38,7 +38,7 @@ def gap(emission: Emission, *supported: str, first: Iterable[str] = ()) -> str |
     return f"{', '.join(map(str, before))} and {last}" if before else last
 
 
-def shadow_gap(emission: Emission) -> Iterator[str]:
+def missing_shadow_features(emission: Emission) -> Iterator[str]:
     """Yield a phrase if an emission has a shadow control, which Blender lacks even where it can disable shadows.
 
     Blender's lights without a shadow are still occluded for directions that the BSDF samples.

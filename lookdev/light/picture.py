@@ -94,24 +94,24 @@ def draw_cell(means: Table, start: Any, point: Floats, width: Any, height: Any, 
     for level in range(1, LEVELS + 1):
         (low, low_right), (high, high_right) = _weights(means, start, level, point, width, height, row, column)
         right = low_right + high_right
-        second, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
-        column = 2 * column + second
-        above, both = np.where(second > 0, high_right, high), np.where(second > 0, right, low + high)
-        second, u2 = _choose(u2, above / np.maximum(both, _TINY))
-        row = 2 * row + second
+        is_right, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
+        column = 2 * column + is_right
+        above, both = np.where(is_right > 0, high_right, high), np.where(is_right > 0, right, low + high)
+        is_upper, u2 = _choose(u2, above / np.maximum(both, _TINY))
+        row = 2 * row + is_upper
     size = 1.0 / 2**LEVELS
     target = draw(seen_part(point, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
     return target._replace(s=(column + target.s) * size, t=(row + target.t) * size)
 
 
 def cell_density(means: Table, start: Any, point: Floats, width: Any, height: Any, target: Point) -> Floats:
-    """Return the pdf (...) per steradian with which `draw_cell` gives points."""
+    """Return the pdf (...) per steradian with which `draw_cell` returns points."""
     cells = 2**LEVELS
     column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
     probability = np.ones_like(target.s)
     for level in range(1, LEVELS + 1):
-        cells_across = 2 ** (LEVELS - level)
-        i, j = np.floor(row / cells_across), np.floor(column / cells_across)
+        finest_cells = 2 ** (LEVELS - level)
+        i, j = np.floor(row / finest_cells), np.floor(column / finest_cells)
         upper, left = np.floor(i / 2), np.floor(j / 2)
         (low, low_right), (high, high_right) = _weights(means, start, level, point, width, height, upper, left)
         on_right = j > 2 * left

@@ -112,7 +112,9 @@ class PlacedLight(Light):
 
     def native_gap(self) -> str | None:
         profile = ["an IES profile"] if self.emission.shaping and self.emission.shaping.profile else []
-        return native.gap(self.emission, "shadow", "shaping", first=(*profile, *native.shadow_gap(self.emission)))
+        return native.missing_features(
+            self.emission, "shadow", "shaping", first=(*profile, *native.missing_shadow_features(self.emission))
+        )
 
     def _to_own_space(self, point: Floats) -> Floats:
         return to_local(self.axes, point - np.array(self.position))

@@ -113,9 +113,9 @@ class RectLight(PlacedLight):
     def resize(self, scale: float) -> RectLight:
         return replace(self, width=scale * self.width, height=scale * self.height)
 
-    def _converted(self, space: Space) -> RectLight:
+    def _convert(self, space: Space) -> RectLight:
         if self.texture is None or self.picture is None:
-            return super()._converted(space)
+            return super()._convert(space)
         # The emitted radiance is the texture times the colour: the new texture includes both.
         texture = prepare_texture(map_in_space(self.picture, self.emission.color, self.texture.digest, space))
         return replace(self, texture=texture, emission=replace(self.emission.in_space(space), color=WHITE.color))

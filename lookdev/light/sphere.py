@@ -111,7 +111,7 @@ def meet_sphere(point: Floats, direction: Floats, radius: Any) -> Floats:
 
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.radius("treatAsPoint", "sphere", (0, 2))
-    return LightShape.of(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
+    return LightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
 
 
 SPHERE = LightKind(SphereLight, SphereLight.example, {"SphereLight": UsdLight(_read)})

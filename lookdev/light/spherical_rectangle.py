@@ -72,13 +72,13 @@ def project_rectangle(
     x0: Floats, width: Floats, y0: Floats, height: Floats, z: Floats, segments: int = SEGMENTS
 ) -> SphericalRectangle:
     """Return rectangles (...) in front of the origin, at z > 0, as seen from it."""
-    along_x, along_y = _angle(x0, width, z), _angle(y0, height, z)
+    along_x, along_y = _angle_between(x0, width, z), _angle_between(y0, height, z)
     swapped = along_y < along_x
     x0, width, y0, height, angle = (
         np.where(swapped, swapped_value, value)
         for value, swapped_value in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
-    middles = (_x(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
+    middles = (_point_at_angle(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
     density = tuple(_sine_range(x * x + z * z, y0, height) for x in middles)
     mass = sum(density) / segments
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
@@ -91,13 +91,13 @@ def draw(rectangle: SphericalRectangle, u: Floats) -> Point:
     fraction = np.zeros_like(remaining)
     for step in range(segments + 1):
         left, right = rectangle.density[max(step - 1, 0)], rectangle.density[min(step, segments - 1)]
-        width_fraction = 0.5 if step in (0, segments) else 1.0
-        covered = np.clip(remaining, 0, (left + right) / 2 * width_fraction)
+        segment_width = 0.5 if step in (0, segments) else 1.0
+        covered = np.clip(remaining, 0, (left + right) / 2 * segment_width)
         # The root of left t + (right - left) t^2 / 2 = covered, without cancellation.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * covered, 0))
-        fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, width_fraction) / segments
+        fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered
-    s, x = _x(rectangle.x0, rectangle.width, rectangle.z, rectangle.angle, fraction)
+    s, x = _point_at_angle(rectangle.x0, rectangle.width, rectangle.z, rectangle.angle, fraction)
     # Near the foot, x0 + width s cancels to no correct digit; the tangent does not.
     near = x * x + rectangle.z * rectangle.z < rectangle.z * rectangle.width
     x = np.where(
@@ -105,7 +105,7 @@ def draw(rectangle: SphericalRectangle, u: Floats) -> Point:
         rectangle.z * np.tan(np.arctan2(rectangle.x0, rectangle.z) + np.where(near, fraction, 0) * rectangle.angle),
         x,
     )
-    t, y = _y(x * x + rectangle.z * rectangle.z, rectangle.y0, rectangle.height, u[..., 1])
+    t, y = _point_at_sine(x * x + rectangle.z * rectangle.z, rectangle.y0, rectangle.height, u[..., 1])
     swapped = rectangle.swapped
     return Point(np.where(swapped, t, s), np.where(swapped, s, t), np.where(swapped, y, x), np.where(swapped, x, y))
 
@@ -123,12 +123,14 @@ def density(rectangle: SphericalRectangle, point: Point) -> Floats:
     return azimuth_density / np.maximum(rectangle.mass * rectangle.angle * sine_range, _TINY)
 
 
-def _angle(x0: Floats, width: Floats, z: Floats) -> Floats:
+def _angle_between(x0: Floats, width: Floats, z: Floats) -> Floats:
     """Return the angle between (x0, z) and (x0 + width, z)."""
     return np.arctan2(width * z, z * z + x0 * (x0 + width))
 
 
-def _x(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | float) -> tuple[Floats, Floats]:
+def _point_at_angle(
+    x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | float
+) -> tuple[Floats, Floats]:
     """Return the fraction of the width at which a fraction of the angle is reached, and x there.
 
     The formula is the law of sines in the triangles of the origin and the two ends.
@@ -151,7 +153,7 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     return np.where(apart, y1 / r1 - y0 / r0, beside)
 
 
-def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> tuple[Floats, Floats]:
+def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Return the fraction of the height at which the sine has passed the fraction v of its range, and y there."""
     y1 = y0 + height
     apart, below = y0 * y1 < 0, (y0 + y1 < 0)

@@ -55,7 +55,7 @@ class LightShape:
     format: str = ""
 
     @classmethod
-    def of(cls, light: PlacedLight, *lengths: float) -> LightShape:
+    def without_image(cls, light: PlacedLight, *lengths: float) -> LightShape:
         """Return the shape of a light without an image."""
         return cls(lambda _: light, light.size_factor, lengths=lengths)
 

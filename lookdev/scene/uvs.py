@@ -56,7 +56,7 @@ def with_uvs(
     if not lacking:
         return asset, ()
     completed = replace(asset, meshes=tuple(meshes))
-    notes = tuple(_note(*key, meshes_without) for key, meshes_without in lacking.items())
+    notes = tuple(_replacement_note(*key, meshes_without) for key, meshes_without in lacking.items())
     return replace(completed, digest=asset_digest(completed)), notes
 
 
@@ -69,15 +69,17 @@ def absent_primvars(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str
         names = {name for slot in np.unique(mesh.face_slots).tolist() for name in primvar_names[id(looks[slot])]}
         for name in sorted(names - mesh.primvars.keys()):
             lacking.setdefault(name, []).append(mesh)
-    return tuple(f"{_which(meshes, 'primvar', name)}: its fallback is read" for name, meshes in lacking.items())
+    return tuple(
+        f"{_missing_phrase(meshes, 'primvar', name)}: its fallback is read" for name, meshes in lacking.items()
+    )
 
 
-def _note(name: str, fallback: str, meshes: list[Mesh]) -> str:
+def _replacement_note(name: str, fallback: str, meshes: list[Mesh]) -> str:
     replacement = f"'{fallback}' is read" if fallback else "nor another; textures are read at (0, 0)"
-    return f"{_which(meshes, 'UV set', name)}: {replacement}"
+    return f"{_missing_phrase(meshes, 'UV set', name)}: {replacement}"
 
 
-def _which(meshes: list[Mesh], kind: str, name: str) -> str:
+def _missing_phrase(meshes: list[Mesh], kind: str, name: str) -> str:
     more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
     return f"{meshes[0].name}{more} no {kind} '{name}', which looks ask for"
 

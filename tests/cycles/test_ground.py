@@ -45,9 +45,9 @@ def scene_of(
     # Each part of a frame builds its geometry: of 512 x 256 facets, in half a second.
     asset = asset or make_sphere(96, 48)
     ground = Ground(under, 10.0, -1.0, catcher)
-    both, wears = add_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
+    both, look_of_part = add_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
     catchers = frozenset([PATH] if catcher else [])
-    return Scene(both, wears, tuple(lights), camera, Film(SIZE), catchers=catchers)
+    return Scene(both, look_of_part, tuple(lights), camera, Film(SIZE), catchers=catchers)
 
 
 def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list[Rendered]:

@@ -1,4 +1,4 @@
-"""Framing: the bounding sphere touches the nearer sides at margin 1; what a turned asset covers fills its part."""
+"""Framing: at margin 1 the bounding sphere touches the nearer sides; a turning asset covers its fill of the frame."""
 
 import math
 from functools import cache
@@ -46,7 +46,7 @@ NAMES = (*POINTS, *BUILTINS)
 
 @cache
 def points_of(name: str) -> Floats:
-    """Return points; of a built-in, a thousand of those at the corners of its hull, which alone can be outermost."""
+    """Return points; of a built-in asset, a thousand corners of its hull, because only these can be outermost."""
     if name in POINTS:
         return POINTS[name]
     points = outline(make_sphere(64, 32) if name == "sphere" else load_asset(builtin=name))
@@ -55,7 +55,7 @@ def points_of(name: str) -> Floats:
 
 
 def covered(camera: Camera, points: Floats, angles: Floats, resolution: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest pixel coordinates, from the centre, of points turned by some angles."""
+    """Return the least and the greatest pixel coordinates, from the centre, of points rotated by some angles."""
     pivot = np.array([*camera.pivot, 0.0])
     (x, y, z), angles = (points - pivot).T, np.radians(angles)[:, None]
     turned = [np.cos(angles) * x - np.sin(angles) * y, np.sin(angles) * x + np.cos(angles) * y, z]

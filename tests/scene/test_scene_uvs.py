@@ -1,4 +1,4 @@
-"""UV sets that looks ask for, and what is read where a mesh has another one, or none."""
+"""UV sets that looks read, and their replacement where a mesh has another set, or none."""
 
 from dataclasses import replace
 from pathlib import Path

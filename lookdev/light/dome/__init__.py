@@ -85,17 +85,17 @@ class Dome(CodedLight):
         r, g, b = self.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist()
         return r, g, b
 
-    def _converted(self, space: Space) -> Dome:
-        return self.converted_map(space, local=False)
+    def _convert(self, space: Space) -> Dome:
+        return self.convert_map(space, local=False)
 
-    def converted_map(self, space: Space, *, local: bool) -> Dome:
+    def convert_map(self, space: Space, *, local: bool) -> Dome:
         """Return the dome in a space, with the emission's colour moved into the map; `local` as for `prepare_light`."""
         converted = map_in_space(self.table, self.emission.color, self.map_digest, space)
         emission = replace(self.emission.in_space(space), color=WHITE.color)
         return replace(prepare_light(converted, local=local), axes=self.axes, emission=emission)
 
     def native_gap(self) -> str | None:
-        return native.gap(self.emission, "camera")
+        return native.missing_features(self.emission, "camera")
 
     @property
     def native_images(self) -> tuple[Content, ...]:

@@ -34,7 +34,7 @@ def _direction(theta: float, phi: float) -> tuple[float, float, float]:
     return float(np.sin(theta) * np.cos(phi)), float(np.sin(theta) * np.sin(phi)), float(np.cos(theta))
 
 
-def _radius() -> float:
+def _cone_radius() -> float:
     """Return the largest angle between a bin's axis and its corners, which are its farthest points."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
@@ -48,7 +48,7 @@ _CELL_INDICES = [(row, cell) for row, cells in enumerate(CELLS) for cell in rang
 AXES = np.array([_direction(np.pi * (r + 0.5) / ROWS, 2.0 * np.pi * (c + 0.5) / CELLS[r]) for r, c in _CELL_INDICES])
 """The axis of each bin, (COUNT, 3), in the light's frame."""
 
-RADIUS = _radius() + _MARGIN
+RADIUS = _cone_radius() + _MARGIN
 """Half the opening angle of a bin's cone of normals, in radians."""
 
 

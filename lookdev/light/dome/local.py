@@ -83,8 +83,8 @@ class LocalDome(Light):
         light = self.with_emission(self.emission.scale_lengths(scale))
         return replace(light, position=position, radius=scale * self.radius)
 
-    def _converted(self, space: Space) -> LocalDome:
-        return replace(self, dome=self.dome.converted_map(space, local=True))
+    def _convert(self, space: Space) -> LocalDome:
+        return replace(self, dome=self.dome.convert_map(space, local=True))
 
     def native_gap(self) -> str:
         return "a place and a radius of its image"

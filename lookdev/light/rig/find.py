@@ -29,7 +29,7 @@ _CONSULTING = ("consumeAndHalt", "consumeAndContinue")
 
 def is_light(prim: Usd.Prim) -> bool:
     """Return whether a prim is a light, or seems to be a light of an unknown type."""
-    return prim.HasAPI(UsdLux.LightAPI) or _is_foreign(prim)
+    return prim.HasAPI(UsdLux.LightAPI) or _is_unknown_light(prim)
 
 
 def check_attribute_owners(root: Usd.Prim, report: RigReport) -> None:
@@ -52,7 +52,7 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[U
     """
     stage = root.GetStage()
     lights: list[Usd.Prim] = []
-    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_foreign(prim)]
+    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_unknown_light(prim)]
     for path in sorted({*_light_list_paths(root, report), *(prim.GetPath() for prim in foreign)}):
         prim = stage.GetPrimAtPath(path)
         if not prim:
@@ -89,7 +89,7 @@ def _is_cache(prim: Usd.Prim) -> bool:
     return bool(attribute) and attribute.Get() in _CONSULTING
 
 
-def _is_foreign(prim: Usd.Prim) -> bool:
+def _is_unknown_light(prim: Usd.Prim) -> bool:
     """Return whether a prim seems to be a light of a type that USD lacks."""
     name = str(prim.GetTypeName())
     unknown = bool(name) and not prim.IsA(Usd.Typed)
@@ -115,7 +115,7 @@ def _is_hidden(prim: LightPrim) -> bool:
 def _type_fault(prim: Usd.Prim) -> tuple[str, str] | None:
     """Return the problem of an unsupported light and a hint; None if it is supported."""
     kind = str(prim.GetTypeName())
-    if _is_foreign(prim):
+    if _is_unknown_light(prim):
         hint = close_hint(kind, [*USD_LIGHTS, *UNSUPPORTED], 0.6)
         return f"{kind} is no type of USD's lights", hint or f"known: {', '.join(USD_LIGHTS)}"
     if kind not in USD_LIGHTS:

@@ -107,7 +107,7 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
     made_lights = (_make_light(pending_light, images, report) for pending_light in pending)
     rig_lights = tuple(light for light in made_lights if light is not None)
     if not rig_lights:
-        raise RigError([_no_light(report, composed.composition.prim or "", "")])
+        raise RigError([_no_light_fault(report, composed.composition.prim or "", "")])
     notes = (*composed.notes, *report.notes, *(f"{file}: {warning}" for warning in warnings))
     rig = Rig(report.file, rig_lights, fit, notes)
     rig.check_exposed()
@@ -152,7 +152,7 @@ class _Reader:
     def read(self) -> tuple[bool, list[_Pending]]:
         """Return whether the rig fits its asset, and its lights; raise RigError if the stage has no valid unit."""
         report, stage = self._report, self._stage
-        fit = self._fit()
+        fit = self._fit_flag()
         unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), units.is_y_up(stage)
         for problem, right in units.faults(stage, unit):
             report.fault("", problem, f"{right} would be right")
@@ -165,10 +165,10 @@ class _Reader:
                 if (light := self._read(prim, unit, y_up)) is not None:
                     pending.append(light)
         if not pending and not report.faults:
-            raise RigError([_no_light(report, str(self._root.GetPath()), self._elsewhere())])
+            raise RigError([_no_light_fault(report, str(self._root.GetPath()), self._other_lights_hint())])
         return fit, pending
 
-    def _fit(self) -> bool:
+    def _fit_flag(self) -> bool:
         """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
         prim = self._root
         while prim and not prim.IsPseudoRoot():
@@ -177,7 +177,7 @@ class _Reader:
             prim = prim.GetParent()
         return False
 
-    def _elsewhere(self) -> str:
+    def _other_lights_hint(self) -> str:
         """Return a hint with the paths of other lights of the stage; "" without any."""
         lights = find_lights(self._stage.GetPseudoRoot(), self._time, RigReport(""))
         paths = ", ".join(str(prim.GetPath()) for prim in lights[:3])
@@ -204,7 +204,7 @@ class _Reader:
             if not _SMALLEST <= length <= _LARGEST:
                 right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
                 report.fault(path, f"a side or radius of it is {length:.3g} m", right)
-        emission = read_emission(light, _size(shape, unit), unit, report)
+        emission = read_emission(light, _size_in_units(shape, unit), unit, report)
         return _Pending(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
@@ -242,7 +242,7 @@ class _Reader:
         return True
 
 
-def _size(shape: LightShape | None, unit: float) -> float:
+def _size_in_units(shape: LightShape | None, unit: float) -> float:
     """Return the divisor of the radiance where the power is normalized; areas are "in world space", in stage units."""
     if shape is None:
         return 1.0
@@ -283,7 +283,7 @@ def _make_light(
     return RigLight(pending.path, light, peak, mean, str(pending.shape.image or ""))
 
 
-def _no_light(report: RigReport, path: str, elsewhere: str) -> Fault:
+def _no_light_fault(report: RigReport, path: str, elsewhere: str) -> Fault:
     left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
     hint = elsewhere or left_out or f"a light is one of {', '.join(USD_LIGHTS)}"
     return Fault(report.file, path, "has no light that shines", hint)

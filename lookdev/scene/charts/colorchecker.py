@@ -66,19 +66,19 @@ def patch_xyz() -> Floats:
     y = (lightness + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     linear = 3.0 * (6.0 / 29.0) ** 2 * (f - 4.0 / 29.0)
-    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * _white(_D50))
+    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * _chromaticity_xyz(_D50))
 
 
 def _to_rec709() -> Floats:
     """Return the matrix (3, 3) from X, Y, Z under D50 to linear Rec.709."""
-    cones = _BRADFORD @ np.stack([_white(_D50), _white(_D65)], axis=-1)
+    cones = _BRADFORD @ np.stack([_chromaticity_xyz(_D50), _chromaticity_xyz(_D65)], axis=-1)
     adapted = np.linalg.inv(_BRADFORD) @ np.diag(cones[:, 1] / cones[:, 0]) @ _BRADFORD
-    primaries = np.array([_white(chromaticity) for chromaticity in _REC709]).T
-    to_xyz = primaries * np.linalg.solve(primaries, _white(_D65))
+    primaries = np.array([_chromaticity_xyz(chromaticity) for chromaticity in _REC709]).T
+    to_xyz = primaries * np.linalg.solve(primaries, _chromaticity_xyz(_D65))
     return np.asarray(np.linalg.inv(to_xyz) @ adapted)
 
 
-def _white(chromaticity: Floats) -> Floats:
+def _chromaticity_xyz(chromaticity: Floats) -> Floats:
     """Return X, Y, Z of a chromaticity x, y at Y = 1."""
     x, y = chromaticity
     return np.array([x / y, 1.0, (1.0 - x - y) / y])
