@@ -118,7 +118,7 @@ def job_cameras(
 
 
 def element_arcs(job: Job) -> tuple[Arc, ...]:
-    """Return the ranges of `Pose.element` in a job: the full range of a turntable, whatever its number of frames."""
+    """Return the ranges of `Pose.element` in a job: the full range of a turntable of the asset, else one angle."""
     azimuth = job.camera.azimuth
     arcs = []
     for turntable in job.turntable:
@@ -151,10 +151,12 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
 
 
 def _outlines(assets: list[Asset]) -> Floats:
+    """Return the points of all outlines, (n, 3)."""
     return np.concatenate([cached_outline(asset) for asset in assets])
 
 
 def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:
+    """Return centre and radius of the sphere that bounds all assets."""
     if len(assets) == 1:
         return assets[0].center, assets[0].radius
     meshes: list[Mesh] = []

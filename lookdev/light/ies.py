@@ -260,7 +260,7 @@ class _NumberReader:
             except ValueError:
                 values[index] = math.nan
             if not math.isfinite(values[index]):
-                raise self.fault(f"{token[:40]!r} among the {name} is no number")
+                raise self.fault(f"{token[:40]!r} among the {name} is not a number")
         return values
 
     def take_integer(self, name: str, least: int, most: int) -> int:

@@ -143,7 +143,7 @@ def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("RectLight", "RectLigth", "{rig}: /Rig/Key: RectLigth is no type of USD's lights"),
+        ("RectLight", "RectLigth", "{rig}: /Rig/Key: RectLigth is not a type of USD's lights"),
         ("width = 2", "width = -2", "{rig}: /Rig/Key.inputs:width: is -2"),
         ("intensity = 0.5", "intensity = 9e17", "{rig}: /Rig/Sky: its largest radiance times 2^1 is 1.8e+18"),
         ("#usda 1.0", "#usda", "{rig}: USD cannot open it"),

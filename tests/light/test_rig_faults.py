@@ -85,7 +85,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("PluginLight", ""), "/Rig/Lamp: a light of type PluginLight is not supported"),
         (light("Mesh", "", '"MeshLightAPI"'), "/Rig/Lamp: a Mesh that is a light by LightAPI is not supported"),
         (light("Volume", "", '"VolumeLightAPI"'), "/Rig/Lamp: a Volume that is a light by LightAPI is not supported"),
-        (light("RectLigth", ""), "/Rig/Lamp: RectLigth is no type of USD's lights (did you mean 'RectLight'?)"),
+        (light("RectLigth", ""), "/Rig/Lamp: RectLigth is not a type of USD's lights (did you mean 'RectLight'?)"),
         (light("PointInstancer", 'def SphereLight "In" {}'), "/Rig/Lamp/In: is in the PointInstancer /Rig/Lamp"),
         ("", "/Rig: has no light that shines (a light is one of RectLight"),
         (light("SphereLight", 'token visibility = "invisible"'), "no light that shines (/Rig/Lamp: is hidden"),

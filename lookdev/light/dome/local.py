@@ -87,7 +87,7 @@ class LocalDome(Light):
         return replace(self, dome=self.dome.convert_map(space, local=True))
 
     def native_gap(self) -> str:
-        return "a place and a radius of its image"
+        return "a position and a radius of its image"
 
     @property
     def digest(self) -> str:

@@ -117,7 +117,7 @@ def _type_fault(prim: Usd.Prim) -> tuple[str, str] | None:
     kind = str(prim.GetTypeName())
     if _is_unknown_light(prim):
         hint = close_hint(kind, [*USD_LIGHTS, *UNSUPPORTED], 0.6)
-        return f"{kind} is no type of USD's lights", hint or f"known: {', '.join(USD_LIGHTS)}"
+        return f"{kind} is not a type of USD's lights", hint or f"known: {', '.join(USD_LIGHTS)}"
     if kind not in USD_LIGHTS:
         right = UNSUPPORTED.get(kind, UNSUPPORTED["GeometryLight"])
         problem = (
