@@ -1,1 +1,1 @@
-"""A Job becomes Scenes: expand, read, assign, refine, frame, each a step from values to values that collects faults."""
+"""From a Job to its Scenes, in steps: expand, read, assign, refine, frame. Each step collects faults."""

@@ -1,4 +1,4 @@
-"""The asset of a job as each of its looks composes it; what looks compose alike is read once."""
+"""The asset of a job as each of its looks composes it; equal compositions are read once."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from lookdev.errors import AssetError
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.material.usd.bound import BoundLook, read_bound
 from lookdev.material.variants import combinations
-from lookdev.scene.dress import Part, Shown, asset_parts
+from lookdev.scene.dress import MeshAtPath, Part, asset_parts
 from lookdev.stage import Composed, Composition, compose, is_animated, variant_choices
 
 
 @dataclass(frozen=True, eq=False)
 class ComposedAsset:
-    """An asset, its parts, and the stage that it was read from; a built-in asset has none."""
+    """An asset, its parts, and the stage that it was read from; a built-in asset has no stage."""
 
     asset: Asset
-    parts: Mapping[Shown, tuple[Part, ...]]
+    parts: Mapping[MeshAtPath, tuple[Part, ...]]
     composed: Composed | None = None
     _bound: dict[str, BoundLook] = field(default_factory=dict)
 
@@ -42,13 +42,13 @@ class ComposedAsset:
         return members
 
     def members(self, pattern: str) -> frozenset[str]:
-        """Return the parts that a collection includes; raises AssetError where there is no such collection."""
+        """Return the parts that a collection includes; raise AssetError if there is no such collection."""
         if self.composed is None:
             raise AssetError(f"'{pattern}': a built-in asset has no collections")
         return collection_members(self.composed.stage, pattern, self.paths)
 
     def has_prim(self, path: str) -> bool:
-        """Return whether the asset has a prim, whatever is rendered of it."""
+        """Return whether the asset has a prim, rendered or not."""
         return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
     def bound_looks(self, materials: Iterable[str]) -> dict[str, BoundLook]:
@@ -69,7 +69,7 @@ class AssetReader:
     def composition(self, look: JobLook) -> Composition | None:
         """Return the composition of the asset for a look; None for a built-in asset.
 
-        The variants of a look without a material of its own are those of the asset.
+        If a look has no material, its variants are variants of the asset.
         """
         table = self._table
         if table.usd is None:
@@ -78,19 +78,19 @@ class AssetReader:
         return Composition(table.usd, look.layer, table.prim, tuple(variants.items()), table.missing)
 
     def variant_choices(self, look: JobLook) -> tuple[dict[str, str], ...]:
-        """Return the variants of each look that a look without a material expands to; errors as `compose`."""
+        """Return the variants of the looks that a look without a material expands to; errors as `compose`."""
         composition = self.composition(look)
         assert composition is not None, "a look of a built-in asset has a material, or no variants"
 
-        def choices(chosen: dict[str, str], variant_set: str) -> tuple[str, ...]:
-            variants = {**self._table.variants, **chosen}
-            settled = tuple(choice for choice in variants.items() if choice[1] != "*")
-            return variant_choices(compose(replace(composition, variants=settled)), variant_set)
+        def choices(selection: dict[str, str], variant_set: str) -> tuple[str, ...]:
+            variants = {**self._table.variants, **selection}
+            fixed = tuple(choice for choice in variants.items() if choice[1] != "*")
+            return variant_choices(compose(replace(composition, variants=fixed)), variant_set)
 
         return combinations(look.variants, choices, str(composition.file), composition.prim or "")
 
     def read(self, look: JobLook) -> ComposedAsset:
-        """Return the asset as a look composes it; raises AssetError, or FaultsError of `compose`."""
+        """Return the asset as a look composes it; raise AssetError, or FaultsError of `compose`."""
         composition = self.composition(look)
         if composition not in self._assets:
             self._assets[composition] = self._read(composition)

@@ -1,7 +1,7 @@
 """The look of each part of an asset, for a look of a job.
 
-It is that of the first `assign` that fits the part, else the job look's `material`, else what the asset binds: a
-material, or the primvar displayColor. A part that nothing covers gets the grey of a photographer's card, with a note.
+It is that of the first `assign` that fits the part, else the job look's `material`, else the material that the asset
+binds, else the primvar displayColor. A part without any of these gets the grey of a photographer's card, with a note.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lookdev.job.parts import JobAssign, JobLook
 from lookdev.material import Layer, Look
 from lookdev.material.translate import display_color_look
 from lookdev.material.usd.bound import read_any_look
-from lookdev.scene.dress import Part, dress, fit_patterns, path_hint
+from lookdev.scene.dress import Part, assign_to_parts, fit_patterns, path_hint
 
 NEUTRAL_LOOK = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
 _COLOR, _OPACITY = "displayColor", "displayOpacity"
@@ -28,7 +28,7 @@ _COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 @dataclass(frozen=True, eq=False)
 class AssignedAsset:
-    """An asset with the look of each slot, by the slot's path; the looks of the slots `bound` are the asset's own."""
+    """An asset with the look of each slot, by the slot's path; `bound` are the slots with the asset's own looks."""
 
     asset: Asset
     looks: Mapping[str, Look]
@@ -37,14 +37,14 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """What covers a part: the number of an `assign` of the look and its pattern, or the look's `material`."""
+    """The material that covers a part: an `assign` of the look, by number, and its pattern; else `material`."""
 
     assign: int | None = None
     pattern: str = ""
 
 
 def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
-    """Return the looks of each `assign` of a look, and last that of its `material`; grey where one has a fault."""
+    """Return the looks of each `assign` of a look, then that of its `material`; grey in the place of a faulty one."""
     materials: list[Look] = []
     tables: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
     for number, table in enumerate(tables):
@@ -94,7 +94,7 @@ def assign_looks(
             return number
         return part.slot.material if part.slot.material in bound else _display_primvar(part.mesh)
 
-    asset, choices = dress(composed.asset, composed.parts, choose)
+    asset, choices = assign_to_parts(composed.asset, composed.parts, choose)
     looks: dict[int | str | None, Look] = {**dict(enumerate(materials)), None: NEUTRAL_LOOK}
     looks |= {path: material.look for path, material in bound.items()}
     looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
@@ -102,33 +102,35 @@ def assign_looks(
     for number in sorted(set(range(len(materials))) - {material_number(part) for part in parts}):
         table = f"assign[{number}]" if number < len(look.assign) else "'material'"
         findings.note(f"look '{look.name}': {table} covers no part: others come first for all that it fits")
-    if bare := [part.path for part in uncovered if choose(part) is None]:
-        more = f" and {len(bare) - 1} more; they are" if len(bare) > 1 else "; it is"
-        findings.note(f"look '{look.name}': nothing covers {bare[0]}{more} rendered neutral grey")
+    if grey_paths := [part.path for part in uncovered if choose(part) is None]:
+        more = f" and {len(grey_paths) - 1} more; they are" if len(grey_paths) > 1 else "; it is"
+        findings.note(f"look '{look.name}': nothing covers {grey_paths[0]}{more} rendered neutral grey")
     of_asset = frozenset(path for path, choice in choices.items() if isinstance(choice, str))
     return AssignedAsset(asset, {path: looks[choice] for path, choice in choices.items()}, of_asset)
 
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
     """Return the assignment of each part that a material of the job covers; patterns that fit no part are faults."""
-    assigned = [
+    patterns = [
         (f"{key}.assign[{number}].prims", pattern)
         for number, assign in enumerate(look.assign)
         for pattern in assign.prims
     ]
     owners = [number for number, assign in enumerate(look.assign) for _ in assign.prims]
-    first = _fit(assigned, composed, findings)
-    whole = _fit([(f"{key}.parts", pattern) for pattern in look.parts or ()], composed, findings)
-    assignments = {path: Assignment(owners[number], assigned[number][1]) for path, number in first.items()}
+    first_assign = _match_patterns(patterns, composed, findings)
+    allowed = _match_patterns([(f"{key}.parts", pattern) for pattern in look.parts or ()], composed, findings)
+    assignments = {path: Assignment(owners[number], patterns[number][1]) for path, number in first_assign.items()}
     if look.material is not None:
         assignments |= {
-            path: Assignment() for path in composed.paths if path not in first and (look.parts is None or path in whole)
+            path: Assignment()
+            for path in composed.paths
+            if path not in first_assign and (look.parts is None or path in allowed)
         }
     return assignments
 
 
 def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
-    """Yield the inputs that materials lose, in one note for those of the same name and reason."""
+    """Yield notes on lost inputs of materials, one note for inputs of the same name and reason."""
     alike: dict[tuple[str, str, str, str], list[Fault]] = {}
     for fault in lost:
         alike.setdefault((fault.file, fault.where.rpartition(".")[2], fault.what, fault.hint), []).append(fault)
@@ -138,13 +140,15 @@ def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
 
 
 def _display_primvar(mesh: Mesh) -> str | None:
-    """Return the primvar that shows most of a mesh without a material; None where it has neither."""
+    """Return the primvar for the look of a mesh without a material, opacity before colour; None without both."""
     if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any():
         return _OPACITY
     return _COLOR if _COLOR in mesh.primvars else None
 
 
-def _fit(patterns: Sequence[tuple[str, str]], composed: ComposedAsset, findings: Findings) -> Mapping[str, int]:
+def _match_patterns(
+    patterns: Sequence[tuple[str, str]], composed: ComposedAsset, findings: Findings
+) -> Mapping[str, int]:
     """Return the number of the first pattern that fits each part; `patterns` are pairs of a key and a pattern."""
     members: dict[str, frozenset[str]] = {}
     broken = set()

@@ -1,4 +1,4 @@
-"""Room for reference props: a camera whose frame leaves it, and a note where an asset reaches into it."""
+"""Space for reference props in the frame: the camera that leaves it free, and notes where an asset overlaps it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from lookdev.scene import Camera
 from lookdev.scene.charts import Strip
 from lookdev.scene.framing import Arc
 
-_STEP = 5.0  # degrees between the angles at which an outline is projected
+_STEP = 5.0  # degrees between two angles at which an outline is projected
 
 
 def overlap_notes(strip: Strip, camera: Camera, points: NDArray[np.float64], arcs: Iterable[Arc]) -> Iterator[str]:
-    """Yield a note where an asset reaches into a strip.
+    """Yield a note if an asset reaches into a strip.
 
     Parameters
     ----------
@@ -56,9 +56,10 @@ def camera_beside_strip(
     fov
         Horizontal angle of view of the frame, degrees.
     share
-        From half an angle of view, radians, to the most of it that the asset covers, as part of its tangent.
+        Returns the largest part of the frame that the asset covers, as a fraction of the tangent of half the angle of
+        view. Its argument is that half angle, radians.
     frame
-        From a resolution and a horizontal angle of view to a camera that frames the asset.
+        Returns a camera that frames the asset, for a resolution and a horizontal angle of view.
     """
     width, height = strip.resolution
     reach = math.tan(math.radians(0.5 * fov))

@@ -16,9 +16,9 @@ from lookdev.material.variants import MOST_COMBINATIONS
 def expand_material(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and variants of each look of a material; raises LookError as `expand_variants`.
+    """Yield name and variants of each look of a material; raise LookError as `expand_variants`.
 
-    A variant ``"*"`` expands to all variants of its set. The look of each is named ``<name>_<variant>``.
+    A variant ``"*"`` expands to all variants of its set. The look of each variant is named ``<name>_<variant>``.
     """
     yield from _expand(name, variants, lambda: expand_variants(file, prim, variants))
 
@@ -26,7 +26,7 @@ def expand_material(
 def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job, dict[str, str]]:
     """Return the job with a look for each variant, and the key in the job file of each look.
 
-    Raises FaultsError at once where there are too many looks or frames to go on.
+    Raises FaultsError at once if there are too many looks or frames.
     """
     looks: list[JobLook] = []
     keys: dict[str, str] = {}

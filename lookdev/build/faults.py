@@ -10,7 +10,7 @@ from lookdev.job.schema import Job
 
 
 class Findings:
-    """Faults of the files of a job, each with the key of the job that names its file, and notes for the user."""
+    """Faults in the files of a job, each with the key in the job that names the file, and notes for the user."""
 
     def __init__(self, job: Job) -> None:
         self._file = str(job.file)
@@ -36,6 +36,6 @@ class Findings:
             self.add(key, str(error))
 
     def raise_faults(self) -> None:
-        """Raise a FaultsError of all faults, each once, if there are any."""
+        """Raise a FaultsError with all distinct faults, if there are any."""
         if unique := tuple(dict.fromkeys(self.faults)):
             raise FaultsError(unique)

@@ -1,7 +1,7 @@
-"""The geometry that each look of a job renders, and the cameras: framed by it, or read from a USD file.
+"""The geometry that each look of a job renders, and the cameras, which frame it or come from a USD file.
 
 Cages are refined by their size in the frame of a camera that frames the cages themselves. The camera of the scenes
-frames what is rendered: the limit surface, displaced.
+frames the rendered geometry: the displaced limit surface.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def refine_and_frame(
     keys: Mapping[str, str],
     findings: Findings,
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
-    """Return the asset of each look as it is rendered, refined and displaced, and its camera.
+    """Return the refined and displaced asset of each look, and its camera.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def refine_and_frame(
 
 
 def read_shot(job: Job, composed: ComposedAsset) -> UsdCamera | None:
-    """Return the camera that a job names, of the asset as a look composes it, or of another file."""
+    """Return the camera that a job names, from the composed asset or from another file; None without a name."""
     if job.camera.usd is None:
         return None
     if job.camera.file is not None:
@@ -95,7 +95,7 @@ def job_cameras(
     Parameters
     ----------
     assets
-        The asset of each look as it is rendered: refined, displaced.
+        The refined and displaced asset of each look.
     shot
         The camera that ``camera.usd`` names.
 
@@ -118,7 +118,7 @@ def job_cameras(
 
 
 def element_arcs(job: Job) -> tuple[Arc, ...]:
-    """Return the angles at which a job shows its asset, as `Pose.element`: whole turns, however many their frames."""
+    """Return the ranges of `Pose.element` in a job: the full range of a turntable of the asset, else one angle."""
     azimuth = job.camera.azimuth
     arcs = []
     for turntable in job.turntable:
@@ -135,7 +135,7 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
 
     def frame(resolution: tuple[float, float], fov: float) -> Camera:
         if camera.margin is not None:
-            center, radius = _sphere(assets)
+            center, radius = _common_sphere(assets)
             return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
         return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
 
@@ -151,10 +151,12 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
 
 
 def _outlines(assets: list[Asset]) -> Floats:
+    """Return the points of all outlines, (n, 3)."""
     return np.concatenate([cached_outline(asset) for asset in assets])
 
 
-def _sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:
+def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:
+    """Return centre and radius of the sphere that bounds all assets."""
     if len(assets) == 1:
         return assets[0].center, assets[0].radius
     meshes: list[Mesh] = []

@@ -1,6 +1,6 @@
-"""Refined assets, levels of refinement and outlines in the cache, from one run to the next.
+"""Refined assets, levels of refinement and outlines in the cache, which later runs read.
 
-The key is a digest of all that the result depends on, the code that computes it included.
+The key is a digest of all that the result depends on, including the code that computes it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def store_levels(key: str, refinement: Refinement) -> None:
 
 
 def load_levels(key: str, count: int) -> Refinement | None:
-    """Return the levels of `count` meshes from the cache; None where it has none."""
+    """Return the levels of `count` meshes from the cache; None if it does not have them."""
     match kept(_ROOM, key):
         case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
             return Refinement(tuple(levels), tuple(notes))
@@ -50,19 +50,19 @@ def store_refined(key: str, asset: Asset) -> None:
 
 
 def load_refined(key: str, cages: Asset) -> Asset | None:
-    """Return the refined asset of cages from the cache; None where it has none."""
+    """Return the refined asset of some cages from the cache; None if it does not have it."""
     match kept(_ROOM, key):
         case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
             read = read_asset(file.path)
         case _:
             return None
-    # The file has no more than pixels depend on.
+    # The file has only the data that pixels depend on; the rest is that of the cages.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(read.meshes, cages.meshes, strict=True)]
     return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
 def cached_outline(asset: Asset) -> NDArray[np.float64]:
-    """Return the `outline` of an asset, (n, 3); that of several instances is computed once."""
+    """Return the `outline` of an asset, (n, 3); the cache stores it if the asset has several instances."""
     if len(asset.instances) == 1:
         return outline(asset)
 

@@ -17,7 +17,7 @@ from lookdev.scene.ground import GREY, Ground
 
 
 def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
-    """Return the ground of an asset that a camera sees; raises AssetError where the camera is not above it."""
+    """Return the ground of an asset; raise AssetError if the camera is not above it."""
     height = float(cached_outline(asset)[:, 2].min()) if table.height is None else table.height
     above = float(camera.position[2]) - height
     if above <= 0.0:
@@ -31,7 +31,7 @@ def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Came
 def job_grounds(
     table: JobGround, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], findings: Findings
 ) -> dict[str, Ground]:
-    """Return the ground of each look of a job, all of one material.
+    """Return the ground for each look of a job; all grounds have the same material.
 
     Raises LookError as `read_any_look`, and AssetError as `ground_under`.
     """

@@ -1,4 +1,4 @@
-"""The rigs of a job: their lights, those of wedges, and those of a fitted rig as they are placed around its asset."""
+"""The rigs of a job: their lights, the lights of wedges, and the placement of fitted rigs around the asset."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lookdev.light.rig import Rig, load_rig
 
 @dataclass(frozen=True)
 class RigLights:
-    """The lights of a rig of a job, by its name; of an ``[[ibl]]``, `rig` is None."""
+    """The lights of a rig of a job, and the rig's name; `rig` is None for an ``[[ibl]]``."""
 
     name: str
     lights: tuple[Light, ...]
@@ -30,15 +30,15 @@ class RigLights:
         """Whether the unit of the rig is the radius of the asset."""
         return self.rig is not None and self.rig.fit
 
-    def placed_around(self, asset: Asset) -> tuple[Light, ...]:
-        """Return the lights around an asset, the largest of a job: so its looks remain comparable."""
+    def place_around(self, asset: Asset) -> tuple[Light, ...]:
+        """Return the lights around an asset. Its looks are comparable if that is the largest asset of the job."""
         if not self.is_fitted:
             return self.lights
         x, y, z = asset.center
         return tuple(light.scaled(asset.radius, (x, y, z)) for light in self.lights)
 
     def link_notes(self, parts: Collection[str]) -> Iterator[str]:
-        """Yield a note on each path that a light is linked to, and that is neither one of the parts nor above one."""
+        """Yield a note on each path that a light is linked to and that is neither a part nor an ancestor of one."""
         for rig_light in self.rig.given if self.rig else ():
             emission = rig_light.light.emission
             links = (emission.light_link, emission.shadow_link)
@@ -49,7 +49,7 @@ class RigLights:
 
 
 def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLights, ...]:
-    """Read the lights of a job; without `sampled`, domes have no tables by which shaders draw directions."""
+    """Read the lights of a job; without `sampled`, domes have no tables with which shaders draw directions."""
     rigs: list[RigLights] = []
     for index, ibl in enumerate(job.ibl):
         with findings.collect(f"ibl[{index}]"):
@@ -64,7 +64,7 @@ def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLigh
             rig = _read_rig(table, sampled=sampled)
             rig.check_exposed(table.exposure)
             findings.note(*rig.notes)
-            rigs.append(RigLights(table.name, _lights(rig, job), rig, rig.check_exposed))
+            rigs.append(RigLights(table.name, _lights_in_space(rig, job), rig, rig.check_exposed))
     return tuple(rigs)
 
 
@@ -73,8 +73,8 @@ def vary_lights(
 ) -> tuple[Job, tuple[RigLights, ...], dict[str, str]]:
     """Return the job with the lights of its wedges, all its lights, and the key in the job file of each.
 
-    `rigs` are the lights that the job has without wedges. Lights that differ in exposure and rotation alone share
-    their tables.
+    `rigs` are the lights that the job has without wedges. Lights that only differ in exposure and rotation share their
+    tables.
     """
     keys = {rig.name: job.place_of(rig.name) for rig in job.rigs}
     tables = {rig.name: rig for rig in job.rigs}
@@ -86,11 +86,11 @@ def vary_lights(
         varied_tables.append(table)
         with findings.collect(variation.key):
             if (base := lights.get(variation.base)) is None:
-                continue  # it has faults of its own
+                continue  # the light has faults, which are reported already
             values = {key.removeprefix("light:"): value for key, value in variation.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
                 rig = _read_rig(table, values, sampled=sampled)
-                base = RigLights(name, _lights(rig, job), rig, rig.check_exposed)
+                base = RigLights(name, _lights_in_space(rig, job), rig, rig.check_exposed)
             base.check_exposed(table.exposure)
             varied_lights.append(replace(base, name=name))
     ibls = (*job.ibl, *(table for table in varied_tables if isinstance(table, JobIbl)))
@@ -98,7 +98,7 @@ def vary_lights(
     return job.model_copy(update={"ibl": ibls, "rig": job_rigs}), (*rigs, *varied_lights), keys
 
 
-def _lights(rig: Rig, job: Job) -> tuple[Light, ...]:
+def _lights_in_space(rig: Rig, job: Job) -> tuple[Light, ...]:
     return tuple(light.in_space(job.render.space) for light in rig.lights)
 
 

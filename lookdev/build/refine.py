@@ -1,6 +1,6 @@
-"""From control cages to the meshes that are rendered: refined by their size in the frame, or by the job's own level.
+"""From control cages to rendered meshes: refined by their size in the frame, or to the level that the job states.
 
-Refined assets are in the cache, so that the next run of a job reads them.
+The cache stores refined assets, so that the next run of a job reads them.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from lookdev.scene import Camera
 from lookdev.scene.displace import as_cage, is_displaced
 
 _MOST_CORNERS = 32_000_000
-"""Refined corners of an asset whose level the job gives, about 8 GB while they are computed."""
+"""The most refined corners of an asset whose level the job states; they take about 8 GB during refinement."""
 
 
 class Refiner:
-    """Refines the cages of assets; the meshes that several looks show are refined once.
+    """Refines the cages of assets; a mesh that several looks share is refined once.
 
-    `level` is that of every cage, or "auto"; `width` is that of the frame, pixels.
+    `level` is the level of every cage, or "auto"; `width` is the width of the frame in pixels.
     """
 
     def __init__(self, level: Literal["auto"] | int, width: int) -> None:
         self._level = level
         self._width = width
-        # Each value includes the object whose id is in the key, so that no other object gets that id.
+        # Each value includes the object whose id is in the key, so that the id stays unique.
         self._meshes: dict[tuple[int, int], tuple[Mesh, Mesh]] = {}
         self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
 
     def refine(self, asset: Asset, camera: Camera, detailed: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
-        """Return an asset without cages, as a camera needs it, and notes; `detailed` and errors as `refinement_levels`.
+        """Return the asset with cages refined for a camera, and notes; `detailed` and errors as `refinement_levels`.
 
-        Raises AssetError, too, where the job's own level makes too many faces.
+        Raises AssetError also if the level that the job states makes too many faces.
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()
@@ -52,7 +52,7 @@ class Refiner:
     def _refine(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int]) -> Asset:
         cages = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = geometry_key(asset, detailed, levels)
-        # Meshes that other looks have in memory are shared, not read.
+        # If another look has some of the meshes in memory, they are shared instead of read from the cache.
         shared = any(cage_key in self._meshes for cage_key in cages)
         refined = None if shared else load_refined(key, asset)
         if refined is not None:
@@ -89,7 +89,7 @@ class Refiner:
 
 
 def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, Sequence[int]]:
-    """Return the asset with cages for the meshes that its looks displace, and the numbers of these."""
+    """Return the asset with cages for the meshes that its looks displace, and the numbers of these meshes."""
     slot_looks = [looks[slot.path] for slot in asset.slots]
     if all(look.displacement is None for look in slot_looks):
         return asset, ()

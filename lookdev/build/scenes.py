@@ -21,21 +21,21 @@ from lookdev.material import Look
 from lookdev.scene import Camera, Film, Scene
 from lookdev.scene.charts import props_camera, props_scene
 from lookdev.scene.ground import PATH as GROUND
-from lookdev.scene.ground import on_ground
+from lookdev.scene.ground import add_ground
 from lookdev.scene.linking import link_lights
 
-Ahead = Callable[[Job, Look, tuple[Light, ...]], None]
-"""Is called with a job, and a look and the lights of a rig of it that the job is likely to show."""
+PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
+"""A callback with a job, and a look and the lights of a rig that the job is likely to render."""
 
 
 @dataclass(frozen=True)
 class JobScenes:
     """The scenes of a job, by look and rig, look by look."""
 
-    job: Job  # each variant is a separate look, and so is what a wedge varies
+    job: Job  # each variant is a separate look, and so is each look of a wedge
     scenes: Mapping[tuple[str, str], Scene]
     look_keys: Mapping[str, str]  # the key in the job file of each look
-    notes: tuple[str, ...]  # for the user, each once
+    notes: tuple[str, ...]  # for the user, without duplicates
     rig_keys: Mapping[str, str]  # the key in the job file of each rig
     sheets: tuple[WedgeSheet, ...]  # of wedges
     charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
@@ -43,22 +43,24 @@ class JobScenes:
 
 def job_scenes(
     job: Job,
-    ahead: Ahead = lambda job, look, lights: None,
+    ahead: PrepareAhead = lambda job, look, lights: None,
     reader: AssetReader | None = None,
     *,
     sampled: bool = True,
 ) -> JobScenes:
-    """Read the files of a job; raises FaultsError with all faults of all files.
+    """Return the scenes of a job, from its files; raise FaultsError with all faults of all files.
 
-    Lights and materials are read before the asset. In between `ahead` is called with a look and a rig, unless there
+    Lights and materials are read before the asset. In between, `ahead` is called with a look and a rig, unless there
     are faults, no look has a material of its own, or every rig is fitted to the asset.
 
     Parameters
     ----------
+    ahead
+        A callback that can prepare a render.
     reader
-        That of the job's asset, where it was read before.
+        The reader of the job's asset, if the asset was read before.
     sampled
-        Whether domes have tables by which shaders draw directions: backends with lights of their own need none.
+        Whether domes have tables with which shaders draw directions. Backends with lights of their own need none.
     """
     findings = Findings(job)
     reader = reader or AssetReader(job.asset)
@@ -70,12 +72,12 @@ def job_scenes(
     job, rigs, rig_keys = vary_lights(job, wedges, lights, findings, sampled=sampled)
     for name, variation in wedges.looks.items():
         materials[name] = vary_looks(materials[variation.base], variation, findings)
-    own = [looks[-1] for looks in materials.values() if looks]
-    placed = [rig.lights for rig in rigs if not rig.is_fitted]
-    if not findings.faults and own and placed:
-        ahead(job, own[0], placed[0])
+    own_looks = [looks[-1] for looks in materials.values() if looks]
+    placed_lights = [rig.lights for rig in rigs if not rig.is_fitted]
+    if not findings.faults and own_looks and placed_lights:
+        ahead(job, own_looks[0], placed_lights[0])
     composed = _read_assets(job, reader, look_keys, findings)
-    job = _with_varied_looks(job, wedges)
+    job = _add_varied_looks(job, wedges)
     look_keys |= {name: variation.key for name, variation in wedges.looks.items()}
     composed |= {
         name: composed[variation.base] for name, variation in wedges.looks.items() if variation.base in composed
@@ -94,16 +96,16 @@ def job_scenes(
     assets, cameras = refine_and_frame(job, assigned, shot, look_keys, findings)
     looks = {name: assigned_asset.looks for name, assigned_asset in assigned.items()}
     parts = {path for asset in composed.values() for path in asset.paths}
-    scenes = _scenes(job, _Subject(assets, looks, cameras, parts), rigs, wedges, findings)
+    scenes = _make_scenes(job, _RenderedAssets(assets, looks, cameras, parts), rigs, wedges, findings)
     rig_names = {rig for _, rig in scenes}
-    charts = _charts(job, assets, cameras, [rig for rig in rigs if rig.name in rig_names], findings)
+    charts = _make_chart_scenes(job, assets, cameras, [rig for rig in rigs if rig.name in rig_names], findings)
     notes = tuple(dict.fromkeys(map(shortened, findings.notes)))
     return JobScenes(job, scenes, look_keys, notes, rig_keys, wedges.sheets, charts)
 
 
 @dataclass(frozen=True)
-class _Subject:
-    """What each look of a job renders, by its name: asset, look of each slot, camera; `parts` are the paths of all."""
+class _RenderedAssets:
+    """The asset, the look of each slot and the camera of each look of a job, by its name, and all parts' paths."""
 
     assets: Mapping[str, Asset]
     looks: Mapping[str, Mapping[str, Look]]
@@ -112,7 +114,7 @@ class _Subject:
 
 
 def _check_frames(job: Job, wedges: Wedges, findings: Findings) -> None:
-    """Raise FaultsError where wedges make more frames than a job can have."""
+    """Raise FaultsError if wedges make more frames than a job can have."""
     count = len(wedges.pairs) * sum(turntable.frames for turntable in job.turntable)
     if count > MOST_FRAMES and job.wedge:
         problem = f"wedges make {count} frames of the job; at most {MOST_FRAMES} would be right"
@@ -132,7 +134,7 @@ def _read_assets(
     return composed
 
 
-def _with_varied_looks(job: Job, wedges: Wedges) -> Job:
+def _add_varied_looks(job: Job, wedges: Wedges) -> Job:
     """Return the job with a table for each look of its wedges."""
     tables = {look.name: look for look in job.look}
     for name, variation in wedges.looks.items():
@@ -140,37 +142,37 @@ def _with_varied_looks(job: Job, wedges: Wedges) -> Job:
     return job.model_copy(update={"look": tuple(tables.values())})
 
 
-def _scenes(
-    job: Job, subject: _Subject, rigs: Sequence[RigLights], wedges: Wedges, findings: Findings
+def _make_scenes(
+    job: Job, rendered: _RenderedAssets, rigs: Sequence[RigLights], wedges: Wedges, findings: Findings
 ) -> dict[tuple[str, str], Scene]:
     """Return the scene of each look under each rig: on the ground, and with the lights that reach its parts."""
     film = Film(job.render.resolution, job.render.space)
-    shown = {name: (asset, subject.looks[name]) for name, asset in subject.assets.items()}
-    parts, catchers = subject.parts, frozenset[str]()
+    assets_and_looks = {name: (asset, rendered.looks[name]) for name, asset in rendered.assets.items()}
+    parts, catchers = rendered.parts, frozenset[str]()
     if job.ground is not None:
         with findings.collect("ground"):
-            for name, ground in job_grounds(job.ground, subject.assets, subject.cameras, findings).items():
-                shown[name] = on_ground(*shown[name], ground, subject.cameras[name].pivot)
+            for name, ground in job_grounds(job.ground, rendered.assets, rendered.cameras, findings).items():
+                assets_and_looks[name] = add_ground(*assets_and_looks[name], ground, rendered.cameras[name].pivot)
         parts = parts | {GROUND}
         catchers = frozenset([GROUND] if job.ground.kind == "catcher" else [])
     findings.raise_faults()
     for rig in rigs:
         findings.note(*rig.link_notes(parts))
-    largest = _largest(subject.assets)
-    lights = {rig.name: rig.placed_around(subject.assets[largest]) for rig in rigs}
+    largest = _largest(rendered.assets)
+    lights = {rig.name: rig.place_around(rendered.assets[largest]) for rig in rigs}
     scenes = {}
-    for name, (asset, looks) in shown.items():
+    for name, (asset, looks) in assets_and_looks.items():
         for rig in rigs:
             if (name, rig.name) in wedges.pairs:
                 linked = link_lights(asset, looks, lights[rig.name])
-                camera = subject.cameras[name]
+                camera = rendered.cameras[name]
                 scenes[name, rig.name] = Scene(
                     linked.asset, linked.wears, linked.lights, camera, film, linked.lit, linked.groups, catchers
                 )
     return scenes
 
 
-def _charts(
+def _make_chart_scenes(
     job: Job,
     assets: Mapping[str, Asset],
     cameras: Mapping[str, Camera],
@@ -185,12 +187,12 @@ def _charts(
             camera, strip = props_camera(cameras[name], assets[name].center), job.charts.strip(job.render.resolution)
             findings.note(*filter(None, [strip.too_small()]))
             for rig in rigs:
-                lights = rig.placed_around(assets[name])
+                lights = rig.place_around(assets[name])
                 charts[rig.name] = props_scene(strip, camera, lights, job.render.space)
         findings.raise_faults()
     return charts
 
 
 def _largest(assets: Mapping[str, Asset]) -> str:
-    """Return the name of the look with the largest asset, which the fitted rigs of all looks are placed around."""
+    """Return the name of the look with the largest asset, around which the fitted rigs of all looks are placed."""
     return max(assets, key=lambda name: assets[name].radius)

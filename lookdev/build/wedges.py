@@ -1,4 +1,4 @@
-"""The looks and lights that the wedges of a job add, which of them are shown together, and sheets of them."""
+"""The looks and lights that the wedges of a job add, the pairs of them that are rendered, and their sheets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class WedgeSheet:
 
 @dataclass(frozen=True)
 class Variation:
-    """A look or a light of a wedge."""
+    """A look or a light that a wedge adds."""
 
     base: str  # the look or light of the job that it varies
     changes: tuple[tuple[str, Value], ...]  # values by parameter
@@ -39,7 +39,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class Wedges:
-    """The looks and lights that wedges add to a job; `pairs` are all that are rendered, those of the job first."""
+    """The looks and lights that wedges add to a job; `pairs` are all rendered pairs, those of the job first."""
 
     looks: dict[str, Variation] = field(default_factory=dict)
     rigs: dict[str, Variation] = field(default_factory=dict)
@@ -112,10 +112,10 @@ def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -
     for steps in product(*(axis.steps for axis in wedge.axes)):
         cell = []
         for base, of_light, added in ((look, False, wedges.looks), (rig, True, wedges.rigs)):
-            own = [(axis, step) for axis, step in zip(wedge.axes, steps, strict=True) if axis.of_light == of_light]
-            name = "_".join([base, *(f"{axis.short}_{_in_name(axis, step)}" for axis, step in own)])
-            if own:
-                changes = tuple((axis.parameter, step) for axis, step in own)
+            axis_steps = [pair for pair in zip(wedge.axes, steps, strict=True) if pair[0].of_light == of_light]
+            name = "_".join([base, *(f"{axis.short}_{_name_part(axis, step)}" for axis, step in axis_steps)])
+            if axis_steps:
+                changes = tuple((axis.parameter, step) for axis, step in axis_steps)
                 added.setdefault(name, Variation(base, changes, key))
             cell.append(name)
         cells.append((cell[0], cell[1]))
@@ -128,12 +128,12 @@ def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -
 
 
 def _find_duplicates(wedge: JobWedge, wedge_key: str, findings: Findings) -> None:
-    """Add a fault for a value of an axis that is there twice, and for a parameter that both axes vary."""
+    """Add a fault for a duplicate value of an axis, and for a parameter that both axes vary."""
     for number, axis in enumerate(wedge.axes):
         key = f"{wedge_key}{'.by' * number}"
-        names = [_in_name(axis, step) for step in axis.steps]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            findings.add(f"{key}.values", f"{twice[0]} is there twice", "give each value once")
+        names = [_name_part(axis, step) for step in axis.steps]
+        if duplicates := sorted({name for name in names if names.count(name) > 1}):
+            findings.add(f"{key}.values", f"{duplicates[0]} is there twice", "give each value once")
         if not axis.short:
             findings.add(f"{key}.parameter", f"'{axis.parameter}' has no name")
     if len({axis.parameter for axis in wedge.axes}) < len(wedge.axes):
@@ -147,8 +147,8 @@ def _label(value: Value) -> str:
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
-def _in_name(axis: JobAxis, value: Value) -> str:
-    """Return a value as a part of a file's name; an expression, which is none, by its number."""
+def _name_part(axis: JobAxis, value: Value) -> str:
+    """Return a value as a part of a file's name; the number of the step if its text is not fit for a file's name."""
     text = value if isinstance(value, str) else _label(value).replace(" ", "_").replace("+", "")
     if re.fullmatch(r"[A-Za-z0-9._-]{1,40}", text):
         return text

@@ -1,4 +1,4 @@
-"""Lights: what they send where, and a record a kind."""
+"""Lights: radiance, pdf and sampling of each kind, and the registry of the kinds."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from lookdev.light.sphere import SphereLight
 
 
 def coded(lights: Sequence[Light]) -> CodedLight | None:
-    """Return the only light of a scene, if the OSL of its kind alone shows it; None: the lights are a rig."""
+    """Return the only light of a scene if its kind has OSL of its own that renders it; None if the lights are a rig."""
     if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
         return cast(CodedLight, lights[0])
     return None
 
 
 def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand()) -> LightCode:  # noqa: B008
-    """Return the values for the OSL of the lights of a scene.
+    """Return the values that the OSL of a scene's lights takes.
 
     Raises
     ------
     EnvironmentMapError
-        A kind that has OSL of its own is beside other lights.
+        A light whose kind has OSL of its own is beside other lights.
     """
     if light := coded(lights):
         return light.code(sampled=sampled)
@@ -48,7 +48,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return what of a scene's lights Cycles' own lights cannot show, a sentence for each light; none: they show it."""
+    """Return a sentence for each light of a scene that Cycles' own lights cannot render; () if they render all."""
     gaps = []
     for number, light in enumerate(lights, start=1):
         if gap := light.native_gap():
@@ -59,7 +59,7 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
 
 
 def native_images(lights: Sequence[Light]) -> tuple[Content, ...]:
-    """Return the images that Cycles' own lights read to show lights."""
+    """Return the images that Cycles' own lights read to render some lights."""
     return tuple(image for light in lights for image in light.native_images)
 
 
@@ -80,7 +80,7 @@ def _decode(value: object) -> Light:
 
 
 AnyLight = Annotated[Light, PlainValidator(_decode), PlainSerializer(_encode)]
-"""A light of any kind as a field of plain data: its fields and its kind's name in JSON."""
+"""A light of any kind as a field of plain data; JSON has its fields and the name of its kind."""
 
 __all__ = [
     "BUILTIN_LIGHTS",

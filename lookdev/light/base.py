@@ -1,8 +1,8 @@
-"""Lights: radiance, pdf and sampling in NumPy, and what renderers, readers and reports need of each.
+"""The interface of a light: radiance, pdf and sampling in NumPy, and the data that renderers and reports read.
 
 A kind of light is a frozen dataclass of plain data that derives from `Light`, and a `LightKind` in
-`lookdev.light.kinds.LIGHT_KINDS`. Its lights are lamps, which have `shapes`, or show the map of a dome light, or shine
-alone, by a file of OSL sections.
+`lookdev.light.kinds.LIGHT_KINDS`. A kind is one of three sorts: a lamp, which has `shapes`; a dome, which has a map
+(`map_dome`); or a kind with OSL of its own (`LightKind.osl`), whose light is the only one of its scene.
 """
 
 from __future__ import annotations
@@ -34,8 +34,16 @@ Floats = NDArray[np.float64]
 class LightCode:
     """The values that the OSL of a kind takes for one light.
 
-    `constants` are preprocessor lines at the start of the shader, `parameters` the values of shader parameters by name
-    (of a file, its path), `arrays` the ``.npy`` files of array parameters by name, `numbers` the values of others.
+    Parameters
+    ----------
+    constants
+        Preprocessor lines at the start of the shader.
+    parameters
+        Values of shader parameters by name; a file's value is its path.
+    arrays
+        The ``.npy`` files of array parameters by name.
+    numbers
+        Values of the other array parameters by name.
     """
 
     constants: tuple[str, ...] = ()
@@ -45,45 +53,45 @@ class LightCode:
 
 
 class Emitter(Protocol):
-    """Light that arrives at places of the world, float64.
+    """Light that arrives at shading points, float64.
 
-    Places (..., 3) are in metres, directions (..., 3) are unit vectors from the place towards the light; both are in
+    Points (..., 3) are in metres, directions (..., 3) are unit vectors from the point towards the light. Both are in
     world space and broadcast with each other.
     """
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that arrives, linear Rec.709."""
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        """Return the density (...) per steradian with which `sample` draws the directions at `place`."""
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        """Return the density (...) per steradian with which `sample` draws the directions at `point`."""
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        """Map points `u` (N, 2) of the unit square to directions (N, 3) at places (N, 3)."""
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        """Map points `u` (N, 2) of the unit square to directions (N, 3) at shading points (N, 3)."""
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        """Return metres (...) to the light: inf where it is infinitely far, or not in that direction."""
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        """Return metres (...) to the light; inf where it is infinitely far, or not in that direction."""
 
 
 class Light(ABC):
     """An `Emitter` of a registered kind: a frozen dataclass of plain data that names its files.
 
-    The defaults are those of light that arrives from infinitely far, and that neither Blender nor Mitsuba has.
+    The defaults describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
     """
 
     kind: ClassVar[str]
     """The name of its record in `LIGHT_KINDS`."""
 
     version: ClassVar[int] = 1
-    """Part of its digest: raised when the same fields give other light or other samples."""
+    """Part of its digest. Raise it when the same fields give other radiance or other samples."""
 
     far: ClassVar[bool] = True
-    """Whether it is infinitely far: all places see the same."""
+    """Whether it is infinitely far: its radiance depends on the direction alone."""
 
     one_sided: ClassVar[bool] = False
-    """Whether it sends along its -z alone, so that its axes matter whatever its `Shaping`."""
+    """Whether it emits along its -z alone. Then its axes matter even without `Shaping`."""
 
     position: Vector | None = None
-    """Where it stands, in metres; None where it stands nowhere."""
+    """Its position in metres; None if it has none."""
 
     shapes: ClassVar[Mapping[str, type[Any]]] = {}
     """The types of a lamp's `lookdev.light.shape.Shape`, by the names of their functions in generated code."""
@@ -91,35 +99,35 @@ class Light(ABC):
     @property
     @abstractmethod
     def emission(self) -> Emission:
-        """What it sends out. `radiance` has its colour, shaping and falloff; the rest is for whoever integrates."""
+        """Its emission. `radiance` includes colour, shaping and falloff; integrators apply the other fields."""
 
     @property
     def digest(self) -> str:
-        """Digest of everything that the light's radiance and sampling depend on."""
+        """Digest of all that its radiance and its sampling depend on."""
         return hashlib.sha256(
-            f"{self.kind} {self.version} {self.with_emission(self.emission.unnamed)!r}".encode()
+            f"{self.kind} {self.version} {self.with_emission(self.emission.without_names)!r}".encode()
         ).hexdigest()
 
     @abstractmethod
-    def radiance(self, place: Floats, direction: Floats) -> Floats: ...
+    def radiance(self, point: Floats, direction: Floats) -> Floats: ...
 
     @abstractmethod
-    def pdf(self, place: Floats, direction: Floats) -> Floats: ...
+    def pdf(self, point: Floats, direction: Floats) -> Floats: ...
 
     @abstractmethod
-    def sample(self, place: Floats, u: Floats) -> Floats: ...
+    def sample(self, point: Floats, u: Floats) -> Floats: ...
 
     @abstractmethod
-    def distance(self, place: Floats, direction: Floats) -> Floats: ...
+    def distance(self, point: Floats, direction: Floats) -> Floats: ...
 
     @property
     def constant(self) -> bool:
-        """Whether the radiance is the same from every direction at every place: then it needs no samples."""
+        """Whether the radiance is the same from every direction at every point. Then it needs no samples."""
         return False
 
     @property
     def axes(self) -> Axes:
-        """Its own x, y and z in the world."""
+        """Its own x, y and z axes in world space."""
         return WORLD_AXES
 
     @property
@@ -129,73 +137,74 @@ class Light(ABC):
 
     @property
     def sizes(self) -> Mapping[str, float]:
-        """Its sizes by their names for a report, in metres or degrees."""
+        """Its sizes in metres or degrees, by their names in a report."""
         return {}
 
     @property
     def irradiance_per_nit(self) -> float | None:
-        """The irradiance in lux of radiance 1 at right angles; None where the value of a light is its radiance."""
+        """The irradiance in lux at normal incidence of radiance 1; None where a light's value is its radiance."""
         return None
 
     @property
     def sent(self) -> Color:
-        """The radiance in nits, before its texture, `Shaping` and `Falloff`."""
+        """Its radiance in nits, before texture, `Shaping` and `Falloff`."""
         return self.emission.color
 
     @property
     def map_dome(self) -> Dome | None:
-        """The dome light whose map it shows, if it shows one."""
+        """The dome light that has its map; None if it has no map."""
         return None
 
     @property
     def shape_name(self) -> str:
-        """The name of a lamp's shape in `shapes`; "" where it is no lamp."""
+        """The name of a lamp's shape in `shapes`; "" if it is not a lamp."""
         return next(iter(self.shapes), "")
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
-        """The numbers, at most two, by which generated code has the shape of a lamp or the ball of a dome."""
+        """At most two numbers, which generated code reads: of a lamp's shape, or of a local dome's sphere."""
         return ()
 
     def with_emission(self, emission: Emission) -> Self:
-        """Return a light that sends something else."""
+        """Return the light with another emission."""
         return replace(self, emission=emission)  # type: ignore[type-var]
 
     def scaled(self, scale: float, origin: Vector) -> Self:
-        """Return a light whose lengths are `scale` times as long, moved from the world's origin to `origin`, in metres.
+        """Return the light with lengths `scale` times as long, moved from the world's origin to `origin` in metres.
 
-        What it lights is scaled and moved along: places at `scale` times their distance see the same radiance from it.
+        A point that is scaled and moved alike receives the same radiance from it.
         """
-        return self.with_emission(self.emission.scaled(scale))
+        return self.with_emission(self.emission.scale_lengths(scale))
 
     def in_space(self, space: Space) -> Self:
-        """Return a light of linear Rec.709 as it is in a space.
+        """Return the light, whose values are linear Rec.709, in another colour space.
 
-        What filters its light, as the colour of its shadow does, leaves there what it leaves of this light in Rec.709.
+        A filter of its light, such as the colour of its shadow, is converted such that light and filter multiplied
+        give the same colour in both spaces.
         """
-        return self if space == REC709 else self._converted(space)
+        return self if space == REC709 else self._convert(space)
 
-    def _converted(self, space: Space) -> Self:
+    def _convert(self, space: Space) -> Self:
         return self.with_emission(self.emission.in_space(space))
 
     def may_reach(self, center: Vector, radius: float) -> bool:
-        """Return whether light may arrive in a sphere, whatever occludes it; False is certain."""
+        """Return whether light may arrive in a sphere, without occlusion; False is certain."""
         return any(self.emission.color)
 
     def native_gap(self) -> str | None:
-        """Return what of the light Cycles' own lights cannot show (`lookdev.light.native`); None: they show it."""
+        """Return the features that Cycles' own lights lack (`lookdev.light.native`); None if they lack none."""
         return "a kind that Blender does not have"
 
     @property
     def native_images(self) -> tuple[Content, ...]:
-        """The linear EXR files that Cycles' own lights read to show it."""
+        """The linear EXR files that Cycles' own lights read to render it."""
         return ()
 
     @property
     def mitsuba_shape(self) -> tuple[str, NDArray[np.float64]] | None:
-        """The name of the shape of Mitsuba 3 that sends its light, and the matrix (4, 4) to the light's own space.
+        """The name of the Mitsuba 3 shape that emits its light, and the matrix (4, 4) to the light's own space.
 
-        None: Mitsuba's own emitters have none.
+        None if Mitsuba has no such shape.
         """
         return None
 
@@ -205,7 +214,7 @@ class CodedLight(Light):
 
     @abstractmethod
     def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, those to look radiance up."""
+        """Return the values for the kind's OSL; without `sampled`, only those for look-ups of radiance."""
 
 
 @dataclass(frozen=True)
@@ -221,8 +230,8 @@ class LightKind:
     usd
         The readers of its prims, by their types in USD.
     osl
-        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each: its lights are each a
-        `CodedLight`. None: they are lights of a rig (`lookdev.light.lamps`).
+        The file of its OSL sections, whose content `lookdev.codegen.osl.light` states; each light is a `CodedLight`.
+        None if the lights of the kind are rendered as part of a rig (`lookdev.light.lamps`).
     """
 
     type: type[Light]
@@ -233,24 +242,24 @@ class LightKind:
 
 @dataclass(frozen=True)
 class Turned:
-    """An `Emitter` rotated about a vertical `axis`, x and y, by `degrees`, counter-clockwise seen from above."""
+    """An `Emitter` rotated by `degrees` about the vertical `axis` (x, y), counter-clockwise seen from above."""
 
     light: Emitter
     degrees: float
     axis: tuple[float, float] = (0.0, 0.0)
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.radiance(self._back(place), rotate_z(direction, -self.degrees))
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
+        return self.light.radiance(self._unrotate(point), rotate_z(direction, -self.degrees))
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.pdf(self._back(place), rotate_z(direction, -self.degrees))
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        return self.light.pdf(self._unrotate(point), rotate_z(direction, -self.degrees))
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        return rotate_z(self.light.sample(self._back(place), u), self.degrees)
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        return rotate_z(self.light.sample(self._unrotate(point), u), self.degrees)
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.distance(self._back(place), rotate_z(direction, -self.degrees))
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        return self.light.distance(self._unrotate(point), rotate_z(direction, -self.degrees))
 
-    def _back(self, place: Floats) -> Floats:
+    def _unrotate(self, point: Floats) -> Floats:
         axis = np.array((*self.axis, 0.0))
-        return np.asarray(rotate_z(place - axis, -self.degrees) + axis)
+        return np.asarray(rotate_z(point - axis, -self.degrees) + axis)

@@ -8,7 +8,7 @@ from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.shipped import shipped_folder
 
 BUILTIN_RIGS: tuple[str, ...] = ("three_point", "softbox_product", "overcast_plus_sun")
-"""Of one file each in ``rigs``, made for an asset of any size."""
+"""Names of the rigs, each of which is a file in ``rigs`` and fits an asset of any size."""
 
 
 def rig_file(name: str) -> Path:

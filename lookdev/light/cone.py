@@ -18,13 +18,13 @@ def uniform_density(versine: Floats) -> Floats:
 
 def draw_uniform(versine: Floats, u: Floats) -> Floats:
     """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z."""
-    down = u[..., 0] * versine
-    sine, angle = np.sqrt(down * (2 - down)), 2 * math.pi * u[..., 1]
-    return np.stack([sine * np.cos(angle), sine * np.sin(angle), 1 - down], axis=-1)
+    versine_drawn = u[..., 0] * versine
+    sine, angle = np.sqrt(versine_drawn * (2 - versine_drawn)), 2 * math.pi * u[..., 1]
+    return np.stack([sine * np.cos(angle), sine * np.sin(angle), 1 - versine_drawn], axis=-1)
 
 
-def about(axis: Floats, local: Floats) -> Floats:
-    """Return vectors (..., 3) of frames whose z are the unit vectors `axis` (..., 3).
+def orient_to_axis(axis: Floats, local: Floats) -> Floats:
+    """Transform vectors `local` (..., 3) from frames about the unit vectors `axis` (..., 3), their z, to the world.
 
     Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
     """

@@ -1,6 +1,7 @@
 """Cylinder light: `UsdLuxCylinderLight`.
 
-Directions are drawn to a rectangle that covers its side as a place sees it; those that miss it bring no light.
+Directions are drawn to a rectangle that covers its side as seen from the shading point. A direction that misses the
+side brings no light.
 """
 
 from __future__ import annotations
@@ -17,53 +18,53 @@ from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.shape import FAR, cone_about
-from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, seen_rectangle
+from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, project_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
 
-_MARGIN = 1e-6  # of the width of the outline
+_MARGIN = 1e-6  # part of the outline's width
 _TINY = 1e-30
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The `Shape` of the side of a cylinder about x, which sends outwards."""
+    """The `Shape` of the side of a cylinder about x, which emits outwards."""
 
     length: Any
     radius: Any
 
-    def distance(self, place: Any, direction: Any) -> Any:
-        return meet_side(place, direction, self.length, self.radius)
+    def distance(self, point: Any, direction: Any) -> Any:
+        return meet_side(point, direction, self.length, self.radius)
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        cover = covering(place, self.length, self.radius)
-        towards = cover.inside(direction)
-        before = cover.outside & (towards[..., 2] > 0)
-        along = np.where(before, cover.away / np.where(before, towards[..., 2], 1), 0)
-        x, y = along * towards[..., 0], along * towards[..., 1]
+    def pdf(self, point: Any, direction: Any) -> Any:
+        cover = covering_rectangle(point, self.length, self.radius)
+        local = cover.to_frame(direction)
+        in_front = cover.outside & (local[..., 2] > 0)
+        depth_scale = np.where(in_front, cover.away / np.where(in_front, local[..., 2], 1), 0)
+        x, y = depth_scale * local[..., 0], depth_scale * local[..., 1]
         s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2 * cover.half)
-        met = before & (np.absolute(s - 0.5) <= 0.5) & (np.absolute(t - 0.5) <= 0.5)
-        point = Point(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
-        return np.where(met, density(cover.seen, point), 0)
+        hits = in_front & (np.absolute(s - 0.5) <= 0.5) & (np.absolute(t - 0.5) <= 0.5)
+        target = Point(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
+        return np.where(hits, density(cover.spherical_rectangle, target), 0)
 
-    def sample(self, place: Any, u: Any) -> Any:
-        cover = covering(place, self.length, self.radius)
-        return cover.towards(draw(cover.seen, u))
+    def sample(self, point: Any, u: Any) -> Any:
+        cover = covering_rectangle(point, self.length, self.radius)
+        return cover.directions_to(draw(cover.spherical_rectangle, u))
 
-    def solid_angle(self, place: Any) -> Any:
-        x, y, z = np.moveaxis(place, -1, 0)
-        far = np.sqrt(y * y + z * z)
-        along = np.maximum(np.absolute(x) - self.length / 2, 0)
-        off = far - self.radius
-        # What is seen of the side is nearly a rectangle that faces the place, at the nearest point.
-        squared, area = along * along + off * off, 2 * self.radius * self.length
-        sine = far / np.sqrt(np.maximum(along * along + far * far, _TINY))
-        return np.where(off > 0, area * sine / (squared + area / (2 * math.pi)), 0)
+    def solid_angle(self, point: Any) -> Any:
+        x, y, z = np.moveaxis(point, -1, 0)
+        axis_distance = np.sqrt(y * y + z * z)
+        beyond_end = np.maximum(np.absolute(x) - self.length / 2, 0)
+        side_distance = axis_distance - self.radius
+        # The visible side is nearly a rectangle at its nearest point, which faces the shading point.
+        squared, area = beyond_end * beyond_end + side_distance * side_distance, 2 * self.radius * self.length
+        sine = axis_distance / np.sqrt(np.maximum(beyond_end * beyond_end + axis_distance * axis_distance, _TINY))
+        return np.where(side_distance > 0, area * sine / (squared + area / (2 * math.pi)), 0)
 
-    def cone(self, place: Any) -> tuple[Any, Any]:
-        return cone_about(place, np.sqrt(self.length * self.length / 4 + self.radius * self.radius))
+    def cone(self, point: Any) -> tuple[Any, Any]:
+        return cone_about(point, np.sqrt(self.length * self.length / 4 + self.radius * self.radius))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class CylinderLight(PlacedLight):
     def sizes(self) -> dict[str, float]:
         return {"length": self.length, "radius": self.radius}
 
-    def resized(self, scale: float) -> CylinderLight:
+    def resize(self, scale: float) -> CylinderLight:
         return replace(self, length=scale * self.length, radius=scale * self.radius)
 
     @property
@@ -106,75 +107,76 @@ class CylinderLight(PlacedLight):
         return 2.0 * math.pi * self.radius * self.length
 
 
-def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
-    """Return the distance (...) along directions (..., 3) to the outside; `FAR` if missed, or from inside."""
-    x, y, z = np.moveaxis(place, -1, 0)
+def meet_side(point: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
+    """Return the distance (...) along directions (..., 3) to the outside; `FAR` for misses, and from inside."""
+    x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
-    across, steep = y * wz - z * wy, wy * wy + wz * wz
-    towards = -(y * wy + z * wz)
-    squared = radius * radius * steep - across * across
-    met = (y * y + z * z > radius * radius) & (towards > 0) & (squared >= 0)
-    distance = (towards - np.sqrt(np.maximum(squared, 0))) / np.where(met, steep, 1)
-    met = met & (np.absolute(x + np.where(met, distance, 0) * wx) <= length / 2)
-    return np.where(met, distance, FAR)
+    moment, squared_sine = y * wz - z * wy, wy * wy + wz * wz
+    approach = -(y * wy + z * wz)
+    discriminant = radius * radius * squared_sine - moment * moment
+    hits = (y * y + z * z > radius * radius) & (approach > 0) & (discriminant >= 0)
+    distance = (approach - np.sqrt(np.maximum(discriminant, 0))) / np.where(hits, squared_sine, 1)
+    hits = hits & (np.absolute(x + np.where(hits, distance, 0) * wx) <= length / 2)
+    return np.where(hits, distance, FAR)
 
 
-class Cover(NamedTuple):
-    """The rectangle that covers the side of a cylinder as places (...) see it, in frames of the places' own.
+class CoveringRectangle(NamedTuple):
+    """The rectangle that covers the side of a cylinder as seen from points (...), each of which has its own frame.
 
-    x is along the cylinder's axis, z from the place at right angles to the axis. It is as wide as the outline, at
-    `away` along z, y from -`half` to `half`, x from `x0` to `x0 + width`.
+    The frame's origin is the point, its x is along the cylinder's axis, its z points to the axis at right angles. The
+    rectangle is at z = `away`, from -`half` to `half` along y and from `x0` to `x0 + width` along x. Along y it is as
+    wide as the cylinder's outline.
     """
 
     outside: NDArray[np.bool_]
-    """Whether the place is farther from the axis than the side: from elsewhere none of it is seen."""
+    """Whether the point is farther from the axis than the side; the side is visible from such points alone."""
     y: Floats
     z: Floats
-    """The cylinder's y and z of the frame's z."""
+    """The frame's z axis in the cylinder's y and z."""
     x0: Floats
     width: Floats
     half: Floats
     away: Floats
 
     @property
-    def seen(self) -> SphericalRectangle:
-        return seen_rectangle(self.x0, self.width, -self.half, 2 * self.half, self.away)
+    def spherical_rectangle(self) -> SphericalRectangle:
+        return project_rectangle(self.x0, self.width, -self.half, 2 * self.half, self.away)
 
-    def inside(self, direction: Floats) -> Floats:
-        """Express directions (..., 3) of the cylinder in the frames."""
+    def to_frame(self, direction: Floats) -> Floats:
+        """Transform directions (..., 3) from the cylinder's space to the frames."""
         x, y, z = np.moveaxis(direction, -1, 0)
         return np.stack(np.broadcast_arrays(x, self.z * y - self.y * z, self.y * y + self.z * z), axis=-1)
 
-    def towards(self, point: Point) -> Floats:
-        """Return the directions (..., 3) of the cylinder to points of the rectangle."""
+    def directions_to(self, point: Point) -> Floats:
+        """Return the unit directions (..., 3), in the cylinder's space, to points of the rectangle."""
         x, y, z = np.broadcast_arrays(point.x, point.y, self.away)
         local = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
         return local / np.expand_dims(np.sqrt((local * local).sum(axis=-1)), -1)
 
 
-def covering(place: Floats, length: Any, radius: Any) -> Cover:
-    """Return what covers the side of a cylinder from places (..., 3).
+def covering_rectangle(point: Floats, length: Any, radius: Any) -> CoveringRectangle:
+    """Return the rectangle that covers the side of a cylinder as seen from points (..., 3).
 
-    The lines in which planes through the place touch it are at `away` = (D - R) (D + R) / D, D being the distance of
-    the place from the axis. What lies between them is at least at D - R: its ends show farther out, up to (D + R) / D
-    times.
+    Let D be the distance of the point from the axis. Planes through the point touch the cylinder in two lines, whose
+    distance along z is `away` = (D - R) (D + R) / D. The side between these lines is at least D - R away, so that in
+    the rectangle's plane its ends lie up to (D + R) / D times farther out.
     """
-    x, y, z = np.moveaxis(place, -1, 0)
-    far = np.sqrt(y * y + z * z)
-    outside = far > radius
-    far = np.where(outside, far, 2 * radius)
-    grown = (far + radius) / far
-    away = (far - radius) * grown
-    # Rounding must not leave out the outline.
-    half = radius * np.sqrt((far - radius) * (far + radius)) / far * (1 + _MARGIN)
-    first, last = -length / 2 - x, length / 2 - x
-    before, beyond = np.maximum(-first, 0) * (grown - 1), np.maximum(last, 0) * (grown - 1)
-    return Cover(
+    x, y, z = np.moveaxis(point, -1, 0)
+    axis_distance = np.sqrt(y * y + z * z)
+    outside = axis_distance > radius
+    axis_distance = np.where(outside, axis_distance, 2 * radius)
+    growth = (axis_distance + radius) / axis_distance
+    away = (axis_distance - radius) * growth
+    # The margin keeps the outline inside after rounding.
+    half = radius * np.sqrt((axis_distance - radius) * (axis_distance + radius)) / axis_distance * (1 + _MARGIN)
+    start, end = -length / 2 - x, length / 2 - x
+    start_margin, end_margin = np.maximum(-start, 0) * (growth - 1), np.maximum(end, 0) * (growth - 1)
+    return CoveringRectangle(
         outside,
-        np.where(outside, -y / far, 0),
-        np.where(outside, -z / far, 1),
-        first - before,
-        length + before + beyond,
+        np.where(outside, -y / axis_distance, 0),
+        np.where(outside, -z / axis_distance, 1),
+        start - start_margin,
+        length + start_margin + end_margin,
         half,
         away,
     )
@@ -183,7 +185,7 @@ def covering(place: Floats, length: Any, radius: Any) -> Cover:
 def _read(prim: PlacedPrim) -> LightShape:
     radius, length = prim.radius("treatAsLine", "cylinder", (2,)), prim.length("length", prim.scale[0])
     light = CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes)
-    return LightShape.of(light, length, radius)
+    return LightShape.without_image(light, length, radius)
 
 
 CYLINDER = LightKind(CylinderLight, CylinderLight.example, {"CylinderLight": UsdLight(_read)})

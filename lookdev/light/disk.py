@@ -1,6 +1,6 @@
 """Disk light: `UsdLuxDiskLight`.
 
-Directions are drawn to the rectangle around it; those that miss the disk bring no light.
+Directions are drawn to the rectangle around it. A direction that misses the disk brings no light.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ class Ellipse:
     x: Any
     y: Any
 
-    def distance(self, place: Any, direction: Any) -> Any:
-        distance, point = meet_plane(place, direction, 2 * self.x, 2 * self.y)
-        s, t = point.s - 0.5, point.t - 0.5
+    def distance(self, point: Any, direction: Any) -> Any:
+        distance, hit = meet_plane(point, direction, 2 * self.x, 2 * self.y)
+        s, t = hit.s - 0.5, hit.t - 0.5
         return np.where(s * s + t * t <= 0.25, distance, FAR)
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        return self._around.pdf(place, direction)
+    def pdf(self, point: Any, direction: Any) -> Any:
+        return self._bounding_rectangle.pdf(point, direction)
 
-    def sample(self, place: Any, u: Any) -> Any:
-        return self._around.sample(place, u)
+    def sample(self, point: Any, u: Any) -> Any:
+        return self._bounding_rectangle.sample(point, u)
 
-    def solid_angle(self, place: Any) -> Any:
-        return plane_angle(place, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
+    def solid_angle(self, point: Any) -> Any:
+        return plane_angle(point, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
 
-    def cone(self, place: Any) -> tuple[Any, Any]:
-        return cone_about(place, np.maximum(self.x, self.y))
+    def cone(self, point: Any) -> tuple[Any, Any]:
+        return cone_about(point, np.maximum(self.x, self.y))
 
     @property
-    def _around(self) -> Rectangle:
+    def _bounding_rectangle(self) -> Rectangle:
         return Rectangle(2 * self.x, 2 * self.y)
 
 
@@ -86,7 +86,7 @@ class DiskLight(PlacedLight):
         x, y = self.radii
         return {"radius x": x, "radius y": y} if x != y else {"radius": x}
 
-    def resized(self, scale: float) -> DiskLight:
+    def resize(self, scale: float) -> DiskLight:
         return replace(self, radii=(scale * self.radii[0], scale * self.radii[1]))
 
     @property
@@ -101,7 +101,7 @@ class DiskLight(PlacedLight):
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.length("radius", 1.0)
     x, y = prim.scale[0] * radius, prim.scale[1] * radius
-    return LightShape.of(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
+    return LightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
 
 
 DISK = LightKind(DiskLight, DiskLight.example, {"DiskLight": UsdLight(_read)})

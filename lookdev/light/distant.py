@@ -24,7 +24,7 @@ from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
 
 Floats = NDArray[np.float64]
 
-_NARROWEST = math.radians(0.005)  # half an angle that float32 can tell from 0
+_NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
 
 
 @dataclass(frozen=True)
@@ -33,21 +33,21 @@ class Cone:
 
     versine: Any
 
-    def distance(self, place: Any, direction: Any) -> Any:
-        # By the chord, which keeps its digits where the cosine is near 1.
+    def distance(self, point: Any, direction: Any) -> Any:
+        # The chord keeps its digits where the cosine is near 1.
         chord = direction - ZENITH
         return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE, FAR)
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        return np.where(self.distance(place, direction) < FAR, uniform_density(self.versine), 0)
+    def pdf(self, point: Any, direction: Any) -> Any:
+        return np.where(self.distance(point, direction) < FAR, uniform_density(self.versine), 0)
 
-    def sample(self, place: Any, u: Any) -> Any:
+    def sample(self, point: Any, u: Any) -> Any:
         return draw_uniform(self.versine, u)
 
-    def solid_angle(self, place: Any) -> Any:
+    def solid_angle(self, point: Any) -> Any:
         return 2 * math.pi * self.versine
 
-    def cone(self, place: Any) -> tuple[Any, Any]:
+    def cone(self, point: Any) -> tuple[Any, Any]:
         return ZENITH, np.where(self.versine < 1, self.versine * (2 - self.versine), 1)
 
 
@@ -79,14 +79,14 @@ class DistantLight(Light):
 
     @property
     def size_factor(self) -> float:
-        """Steradians by which the radiance is divided where the power is normalized: `UsdLuxLightAPI`."""
-        # sin^2 loses its digits near 180 degrees, where cos^2 keeps them, and both formulas of UsdLux are continuous.
-        sine = math.sin(self._half) ** 2
-        return math.pi * ((sine if self._half <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
+        """The divisor of the radiance where the power is normalized, in steradians: `UsdLuxLightAPI`."""
+        # sin^2 loses its digits near 180 degrees, where cos^2 keeps them. UsdLux's two formulas agree at 180 degrees.
+        sine = math.sin(self._half_angle) ** 2
+        return math.pi * ((sine if self._half_angle <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
 
     @property
     def shape(self) -> Cone:
-        return Cone(2.0 * math.sin(max(self._half, _NARROWEST) / 2.0) ** 2)
+        return Cone(2.0 * math.sin(max(self._half_angle, _NARROWEST) / 2.0) ** 2)
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
@@ -98,45 +98,47 @@ class DistantLight(Light):
 
     @property
     def irradiance_per_nit(self) -> float:
-        # Of a cone, pi sin^2 of half its angle; the value of parallel light is its irradiance.
+        # For a cone it is pi sin^2 of half the angle; the value of parallel light is an irradiance already.
         return math.pi * math.sin(math.radians(min(self.angle, 180.0)) / 2.0) ** 2 if self.angle else 1.0
 
     def native_gap(self) -> str | None:
-        wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
-        return native.gap(self.emission, "shadow", besides=(*wide, *native.shadow_gap(self.emission)))
+        too_wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
+        return native.missing_features(
+            self.emission, "shadow", first=(*too_wide, *native.missing_shadow_features(self.emission))
+        )
 
     @property
     def sent(self) -> Color:
-        """The radiance in nits within the cone that is drawn, before `shaping`."""
-        r, g, b = (self._scale * channel for channel in self.emission.color)
+        """The radiance in nits within the cone of `shape`, before `shaping`."""
+        r, g, b = (self._radiance_scale * channel for channel in self.emission.color)
         return r, g, b
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
-        towards = to_local(self.axes, direction)
-        lit = self.shape.distance(place, towards) < FAR
-        sent = np.where(lit[..., None], self._scale * self.emission.towards(towards), 0.0)
-        return np.broadcast_to(sent, np.broadcast_shapes(sent.shape, place.shape))
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
+        local = to_local(self.axes, direction)
+        inside = self.shape.distance(point, local) < FAR
+        radiance = np.where(inside[..., None], self._radiance_scale * self.emission.radiance_towards(local), 0.0)
+        return np.broadcast_to(radiance, np.broadcast_shapes(radiance.shape, point.shape))
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        towards = to_local(self.axes, direction)
-        pdf = self.shape.pdf(place, towards)
-        return np.broadcast_to(pdf, np.broadcast_shapes(pdf.shape, place.shape[:-1]))
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        local = to_local(self.axes, direction)
+        pdf = self.shape.pdf(point, local)
+        return np.broadcast_to(pdf, np.broadcast_shapes(pdf.shape, point.shape[:-1]))
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, self.shape.sample(place, u))
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        return to_world(self.axes, self.shape.sample(point, u))
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
 
     @property
-    def _half(self) -> float:
+    def _half_angle(self) -> float:
         return math.radians(min(self.angle, 360.0)) / 2.0
 
     @property
-    def _scale(self) -> float:
-        """What the radiance is multiplied by: a cone that is too narrow is drawn wider, with the same irradiance."""
-        wide = math.pi * math.sin(_NARROWEST) ** 2
-        return 1.0 if self._half >= _NARROWEST else self.size_factor / wide
+    def _radiance_scale(self) -> float:
+        """The factor of the radiance: `shape` widens a cone that is too narrow, and the irradiance stays the same."""
+        projected = math.pi * math.sin(_NARROWEST) ** 2
+        return 1.0 if self._half_angle >= _NARROWEST else self.size_factor / projected
 
 
 def _read(prim: PlacedPrim) -> LightShape:

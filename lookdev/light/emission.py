@@ -1,9 +1,9 @@
-"""What lights of all kinds share: colour, shape of the beam, shadow, falloff.
+"""The emission of a light of any kind: colour, beam shape, shadow, falloff.
 
 Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
-``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: 1 shows as a pixel of value
-1. `Falloff` is not physical, nor part of UsdLux; its aim is that of section 6.2 of Burley, "Physically Based Shading at
-Disney", 2012.
+``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: radiance 1 gives a pixel
+value of 1. `Falloff` is neither physical nor part of UsdLux; its aim is that of section 6.2 of Burley, "Physically
+Based Shading at Disney", 2012.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ Color = tuple[float, float, float]
 
 DEGREES = 180.0 / math.pi
 
-_NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so that no exponent divides by 0
+_NEAREST = 1e-6  # metres, the least distance that a falloff computes with: no exponent divides by 0
 
 
 def slope(start: float, end: float) -> float:
-    """Return the slope of a `smooth_step` from `start` to `end`; 0 where both are equal, so that it is 0."""
+    """Return the `rise` of a `smooth_step` from `start` to `end`; 0 if both are equal, for a step that is 0."""
     return 1.0 / (end - start) if end > start else 0.0
 
 
 def smooth_step(value: Floats, start: Any, rise: Any) -> Floats:
-    """Return 0 up to `start`, 1 from ``start + 1 / rise`` on, and a cubic polynomial without kinks between."""
+    """Return 0 up to `start`, 1 from ``start + 1 / rise`` on, and a smooth cubic polynomial in between."""
     t = np.clip((value - start) * rise, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
 def off_axis(direction: Floats) -> Floats:
-    """Return the angle (...) in radians off a light's axis, -z, under which it sends to where directions lead to it."""
+    """Return the emission angle (...) off a light's axis, -z, in radians; directions (..., 3) point to the light."""
     x, y, z = np.moveaxis(direction, -1, 0)
     return np.arctan2(np.sqrt(x * x + y * y), z)
 
 
 def azimuth(direction: Floats) -> Floats:
-    """Return the angle (...) about a light's axis, from its x to its y, in degrees from 0 to 360, as `off_axis`."""
+    """Return the emission angle (...) about a light's axis, from x to y, in degrees from 0 to 360; see `off_axis`."""
     x, y = direction[..., 0], direction[..., 1]
     turns = np.arctan2(-y, -x) / (2.0 * math.pi)
     return 360.0 * (turns - np.floor(turns))
@@ -56,14 +56,15 @@ def azimuth(direction: Floats) -> Floats:
 
 # UsdLuxShapingAPI: inputs:shaping:cone:angle and inputs:shaping:cone:softness.
 def cone_factor(angle: Floats, cone: Any, start: Any, rise: Any) -> Floats:
-    """Return what of the light is in the cone, (...), at angles off the axis; all angles in radians."""
+    """Return the factor (...) of the radiance by `Shaping`'s cone, at angles off the axis; all angles in radians."""
     return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
 
 
 def beam_bound(cosine: Floats, squared_sine: Floats, cone: Any, start: Any, rise: Any, focus: Any, tint: Any) -> Floats:
-    """Return the largest mean over channels (...) of what `Shaping` leaves, in a cone of directions about an axis.
+    """Return the largest factor (...) of `Shaping`, its mean over channels, in a cone of directions about an axis.
 
-    `cosine` is that of the axis to -z, `squared_sine` that of half the cone's angle, 1: all directions.
+    `cosine` is the cosine of the cone's axis to -z. `squared_sine` is the squared sine of the cone's half angle; 1
+    stands for all directions.
     """
     angle = np.arctan2(np.sqrt(np.maximum(1 - cosine * cosine, 0)), cosine)
     spread = np.where(squared_sine < 1, np.arctan2(np.sqrt(squared_sine), np.sqrt(1 - squared_sine)), math.pi)
@@ -74,26 +75,26 @@ def beam_bound(cosine: Floats, squared_sine: Floats, cone: Any, start: Any, rise
 
 # UsdLuxShapingAPI: inputs:shaping:focus and inputs:shaping:focusTint.
 def focus_factor(cosine: Floats, focus: Any, tint: Any) -> Floats:
-    """Return what is left of the light, (..., 3), at cosines (...) to the axis; `tint` (3,) is at right angles."""
+    """Return the factor (..., 3) of the radiance at cosines (...) to the axis; at right angles it is `tint` (3,)."""
     focused = np.expand_dims(np.absolute(cosine) ** focus, -1)
     return focused + (1.0 - focused) * tint
 
 
-def check_number(what: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """Return a number; raises EnvironmentMapError unless it is finite, at least `least`, and greater than `above`."""
+def check_number(name: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
+    """Return `value`; raise EnvironmentMapError unless it is finite, at least `least` and greater than `above`."""
     if not (math.isfinite(value) and value >= least and value > above):
         right = (
             f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
         )
-        raise EnvironmentMapError(f"{what} {value:g}: a number that is {right} would be right")
+        raise EnvironmentMapError(f"{name} {value:g}: a number that is {right} would be right")
     return value
 
 
-def check_color(what: str, value: Sequence[float]) -> None:
+def check_color(name: str, value: Sequence[float]) -> None:
     """Raise EnvironmentMapError unless all channels are finite and not negative."""
     if not all(math.isfinite(channel) and channel >= 0.0 for channel in value):
-        shown = ", ".join(f"{channel:g}" for channel in value)
-        raise EnvironmentMapError(f"{what} ({shown}): finite channels, none negative, would be right")
+        channels = ", ".join(f"{channel:g}" for channel in value)
+        raise EnvironmentMapError(f"{name} ({channels}): finite channels, none negative, would be right")
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Shaping:
         check_color("focus tint", self.focus_tint)
 
     def factor(self, direction: Floats) -> Floats:
-        """Return what radiance is multiplied by, (..., 1 or 3), where directions (..., 3) in its space lead to it.
+        """Return the factor (..., 1 or 3) of the radiance for directions (..., 3) to the light, in the light's space.
 
         The emission direction is the opposite one, the light's axis is -z.
         """
@@ -128,16 +129,16 @@ class Shaping:
 
     @property
     def cone(self) -> tuple[float, float, float]:
-        """The numbers of `cone_factor`."""
+        """The arguments of `cone_factor` after the angle."""
         cone = math.radians(self.cone_angle)
         start = cone * (1.0 - min(max(self.cone_softness, 0.0), 1.0))
-        # Directions are rounded: the widest cone is all of them.
+        # Angles are rounded, so that a limit of pi would exclude some; 4.0 includes all directions.
         return cone if self.cone_angle < 180.0 else 4.0, start, slope(start, cone)
 
 
 @dataclass(frozen=True)
 class Shadow:
-    """What of a light passes what occludes it: `UsdLuxShadowAPI`. Distances are in metres from the shaded place."""
+    """The shadow controls of a light: `UsdLuxShadowAPI`. Distances are in metres from the shading point."""
 
     enable: bool = True
     color: Color = (0.0, 0.0, 0.0)
@@ -152,21 +153,22 @@ class Shadow:
         check_number("shadow falloff gamma", self.falloff_gamma, least=0.0)
 
     def passed(self, distance: Floats) -> Floats:
-        """Return the share (..., 3) of the light that passes what occludes it at distances (...)."""
+        """Return the share (..., 3) of the light that passes occluders at distances (...)."""
         return shadow_passed(distance, *self.numbers, np.array(self.color))
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The numbers of `shadow_passed` but the colour."""
+        """The arguments of `shadow_passed` between the distance and the colour."""
         limit = self.distance if self.distance >= 0.0 else math.inf
         return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
 
 
 # UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
 def shadow_passed(distance: Floats, enable: Any, limit: Any, zone: Any, gamma: Any, color: Any) -> Floats:
-    """Return the share (..., 3) of the light that passes occluders at distances (...), up to `limit`.
+    """Return the share (..., 3) of the light that passes occluders at distances (...).
 
-    The shadow fades over the last part, `zone`, of the limit; it has a `color` (3,), and is there if `enable` is 1.
+    Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a
+    `color` (3,). `enable` is 1, or 0 for no shadow.
     """
     faded = np.clip((limit - distance) / np.where(zone > 0.0, zone, 1.0), 0.0, 1.0) ** gamma
     strength = enable * np.where(zone > 0.0, faded, np.where(distance <= limit, 1.0, 0.0))
@@ -178,11 +180,10 @@ _BLACK_SHADOW = Shadow()
 
 @dataclass(frozen=True)
 class Falloff:
-    """How the light that arrives depends on the distance d in metres to the light's position; not physical.
+    """The falloff of a light with the distance d in metres from its position; not physical.
 
-    A small light is as bright at a place as one of the same intensity at ``d + virtual_distance``, whose light falls
-    with the power `exponent` of the distance instead of 2; both agree at 1 m. From `start` on it fades smoothly, and
-    none arrives from `end` on; None: it has no end.
+    The irradiance from a small light is its intensity times ``(d + virtual_distance) ** -exponent``, instead of
+    ``d ** -2``. It fades smoothly from `start` to `end`, and no light arrives beyond. Without `end` it does not fade.
     """
 
     virtual_distance: float = 0.0
@@ -198,34 +199,38 @@ class Falloff:
             raise EnvironmentMapError(f"falloff end {self.end:g}: more than its start, {self.start:g}, would be right")
 
     def factor(self, distance: Floats) -> Floats:
-        """Return what radiance is multiplied by at places at distances (...) from the light's position."""
+        """Return the factor (...) of the radiance at distances (...) from the light's position."""
         return falloff_factor(distance, *self.numbers)
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The numbers of `falloff_factor`."""
+        """The arguments of `falloff_factor` after the distance."""
         rise = 0.0 if self.end is None else slope(self.start, self.end)
         return self.virtual_distance, -self.exponent, self.start, rise
 
 
 def falloff_factor(distance: Floats, virtual: Any, power: Any, start: Any, rise: Any) -> Floats:
-    """Return what radiance is multiplied by, (...), as `Falloff.factor`."""
+    """Return the factor (...) of the radiance at distances (...): `Falloff.factor`."""
     nearest = np.maximum(distance, _NEAREST)
     return nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
 
 
 @dataclass(frozen=True)
 class Emission:
-    """The light that a light sends out.
+    """The emission of a light.
 
     Parameters
     ----------
     color
-        Radiance in nits, linear Rec.709, before `shaping`: as `emitted_color`.
+        Radiance in nits, linear Rec.709, before `shaping`: `emitted_color`.
     diffuse, specular
-        Factors of the diffuse and the specular response of what is lit.
-    shaping, shadow, falloff
-        None: the light sends the same in all directions; its distance has no effect beyond its solid angle.
+        Factors of the diffuse and the specular response of a surface to the light.
+    shaping
+        The shape of its beam. None if the radiance is the same in all directions.
+    shadow
+        The controls of its shadow.
+    falloff
+        Its unphysical falloff. None if the distance changes nothing but the solid angle.
     turns
         Whether the light turns with the rig in the lighting rotation.
     camera
@@ -233,12 +238,12 @@ class Emission:
     group
         The name of its light group.
     path
-        The path of its prim, for messages; "" where it is of none.
+        The path of its prim, for messages; "" if it has no prim.
     light_link, shadow_link
-        The parts of the asset that it shines on, and those that cast its shadow; None: everything.
+        The parts of the asset that it illuminates, and those that cast its shadow; None for all parts.
     spared
-        The numbers of the groups of parts that cast no shadow of it, by which `shadow_link` is rendered
-        (`lookdev.scene.linking`).
+        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.linking` computes them from
+        `shadow_link`, and renderers read them.
     """
 
     color: Color = (1.0, 1.0, 1.0)
@@ -261,41 +266,44 @@ class Emission:
         check_number("specular multiplier", self.specular, least=0.0)
 
     @property
-    def unnamed(self) -> Emission:
-        """The emission as far as pixels depend on it: group and path are names, links count by the parts they fit."""
+    def without_names(self) -> Emission:
+        """The emission without the fields that pixels do not depend on: group, path and links; `spared` remains."""
         return replace(self, group="", path="", light_link=None, shadow_link=None)
 
-    def scaled(self, scale: float) -> Emission:
-        """Return an emission whose distances are `scale` times as long."""
+    def scale_lengths(self, scale: float) -> Emission:
+        """Return the emission with distances `scale` times as long."""
         shadow, falloff = self.shadow, self.falloff
         if shadow.distance >= 0.0:
-            # A falloff below 0 is none, whatever its number.
+            # A negative falloff means no falloff, whatever its value.
             shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
         if falloff is None:
             return replace(self, shadow=shadow)
-        # A factor of `Falloff` is a length to the power of 2 - exponent.
-        by = scale ** (falloff.exponent - 2.0)
-        r, g, b = (by * channel for channel in self.color)
+        # The factor of `Falloff` has the dimension of a length to the power of 2 - exponent.
+        factor = scale ** (falloff.exponent - 2.0)
+        r, g, b = (factor * channel for channel in self.color)
         end = None if falloff.end is None else scale * falloff.end
         virtual, start = scale * falloff.virtual_distance, scale * falloff.start
         longer = replace(falloff, virtual_distance=virtual, start=start, end=end)
         return replace(self, color=(r, g, b), shadow=shadow, falloff=longer)
 
     def in_space(self, space: Space) -> Emission:
-        """Return an emission of linear Rec.709 in a space, where its filters leave of it what they leave here."""
-        color = _color(to_space(self.color, space))
-        shaping, shadow = self.shaping, replace(self.shadow, color=_filter(self.color, self.shadow.color, space))
+        """Return the emission, linear Rec.709, in another colour space; `_filter_in_space` converts its filters."""
+        color = _as_color(to_space(self.color, space))
+        shaping, shadow = (
+            self.shaping,
+            replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space)),
+        )
         if shaping is not None:
-            shaping = replace(shaping, focus_tint=_filter(self.color, shaping.focus_tint, space))
+            shaping = replace(shaping, focus_tint=_filter_in_space(self.color, shaping.focus_tint, space))
         return replace(self, color=color, shaping=shaping, shadow=shadow)
 
-    def towards(self, direction: Floats) -> Floats:
-        """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""
+    def radiance_towards(self, direction: Floats) -> Floats:
+        """Return the radiance (..., 3) for directions (..., 3) to the light, in the light's own space."""
         color = np.array(self.color)
         return color * (self.shaping.factor(direction) if self.shaping else np.ones((*direction.shape[:-1], 3)))
 
-    def faded(self, distance: Floats) -> Floats:
-        """Return what radiance is multiplied by at places at distances (...) from the light's position."""
+    def falloff_factor(self, distance: Floats) -> Floats:
+        """Return the factor (...) of the radiance at distances (...) from the light's position."""
         return self.falloff.factor(distance) if self.falloff else np.ones_like(distance)
 
 
@@ -303,16 +311,16 @@ WHITE = Emission()
 """Radiance 1 in all directions."""
 
 
-def _filter(light: Color, factor: Color, space: Space) -> Color:
-    """Return by what a light is multiplied in a space so that of it is left what `factor` leaves in Rec.709."""
+def _filter_in_space(light: Color, factor: Color, space: Space) -> Color:
+    """Return the factor in a space that changes the colour of a light as `factor` does in Rec.709."""
     if len({*factor}) == 1:
         return factor
     before = to_space(light, space)
     after = to_space(np.array(light) * np.array(factor), space)
-    return _color(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
+    return _as_color(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
 
 
-def _color(values: Floats) -> Color:
+def _as_color(values: Floats) -> Color:
     r, g, b = values.tolist()
     return r, g, b
 
@@ -332,7 +340,7 @@ def emitted_color(
     """
     check_number("intensity", intensity, least=0.0)
     check_number("exposure", exposure)
-    # What overflows is infinite, which no Emission takes.
+    # An overflow gives infinity, which Emission rejects.
     scale = intensity * math.pow(2.0, min(exposure, 1000.0)) / size
     r, g, b = (scale * a * t for a, t in zip(color, temperature, strict=True))
     return r, g, b

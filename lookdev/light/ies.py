@@ -1,7 +1,7 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
-Type C goniophotometry alone, of LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are read and have no effect,
-as in the reference implementation of UsdLux.
+The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are
+read and have no effect, as in the reference implementation of UsdLux.
 """
 
 from __future__ import annotations
@@ -34,10 +34,16 @@ _HORIZONTAL = ((0.0, 0.0), (0.0, 90.0), (0.0, 180.0), (0.0, 360.0), (90.0, 270.0
 class Profile:
     """An IES profile of `UsdLuxShapingAPI`, as a table.
 
-    `table` is a ``.npy`` file of float32, (1 + H, 1 + V): the first row has the vertical angles in degrees from the
-    light's axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y; the rest is
-    the luminous intensity in candela, bilinear between them, and 0 beyond the vertical angles. `scale` multiplies it.
-    `angle_scale` is ``shaping:ies:angleScale``.
+    Parameters
+    ----------
+    table
+        A ``.npy`` file of float32, (1 + H, 1 + V). The first row has the vertical angles in degrees from the light's
+        axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y. The rest is the
+        luminous intensity in candela, bilinear between the angles, and 0 beyond the vertical angles.
+    scale
+        Factor of the intensity.
+    angle_scale
+        ``shaping:ies:angleScale``.
     """
 
     table: Content
@@ -53,26 +59,26 @@ class Profile:
 
     @cached_property
     def values(self) -> Floats:
-        """The table, (1 + H, 1 + V)."""
+        """The content of `table`, (1 + H, 1 + V)."""
         return np.asarray(np.load(self.table.path), np.float64)
 
     @property
     def largest(self) -> float:
-        """The largest factor."""
+        """The largest value of `factor`."""
         return self.scale * float(self.values[1:, 1:].max())
 
     @cached_property
     def numbers(self) -> Floats:
-        """What `profile_factor` reads: the counts of rows and columns, then the table, (n,)."""
+        """The numbers (n,) that `profile_factor` reads: the counts of rows and columns, then the table."""
         return np.concatenate([np.array(self.values.shape, np.float64), self.values.ravel()])
 
     @property
     def steps(self) -> int:
-        """The steps in which `profile_factor` finds an angle."""
+        """The bisection steps in which `profile_factor` finds an angle."""
         return max(self.values.shape).bit_length()
 
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
-        """Return what radiance is multiplied by in directions of two angles in degrees; horizontal from 0 to 360."""
+        """Return the factor of the radiance at vertical and horizontal angles in degrees; horizontal from 0 to 360."""
         table = Table(self.numbers[:, None])
         return np.asarray(
             profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale), np.float64
@@ -80,55 +86,59 @@ class Profile:
 
 
 def profile_factor(
-    table: Table, place: Any, steps: int, vertical: Any, horizontal: Any, scale: Any, angle_scale: Any
+    table: Table, start: Any, steps: int, vertical: Any, horizontal: Any, scale: Any, angle_scale: Any
 ) -> Any:
-    """Return `Profile.factor` by `Profile.numbers` in a column of numbers from row `place` on.
+    """Return `Profile.factor`; `table` is a column of numbers that has `Profile.numbers` from row `start` on.
 
-    An angle is found in `steps` halvings. Arrays may be symbolic.
+    An angle is found by `steps` bisections. Arrays may be symbolic.
     """
 
     def number(index: Any) -> Any:
-        return look_up(table, place + index, 0.0)
+        """Return a number of `Profile.numbers`."""
+        return look_up(table, start + index, 0.0)
 
     # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
     divisor = np.where(angle_scale == 0.0, 1.0, angle_scale)
-    back = (vertical - 180.0) / -divisor + 180.0
-    vertical = np.where(angle_scale < 0.0, back, vertical / divisor)
+    measured_from_back = (vertical - 180.0) / -divisor + 180.0
+    vertical = np.where(angle_scale < 0.0, measured_from_back, vertical / divisor)
     rows, columns = number(np.zeros_like(vertical)), number(np.ones_like(vertical))
 
     def interval(count: Any, angle_at: Any, angle: Any) -> Any:
-        """Return the first of two neighbouring angles that an angle is between; the table's first is at 1."""
-        found = np.ones_like(angle)
+        """Return the index of the first of two neighbours around `angle`; the table's first angle has index 1."""
+        index = np.ones_like(angle)
         for step in reversed(range(steps)):
-            ahead = np.minimum(found + 2.0**step, count - 2.0)
-            found = np.where(angle_at(ahead) <= angle, np.maximum(ahead, found), found)
-        return found
+            candidate = np.minimum(index + 2.0**step, count - 2.0)
+            index = np.where(angle_at(candidate) <= angle, np.maximum(candidate, index), index)
+        return index
 
-    def down(v: Any) -> Any:
+    def vertical_at(v: Any) -> Any:
         return number(2.0 + v)
 
-    def around(h: Any) -> Any:
+    def horizontal_at(h: Any) -> Any:
         return number(2.0 + h * columns)
 
-    v, h = interval(columns, down, vertical), interval(rows, around, horizontal)
-    s, t = (vertical - down(v)) / (down(v + 1) - down(v)), (horizontal - around(h)) / (around(h + 1) - around(h))
+    v, h = interval(columns, vertical_at, vertical), interval(rows, horizontal_at, horizontal)
+    s, t = (
+        (vertical - vertical_at(v)) / (vertical_at(v + 1) - vertical_at(v)),
+        (horizontal - horizontal_at(h)) / (horizontal_at(h + 1) - horizontal_at(h)),
+    )
 
-    def along(h: Any) -> Any:
+    def row_value(h: Any) -> Any:
         return (1.0 - s) * number(2.0 + h * columns + v) + s * number(2.0 + h * columns + (v + 1))
 
-    lit = (down(np.ones_like(v)) <= vertical) & (vertical <= down(columns - 1.0))
-    return np.where(lit, scale * ((1.0 - t) * along(h) + t * along(h + 1)), 0.0)
+    covered = (vertical_at(np.ones_like(v)) <= vertical) & (vertical <= vertical_at(columns - 1.0))
+    return np.where(covered, scale * ((1.0 - t) * row_value(h) + t * row_value(h + 1)), 0.0)
 
 
 def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = False) -> Profile:
-    """Read a profile; with `normalize` its scale is 1 over its power, as `profile_power`.
+    """Read a profile from an IES file; with `normalize` its scale is 1 over its `profile_power`.
 
     Raises
     ------
     TextError
         The file cannot be read.
     EnvironmentMapError
-        It is no IES file of type C, or contradicts itself; the message names the line.
+        It is not an IES file of type C, or contradicts itself; the message names the line.
     """
     table = parse_profile(read_bytes(file, _LARGEST).decode("latin-1"), str(file))
     power = profile_power(table) if normalize else 1.0
@@ -139,13 +149,13 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
 
 
 def profile_power(table: Floats) -> float:
-    """Return the mean intensity of a table: over the sphere, or over the hemisphere if its angles cover only that.
+    """Return the mean intensity of a table over the sphere, or over the hemisphere if its angles cover only that.
 
-    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, leaves the unit open; the mean is that of its reference
-    implementation (hdEmbree), which integrates over patches by their middle, and this exactly.
+    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, leaves the unit open. Its reference implementation (hdEmbree)
+    uses this mean, integrated over patches by their midpoints; here the integral of the bilinear table is exact.
     """
     down, around, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
-    # The integral of a linear function times the sine: weights of the values at both ends of each step.
+    # The integral of a linear function times the sine, as weights of the values at both ends of each step.
     step = np.diff(down)
     mean = (np.sin(down[1:]) - np.sin(down[:-1])) / step
     weights = np.zeros(len(down))
@@ -157,41 +167,41 @@ def profile_power(table: Floats) -> float:
 
 
 def parse_profile(text: str, where: str) -> Floats:
-    """Return the table of an IES file, `where` being its name in messages: as `Profile.table`, (1 + H, 1 + V)."""
+    """Return the table of an IES file, (1 + H, 1 + V), as `Profile.table`; `where` is the file's name in messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not lines[0].startswith(_HEADERS):
         raise _fault(where, 1, f"an IES file begins with {', '.join(_HEADERS)}")
     tilts = [number for number, line in enumerate(lines, 1) if line.startswith("TILT=")]
     if not tilts:
         raise _fault(where, len(lines), "no line 'TILT=', after which an IES file has its numbers")
-    numbers = _Numbers(where, lines, tilts[0])
+    numbers = _NumberReader(where, lines, tilts[0])
     if lines[tilts[0] - 1].strip() == "TILT=INCLUDE":
-        numbers.whole("lamp to luminaire geometry", 1, 3)
-        count = numbers.whole("number of tilt angles", 1, _MOST_ANGLES)
+        numbers.take_integer("lamp to luminaire geometry", 1, 3)
+        count = numbers.take_integer("number of tilt angles", 1, _MOST_ANGLES)
         numbers.take("tilt angles", count)
         numbers.take("tilt factors", count)
-    numbers.whole("number of lamps", 1, 1 << 16)
+    numbers.take_integer("number of lamps", 1, 1 << 16)
     numbers.take("lumens of a lamp", 1)  # -1: absolute photometry
-    multiplier = numbers.positive("candela multiplier")
-    down_count = numbers.whole("number of vertical angles", 2, _MOST_ANGLES)
-    around_count = numbers.whole("number of horizontal angles", 1, _MOST_ANGLES)
-    kind = numbers.whole("photometric type", 1, 3)
+    multiplier = numbers.take_positive("candela multiplier")
+    down_count = numbers.take_integer("number of vertical angles", 2, _MOST_ANGLES)
+    around_count = numbers.take_integer("number of horizontal angles", 1, _MOST_ANGLES)
+    kind = numbers.take_integer("photometric type", 1, 3)
     if kind != 1:
         raise numbers.fault(f"is of type {'?CBA'[kind]} goniophotometry; type C, 1, would be right")
-    numbers.whole("unit of the luminous opening", 1, 2)
+    numbers.take_integer("unit of the luminous opening", 1, 2)
     numbers.take("width, length and height", 3)
-    factor = multiplier * numbers.positive("ballast factor") * numbers.positive("ballast-lamp factor")
+    factor = multiplier * numbers.take_positive("ballast factor") * numbers.take_positive("ballast-lamp factor")
     numbers.take("input watts", 1)
-    down = numbers.angles("vertical angles", down_count, _VERTICAL)
-    around = numbers.angles("horizontal angles", around_count, _HORIZONTAL)
+    down = numbers.take_angles("vertical angles", down_count, _VERTICAL)
+    around = numbers.take_angles("horizontal angles", around_count, _HORIZONTAL)
     rows = []
     for _ in range(around_count):
         row = numbers.take("candela values", down_count)
         if not (row >= 0.0).all():
             raise numbers.fault(f"candela value {row.min():g}: none is negative")
         rows.append(row)
-    numbers.end()
-    around, candela = _all_around(around, np.stack(rows))
+    numbers.check_end()
+    around, candela = _mirror_to_full_circle(around, np.stack(rows))
     table = np.zeros((1 + len(around), 1 + len(down)))
     table[0, 1:], table[1:, 0], table[1:, 1:] = down, around, factor * candela
     if not table.max() < 1e18:
@@ -199,12 +209,12 @@ def parse_profile(text: str, where: str) -> Floats:
     return table
 
 
-def _all_around(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
+def _mirror_to_full_circle(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Mirror horizontal angles and values (H, V) to the whole circle, 0 to 360."""
-    if around[0] == 90.0:  # mirrored at the plane of 90 and 270 degrees
+    if around[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
         angles = np.unique(np.concatenate([around, (540.0 - around) % 360.0, [0.0, 360.0]]))
-        given = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
-        return angles, np.stack([np.interp(given, around, column) for column in candela.T], axis=-1)
+        source = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
+        return angles, np.stack([np.interp(source, around, column) for column in candela.T], axis=-1)
     if len(around) == 1:
         return np.array([0.0, 360.0]), candela[[0, 0]]
     for half in (90.0, 180.0):
@@ -214,11 +224,11 @@ def _all_around(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
     return around, candela
 
 
-def _fault(where: str, line: int, what: str) -> EnvironmentMapError:
-    return EnvironmentMapError(f"{where}, line {line}: {what}")
+def _fault(where: str, line: int, problem: str) -> EnvironmentMapError:
+    return EnvironmentMapError(f"{where}, line {line}: {problem}")
 
 
-class _Numbers:
+class _NumberReader:
     """The numbers after a line of a file, each with its line."""
 
     def __init__(self, where: str, lines: list[str], after: int) -> None:
@@ -232,47 +242,49 @@ class _Numbers:
         ]
         self._next = 0
 
-    def fault(self, what: str) -> EnvironmentMapError:
-        """Return an error at the number last taken."""
-        return _fault(self._where, self._tokens[self._next - 1][1] if self._next else self._lines, what)
+    def fault(self, problem: str) -> EnvironmentMapError:
+        """Return an error at the line of the number that was taken last."""
+        return _fault(self._where, self._tokens[self._next - 1][1] if self._next else self._lines, problem)
 
-    def take(self, what: str, count: int) -> Floats:
-        found = self._tokens[self._next : self._next + count]
-        if len(found) < count:
-            raise _fault(self._where, self._lines, f"the file ends before its {what}: {count - len(found)} are missing")
+    def take(self, name: str, count: int) -> Floats:
+        tokens = self._tokens[self._next : self._next + count]
+        if len(tokens) < count:
+            raise _fault(
+                self._where, self._lines, f"the file ends before its {name}: {count - len(tokens)} are missing"
+            )
         values = np.empty(count)
-        for index, (token, _) in enumerate(found):
+        for index, (token, _) in enumerate(tokens):
             self._next += 1
             try:
                 values[index] = float(token) if re.fullmatch(r"[-+.0-9eE]+", token) else math.nan
             except ValueError:
                 values[index] = math.nan
             if not math.isfinite(values[index]):
-                raise self.fault(f"{token[:40]!r} among the {what} is no number")
+                raise self.fault(f"{token[:40]!r} among the {name} is not a number")
         return values
 
-    def whole(self, what: str, least: int, most: int) -> int:
-        value = float(self.take(what, 1)[0])
+    def take_integer(self, name: str, least: int, most: int) -> int:
+        value = float(self.take(name, 1)[0])
         if not (value.is_integer() and least <= value <= most):
-            raise self.fault(f"{what} {value:g}: a whole number from {least} to {most} would be right")
+            raise self.fault(f"{name} {value:g}: a whole number from {least} to {most} would be right")
         return int(value)
 
-    def positive(self, what: str) -> float:
-        value = float(self.take(what, 1)[0])
+    def take_positive(self, name: str) -> float:
+        value = float(self.take(name, 1)[0])
         if not value > 0.0:
-            raise self.fault(f"{what} {value:g}: a number above 0 would be right")
+            raise self.fault(f"{name} {value:g}: a number above 0 would be right")
         return value
 
-    def angles(self, what: str, count: int, ranges: tuple[tuple[float, float], ...]) -> Floats:
-        values = self.take(what, count)
+    def take_angles(self, name: str, count: int, ranges: tuple[tuple[float, float], ...]) -> Floats:
+        values = self.take(name, count)
         if (np.diff(values) <= 0.0).any():
-            raise self.fault(f"the {what} do not increase")
+            raise self.fault(f"the {name} do not increase")
         if (values[0], values[-1]) not in ranges:
             right = ", ".join(f"{first:g} to {last:g}" for first, last in ranges)
-            raise self.fault(f"the {what} are from {values[0]:g} to {values[-1]:g}; {right} would be right")
+            raise self.fault(f"the {name} are from {values[0]:g} to {values[-1]:g}; {right} would be right")
         return values
 
-    def end(self) -> None:
+    def check_end(self) -> None:
         if self._next < len(self._tokens):
             more = len(self._tokens) - self._next
             self._next += 1

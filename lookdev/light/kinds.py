@@ -16,5 +16,5 @@ LIGHT_KINDS: dict[str, LightKind] = {
 
 
 def called(light: Light, number: int) -> str:
-    """Return what messages call a light: the path of its prim, else its number, with its kind."""
+    """Return the name of a light in messages: the path of its prim, else its number, with its kind."""
     return f"light {light.emission.path or number} ({light.kind})"

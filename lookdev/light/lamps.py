@@ -1,7 +1,7 @@
-"""Several lights as numbers: what a shader of a rig reads of each.
+"""The lights of a rig as numbers that a shader reads.
 
-Lamps are the lights that are not domes. Each is a row of `FIELDS` in one array, so that one loop of the shader serves
-all of a kind; the shader's code depends on which kinds and controls a rig has, not on its numbers.
+Lamps are the lights that are not domes. Each light is a row of `FIELDS` in one array, so that one loop of the shader
+serves all lamps of a kind. The shader's code depends on the kinds and controls in the rig, not on their numbers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Floats: TypeAlias = Any
 SHAPES: dict[str, type[Any]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
-"""Shapes of lamps, by their names in generated code; a shape's number in a row is its place here."""
+"""Shapes of lamps, by their names in generated code; a shape's number in a row is its index here."""
 
 FIELDS = (
     "kind",
@@ -40,39 +40,40 @@ FIELDS = (
     *("a", "b"),  # the fields of its shape
     "reach",  # metres to its farthest point
     *("red", "green", "blue"),  # radiance
-    "mean",  # of the radiance, of texture and profile the largest
+    "mean",  # mean radiance: the texture's mean, and the profile's largest value
     *("turns", "camera"),
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
-    *("profile", "profile_scale", "angle_scale"),  # place in the array of tables, -1 without
+    *("profile", "profile_scale", "angle_scale"),  # start in the array of tables, -1 without
     *("virtual", "power", "fade", "fade_rise"),
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
-    *("picture", "tree"),  # number of its texture, and place of its `flat_tree` in the array of tables
-    "spares",  # number of what it spares among `CodedRig.spared`
+    *("picture", "tree"),  # number of its texture, and start of its `flat_tree` in the array of tables
+    "spares",  # index of `Emission.spared` in `CodedRig.spared`
 )
 """The numbers of a lamp, in the order of a row."""
 
 
-def weight(shape: Any, beam: Any, fall: Any, place: Floats, normal: Floats) -> Floats:
-    """Return an estimate (...) of the irradiance of places (..., 3) about normals, by radiance 1 of a shape.
+def weight(shape: Any, beam: Any, falloff: Any, point: Floats, normal: Floats) -> Floats:
+    """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
 
-    It is positive wherever the shape sends light to the front of a plane about the normal. `beam` and `fall` are the
-    numbers of `beam_bound` and `falloff_factor`; None: the emission is the same in all directions, or has no falloff.
+    It is positive wherever the shape sends light to the front of the plane with the normal. `beam` and `falloff` are
+    the numbers of `beam_bound` and `falloff_factor`; None if the emission is the same in all directions, or has no
+    falloff.
     """
-    axis, squared_sine = shape.cone(place)
-    estimate = shape.solid_angle(place) * greatest_cosine(axis, squared_sine, normal)
+    axis, squared_sine = shape.cone(point)
+    estimate = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
     if beam is not None:
         estimate = estimate * beam_bound(axis[..., 2], squared_sine, *beam)
-    if fall is not None:
-        estimate = estimate * falloff_factor(np.sqrt((place * place).sum(axis=-1)), *fall)
+    if falloff is not None:
+        estimate = estimate * falloff_factor(np.sqrt((point * point).sum(axis=-1)), *falloff)
     return estimate
 
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a shader's places are, in metres of the lights' world.
+    """The placement of a shader's coordinates in the lights' world, in metres.
 
-    `origin` is the place that the shader has at 0, `axis` is x and y of the vertical about which a rig turns.
+    `origin` is the world position of the shader's origin, `axis` the x and y of the vertical about which a rig turns.
     """
 
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -80,17 +81,18 @@ class Stand:
 
     @property
     def offset(self) -> tuple[float, float, float]:
-        """What to add to a place of the shader to have it from the axis."""
+        """The vector from the axis, at height 0, to the shader's origin: a shader adds it to its points."""
         (x, y, z), (across, along) = self.origin, self.axis
         return x - across, y - along, z
 
 
 @dataclass(frozen=True)
 class CodedRig:
-    """Lights by what a shader does with them, in the order of its numbers: lamps, then domes.
+    """The lights of a rig in the order of their numbers in a shader: lamps, then domes.
 
-    Whether some light is `shaped`, has a `falloff`, a shadow that is not plain (`shadowed`), stands `still`, is `split`
-    into diffuse and specular light, or has a profile (`profiled`).
+    The booleans tell which controls the shader needs: whether some light is `shaped`, has a falloff (`falling`), a
+    shadow that is not the default (`shadowed`), does not turn with the rig (`still`), differs in its diffuse and
+    specular factors from 1 (`split`), or has a profile (`profiled`).
     """
 
     lamps: tuple[Light, ...]
@@ -98,80 +100,80 @@ class CodedRig:
 
     @classmethod
     def of(cls, lights: Sequence[Light]) -> CodedRig:
-        """Return the rig of lights; raises EnvironmentMapError where one is neither a lamp nor a dome."""
+        """Return the rig of some lights; raise EnvironmentMapError if one is neither a lamp nor a dome."""
         for fault in not_of_rigs(lights):
             raise EnvironmentMapError(f"{fault}; backend 'exact' renders it where it is the only light")
-        lamps = tuple(each for each in lights if each.shapes)
-        return cls(lamps, tuple(each for each in lights if each.map_dome))
+        lamps = tuple(light for light in lights if light.shapes)
+        return cls(lamps, tuple(light for light in lights if light.map_dome))
 
     @property
     def emissions(self) -> tuple[Emission, ...]:
-        """What each light sends out."""
-        return tuple(each.emission for each in (*self.lamps, *self.domes))
+        """The emission of each light."""
+        return tuple(light.emission for light in (*self.lamps, *self.domes))
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The names of its lamps' shapes, each once, in the order of `SHAPES`."""
-        return tuple(name for name in SHAPES if any(each.shape_name == name for each in self.lamps))
+        """The names of its lamps' shapes without duplicates, in the order of `SHAPES`."""
+        return tuple(name for name in SHAPES if any(lamp.shape_name == name for lamp in self.lamps))
 
     @property
     def shaped(self) -> bool:
-        return any(each.shaping for each in self.emissions)
+        return any(emission.shaping for emission in self.emissions)
 
     @property
     def profiled(self) -> bool:
-        return any(each.shaping and each.shaping.profile for each in self.emissions)
+        return any(emission.shaping and emission.shaping.profile for emission in self.emissions)
 
     @property
     def falling(self) -> bool:
-        return any(each.falloff for each in self.emissions)
+        return any(emission.falloff for emission in self.emissions)
 
     @property
     def shadowed(self) -> bool:
-        return any(each.shadow != Shadow() for each in self.emissions)
+        return any(emission.shadow != Shadow() for emission in self.emissions)
 
     @property
     def still(self) -> bool:
-        return any(not each.turns for each in self.emissions)
+        return any(not emission.turns for emission in self.emissions)
 
     @property
     def split(self) -> bool:
-        return any((each.diffuse, each.specular) != (1.0, 1.0) for each in self.emissions)
+        return any((emission.diffuse, emission.specular) != (1.0, 1.0) for emission in self.emissions)
 
     @property
     def spared(self) -> tuple[tuple[int, ...], ...]:
-        """The groups of parts that cast no shadow of some light, each set once; (): all cast those of all."""
-        found = tuple(dict.fromkeys(each.spared for each in self.emissions))
-        return found if any(found) else ()
+        """The distinct `Emission.spared` of its lights; () if no light's shadow excludes any parts."""
+        sets = tuple(dict.fromkeys(emission.spared for emission in self.emissions))
+        return sets if any(sets) else ()
 
     @property
     def pictures(self) -> tuple[RectLight, ...]:
         """The lamps with a texture."""
-        return tuple(cast(RectLight, each) for each in self.lamps if each.shape_name == "picture")
+        return tuple(cast(RectLight, lamp) for lamp in self.lamps if lamp.shape_name == "picture")
 
     def rows(self, stand: Stand) -> NDArray[np.float32]:
-        """Return what to add to a place of the shader, then the row of each lamp and each dome."""
-        places = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
-        rows = [self._row(each, places, stand) for each in (*self.lamps, *self.domes)]
+        """Return `Stand.offset`, then the row of each lamp and each dome, as one array."""
+        starts = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
+        rows = [self._row(light, starts, stand) for light in (*self.lamps, *self.domes)]
         return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
 
     def tables(self) -> NDArray[np.float32]:
-        """Return the tables of profiles, after the counts of their rows and columns, and the trees of textures."""
+        """Return the numbers of profiles (`Profile.numbers`) and the trees of textures, as one array."""
         return np.asarray(np.concatenate([*self._tables.values(), np.zeros(1)]), np.float32)
 
     @cached_property
     def _tables(self) -> dict[str, NDArray[np.float64]]:
-        """Tables by the digests of the files that they are of."""
+        """The tables of profiles and textures, by the digests of their files."""
         tables = {}
-        for each in self.emissions:
-            if each.shaping and (profile := each.shaping.profile):
+        for emission in self.emissions:
+            if emission.shaping and (profile := emission.shaping.profile):
                 tables[profile.table.digest] = profile.numbers
         for light in self.pictures:
             assert light.texture and light.means, "it has a texture"  # noqa: PT018
             tables[light.texture.digest] = light.means.values.ravel()
         return tables
 
-    def _row(self, light: Light, places: dict[str, int], stand: Stand) -> list[float]:
+    def _row(self, light: Light, starts: dict[str, int], stand: Stand) -> list[float]:
         emission, color = light.emission, light.sent
         x, y, z = light.position or (*stand.axis, 0.0)
         brightest, texture, tree = 1.0, -1, -1
@@ -179,7 +181,7 @@ class CodedRig:
             texture = self.pictures.index(light)
             picture = self.pictures[texture]
             assert picture.texture is not None and picture.picture is not None, "it has a texture"  # noqa: PT018
-            brightest, tree = float(picture.picture.mean()), places[picture.texture.digest]
+            brightest, tree = float(picture.picture.mean()), starts[picture.texture.digest]
         shaping, falloff = emission.shaping or Shaping(), emission.falloff
         profile = shaping.profile
         if profile is not None:
@@ -197,7 +199,7 @@ class CodedRig:
             *shaping.cone,
             max(shaping.focus, 0.0),
             *shaping.focus_tint,
-            -1 if profile is None else places[profile.table.digest],
+            -1 if profile is None else starts[profile.table.digest],
             profile.scale if profile else 1.0,
             profile.angle_scale if profile else 0.0,
             *(virtual, power, fade, fade_rise),
@@ -210,7 +212,7 @@ class CodedRig:
 
 
 def not_of_rigs(lights: Sequence[Light]) -> list[str]:
-    """Return which lights no shader of a rig shows, a sentence for each: they are neither lamps nor domes."""
+    """Return a sentence for each light that cannot be part of a rig, because it is neither a lamp nor a dome."""
     return [
         f"{called(light, number)}: it is neither a lamp nor a dome"
         for number, light in enumerate(lights, start=1)
@@ -220,8 +222,8 @@ def not_of_rigs(lights: Sequence[Light]) -> list[str]:
 
 def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
     """Return the values for the shader of a rig."""
-    tables, spared = rig.tables(), rig.spared
-    groups = 1 + max((group for each in spared for group in each), default=-1)
+    tables, excluded_sets = rig.tables(), rig.spared
+    groups = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
@@ -235,11 +237,11 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
         "RIG_SHADOWED": int(rig.shadowed),
         "RIG_STILL": int(rig.still),
         "RIG_SPLIT": int(rig.split),
-        "RIG_SEEN": int(any(each.emission.camera for each in rig.lamps)),
-        "RIG_SPARED": len(spared),
+        "RIG_SEEN": int(any(lamp.emission.camera for lamp in rig.lamps)),
+        "RIG_SPARED": len(excluded_sets),
         "RIG_GROUPS": groups,
-        "RIG_MARKS": groups * len(spared),
-        "RIG_LOCAL_DOMES": int(any(not each.far for each in rig.domes)),
+        "RIG_MARKS": groups * len(excluded_sets),
+        "RIG_LOCAL_DOMES": int(any(not dome_light.far for dome_light in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }
@@ -247,23 +249,24 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
     arrays: dict[str, Content] = {}
     for number, light in enumerate(rig.domes):
         dome = light.map_dome
-        assert dome is not None, "it shows a map"
+        assert dome is not None, "every dome has a map"
         counts |= {f"DOME{number}_WIDTH": dome.width, f"DOME{number}_HEIGHT": dome.height}
         if not light.constant:
             files = dome.files(f"dome{number}", sampled=sampled)
             parameters |= files[0]
             arrays |= files[1]
-    parameters |= {f"picture{number}": each.texture for number, each in enumerate(rig.pictures) if each.texture}
+    parameters |= {f"picture{number}": lamp.texture for number, lamp in enumerate(rig.pictures) if lamp.texture}
     lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
     numbers = {"lamps": rig.rows(stand), "tables": tables}
-    if spared:
-        numbers["spared"] = np.array([group in each for each in spared for group in range(groups)], np.float32)
+    if excluded_sets:
+        is_excluded = [group in excluded for excluded in excluded_sets for group in range(groups)]
+        numbers["spared"] = np.array(is_excluded, np.float32)
     return LightCode(lines, parameters, arrays, numbers)
 
 
 def is_plain(light: Light) -> bool:
-    """Return whether a light is a dome as its map is: the OSL of its kind shows it."""
+    """Return whether the OSL of a light's own kind renders it; a dome must have world axes and a default emission."""
     if light.map_dome is not light:
         return True
     emission = light.emission
-    return light.axes == WORLD_AXES and emission.unnamed == Emission(camera=emission.camera)
+    return light.axes == WORLD_AXES and emission.without_names == Emission(camera=emission.camera)

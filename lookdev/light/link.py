@@ -1,4 +1,4 @@
-"""Which parts of an asset a light is linked to: light links and shadow links, as plain data."""
+"""Light links and shadow links: the parts of an asset that a light is linked to, as plain data."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 MOST_GROUPS = 80
-"""How many groups of parts shadow links can tell apart, besides those that cast all shadows."""
+"""The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """The parts of an asset that a light shines on, or that cast its shadow.
+    """The parts of an asset that a light illuminates, or that cast its shadow.
 
-    `rules` are (path, rule), sorted, each rule ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``: those of
-    `UsdCollectionMembershipQuery`, with paths of the asset as `lookdev.scene.dress.Part.path` has them.
+    `rules` are sorted pairs of a path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
+    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.dress.Part.path`.
     """
 
     rules: tuple[tuple[str, str], ...]
@@ -25,9 +25,9 @@ class Link:
         return dict(self.rules)
 
     def includes(self, path: str) -> bool:
-        """Return whether a part is linked: by the rule of its path, or of the nearest prim above it that has one.
+        """Return whether a part is linked, by the rule of its path or of its nearest ancestor that has a rule.
 
-        ``"explicitOnly"`` counts for its path alone.
+        ``"explicitOnly"`` applies to its path alone.
         """
         if (rule := self._rules.get(path)) is not None:
             return rule != "exclude"

@@ -1,4 +1,4 @@
-"""What Cycles' own lights and worlds cannot show of the emission of a light, and the domes that a world shows."""
+"""The features of an emission that Cycles' own lights and worlds lack, and the domes that a world renders."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from lookdev.light.base import Light
     from lookdev.light.dome import Dome
 
-_CALLED = {
+_FIELD_PHRASES = {
     "diffuse": "a diffuse multiplier",
     "specular": "a specular multiplier",
     "shaping": "a cone, a focus or a profile",
@@ -23,38 +23,44 @@ _CALLED = {
     "shadow_link": "shadow links",
     "spared": "shadow links",
 }
-_ANYWHERE = ("color", "turns", "group", "path")
+_ALWAYS_SUPPORTED = ("color", "turns", "group", "path")
 
 
-def gap(emission: Emission, *known: str, besides: Iterable[str] = ()) -> str | None:
-    """Return what of an emission is neither default nor one of the `known` fields, after `besides`; None: nothing."""
-    fields_beyond = (each.name for each in fields(emission) if each.name not in (*_ANYWHERE, *known))
-    differing = [name for name in fields_beyond if getattr(emission, name) != getattr(WHITE, name)]
-    gaps = [*besides, *(_CALLED.get(name, name.replace("_", " ")) for name in differing)]
+def missing_features(emission: Emission, *supported: str, first: Iterable[str] = ()) -> str | None:
+    """Return the features of an emission that are neither default nor `supported`, as a phrase; None without any.
+
+    `supported` are names of fields; `first` are phrases that come first in the result.
+    """
+    names = (field.name for field in fields(emission) if field.name not in (*_ALWAYS_SUPPORTED, *supported))
+    differing = [name for name in names if getattr(emission, name) != getattr(WHITE, name)]
+    gaps = [*first, *(_FIELD_PHRASES.get(name, name.replace("_", " ")) for name in differing)]
     *before, last = dict.fromkeys(gaps) or (None,)
     return f"{', '.join(map(str, before))} and {last}" if before else last
 
 
-def shadow_gap(emission: Emission) -> Iterator[str]:
-    """Yield what of a shadow Blender lacks; without one, directions of a BSDF would still be blocked."""
+def missing_shadow_features(emission: Emission) -> Iterator[str]:
+    """Yield a phrase if an emission has a shadow control, which Blender lacks even where it can disable shadows.
+
+    Blender's lights without a shadow are still occluded for directions that the BSDF samples.
+    """
     if emission.shadow != WHITE.shadow:
-        yield _CALLED["shadow"]
+        yield _FIELD_PHRASES["shadow"]
 
 
 def world_domes(lights: Sequence[Light]) -> list[Dome]:
-    """Return the domes that are infinitely far: a world of Blender shows their sum."""
+    """Return the domes that are infinitely far; a world of Blender renders their sum."""
     return [light.map_dome for light in lights if light.far and light.map_dome]
 
 
 def still_domes(lights: Sequence[Light]) -> bool | None:
-    """Return whether the domes of a rig stand still while it turns; None where some do and some do not.
+    """Return whether the domes of a rig stand still while it turns; None if some do and some do not.
 
-    Domes that are the same all around count as either.
+    A constant dome counts as either.
     """
     still = {not dome.emission.turns for dome in world_domes(lights) if not dome.constant}
     return None if len(still) > 1 else still == {True}
 
 
 def varied_domes(lights: Sequence[Light]) -> bool:
-    """Return whether lights have a dome from which Cycles should draw directions."""
+    """Return whether the lights have a dome whose radiance varies, which Cycles should importance sample."""
     return any(not dome.constant for dome in world_domes(lights))

@@ -1,8 +1,8 @@
 """The texture of a rectangle light: look-ups, and directions in proportion to luminance within its solid angle.
 
-A rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is chosen in proportion to the mean of
-the texture times the quadrant's solid angle; within the last one directions are those of `spherical_rectangle`. The
-mean is over bilinear look-ups: where it is 0, no light is sent from anywhere in the quadrant.
+The rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is drawn in proportion to the mean of
+the texture times the quadrant's solid angle. Within the last quadrant, `spherical_rectangle` draws the direction. The
+mean is the mean of bilinear look-ups, so that a quadrant of mean 0 emits no light at all.
 
 Generated code follows `draw_cell` and `cell_density`, whose arrays may be symbolic.
 """
@@ -25,21 +25,21 @@ Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
 
 LEVELS = 5
-"""Times that a texture is divided, to 32 x 32 cells."""
+"""Number of divisions of a texture, to 32 x 32 cells."""
 
 CELL_SEGMENTS = 2
-"""Of the solid angle of a quadrant."""
+"""The `segments` of `project_rectangle` for the solid angle of a quadrant."""
 
 _TINY = 1e-30
 
 
 def prepare_texture(image: EnvironmentMap) -> Content:
-    """Write the texture of a `RectLight` to the cache: the image as it stands, its top row first."""
+    """Write the texture of a `RectLight` to the cache, its top row first."""
     return Content.written(".exr", lambda path: write_exr(path, "RGB", image.radiance))
 
 
 def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
-    """Look up a texture (H, W, C) at u from its first column on and v from its first row on, bilinearly and clamped."""
+    """Look up a texture (H, W, C), bilinear and clamped; u is 0 at its first column, v is 0 at its first row."""
     height, width = picture.shape[:2]
     x, y = u * width - 0.5, v * height - 0.5
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
@@ -52,8 +52,9 @@ def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
 
 
 def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
-    """Return the means over 1, 4, 16, ... cells of a texture (H, W, 3): of each level (2^k, 2^k), row and column 0 at
-    (-x, -y) of the light. A black texture counts as white.
+    """Return the means of a texture (H, W, 3) over 1, 4, 16, ... cells: an array (2^k, 2^k) for each level k.
+
+    Row and column 0 are at (-x, -y) of the light. A black texture counts as white.
     """
     values = picture.mean(axis=-1)[::-1, ::-1]
     if not values.any():
@@ -68,14 +69,14 @@ def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
 
 
 def flat_tree(tree: tuple[Floats, ...]) -> Floats:
-    """Return the means of a tree from its level 1 on, (n,), as `draw_cell` reads them."""
+    """Return the means (n,) of a tree from level 1 on, in the order in which `draw_cell` reads them."""
     return np.concatenate([level.ravel() for level in tree[1:]])
 
 
 def _coverage(texels: int, cells: int) -> Floats:
-    """Return the weights (cells, texels) of texels in the means of linear interpolation over cells."""
+    """Return the weights (cells, texels) of texels in the means over cells of their linear interpolation."""
     edges = np.linspace(0.0, texels, cells + 1)
-    # The integral of each texel's tent up to the edges; beyond the outermost middles the values go on.
+    # The integral of each texel's tent function up to the edges. Beyond the outermost centres, values are constant.
     x = edges[:, None] - (np.arange(texels) + 0.5)
     tent = np.where(x < 0.0, 0.5 * np.maximum(1.0 + x, 0.0) ** 2, 1.0 - 0.5 * np.maximum(1.0 - x, 0.0) ** 2)
     tent[:, 0] -= 0.5 * np.maximum(0.5 - edges, 0.0) ** 2
@@ -83,63 +84,63 @@ def _coverage(texels: int, cells: int) -> Floats:
     return np.asarray(np.diff(tent, axis=0) * cells / texels)
 
 
-def draw_cell(means: Table, start: Any, place: Floats, width: Any, height: Any, u: Floats) -> Point:
-    """Map points u (..., 2) of the unit square to points of the rectangle, for places (..., 3).
+def draw_cell(means: Table, start: Any, point: Floats, width: Any, height: Any, u: Floats) -> Point:
+    """Map points u (..., 2) of the unit square to points of the rectangle, for shading points (..., 3).
 
-    The means are those of `luminance_tree` from its level 1 on, in a column of numbers from row `start` on.
+    `means` is a column of numbers that has a `flat_tree` from row `start` on.
     """
     u1, u2 = u[..., 0], u[..., 1]
     row, column = np.zeros_like(u1), np.zeros_like(u1)
     for level in range(1, LEVELS + 1):
-        (low, low_right), (high, high_right) = _weights(means, start, level, place, width, height, row, column)
+        (low, low_right), (high, high_right) = _weights(means, start, level, point, width, height, row, column)
         right = low_right + high_right
-        chosen, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
-        column = 2 * column + chosen
-        above, both = np.where(chosen > 0, high_right, high), np.where(chosen > 0, right, low + high)
-        chosen, u2 = _choose(u2, above / np.maximum(both, _TINY))
-        row = 2 * row + chosen
+        is_right, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
+        column = 2 * column + is_right
+        above, both = np.where(is_right > 0, high_right, high), np.where(is_right > 0, right, low + high)
+        is_upper, u2 = _choose(u2, above / np.maximum(both, _TINY))
+        row = 2 * row + is_upper
     size = 1.0 / 2**LEVELS
-    point = draw(seen_part(place, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
-    return point._replace(s=(column + point.s) * size, t=(row + point.t) * size)
+    target = draw(seen_part(point, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
+    return target._replace(s=(column + target.s) * size, t=(row + target.t) * size)
 
 
-def cell_density(means: Table, start: Any, place: Floats, width: Any, height: Any, point: Point) -> Floats:
-    """Return the pdf (...) per steradian with which `draw_cell` gives points."""
+def cell_density(means: Table, start: Any, point: Floats, width: Any, height: Any, target: Point) -> Floats:
+    """Return the pdf (...) per steradian with which `draw_cell` returns points."""
     cells = 2**LEVELS
-    column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (point.s, point.t))
-    share = np.ones_like(point.s)
+    column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
+    probability = np.ones_like(target.s)
     for level in range(1, LEVELS + 1):
-        down = 2 ** (LEVELS - level)
-        i, j = np.floor(row / down), np.floor(column / down)
+        finest_cells = 2 ** (LEVELS - level)
+        i, j = np.floor(row / finest_cells), np.floor(column / finest_cells)
         upper, left = np.floor(i / 2), np.floor(j / 2)
-        (low, low_right), (high, high_right) = _weights(means, start, level, place, width, height, upper, left)
+        (low, low_right), (high, high_right) = _weights(means, start, level, point, width, height, upper, left)
         on_right = j > 2 * left
-        chosen = np.where(i > 2 * upper, np.where(on_right, high_right, high), np.where(on_right, low_right, low))
-        share = share * chosen / np.maximum(low + low_right + high + high_right, _TINY)
+        weight = np.where(i > 2 * upper, np.where(on_right, high_right, high), np.where(on_right, low_right, low))
+        probability = probability * weight / np.maximum(low + low_right + high + high_right, _TINY)
     size = 1.0 / cells
-    seen = seen_part(place, width, height, column * size, row * size, size)
-    s, t = np.clip(point.s * cells - column, 0, 1), np.clip(point.t * cells - row, 0, 1)
-    return share * density(seen, Point(s, t, point.x, point.y))
+    cell = seen_part(point, width, height, column * size, row * size, size)
+    s, t = np.clip(target.s * cells - column, 0, 1), np.clip(target.t * cells - row, 0, 1)
+    return probability * density(cell, Point(s, t, target.x, target.y))
 
 
 def _weights(
-    means: Table, start: Any, level: int, place: Floats, width: Any, height: Any, row: Floats, column: Floats
+    means: Table, start: Any, level: int, point: Floats, width: Any, height: Any, row: Floats, column: Floats
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Return the weights (...) of the quadrants of cells, of two rows."""
+    """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right)."""
     side = 2**level
-    before = (side * side - 4) // 3  # the levels before have 4 + 16 + ... cells
+    before = (side * side - 4) // 3  # cells of the levels before: 4 + 16 + ...
 
-    def weight(i: int, j: int) -> Floats:
+    def quadrant_weight(i: int, j: int) -> Floats:
         r, c = 2 * row + i, 2 * column + j
-        angle = seen_part(place, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
+        angle = seen_part(point, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
         return table_number(means, start + (before + r * side + c), 0.0) * angle
 
-    return (weight(0, 0), weight(0, 1)), (weight(1, 0), weight(1, 1))
+    return (quadrant_weight(0, 0), quadrant_weight(0, 1)), (quadrant_weight(1, 0), quadrant_weight(1, 1))
 
 
 def _choose(u: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Choose 1 with probability `second`, else 0, and return what is left of u, again uniform."""
+    """Return 1 with probability `second`, else 0, and u rescaled to a uniform number again."""
     first = 1 - second
-    chosen = u >= first
-    left = np.where(chosen, (u - first) / np.maximum(second, _TINY), u / np.maximum(first, _TINY))
-    return np.where(chosen, 1.0, 0.0), np.clip(left, 0, 1)
+    is_second = u >= first
+    remainder = np.where(is_second, (u - first) / np.maximum(second, _TINY), u / np.maximum(first, _TINY))
+    return np.where(is_second, 1.0, 0.0), np.clip(remainder, 0, 1)

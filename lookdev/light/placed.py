@@ -1,7 +1,7 @@
-"""A light that has a place: what the kinds of finite size share.
+"""The base class of lights with a position and a finite size.
 
-A light's own space is that of UsdLux: its shape is centered at the origin, and what emits from one side emits along -z,
-which is also the axis of its `Shaping`. Its size is in metres of the world: there is no scale besides.
+A light's own space is that of UsdLux: its shape is centred at the origin. A one-sided light emits along -z, which is
+also the axis of its `Shaping`. Its size is in metres of the world; there is no other scale.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedLight(Light):
-    """A shape at `position`, in metres, turned by `axes`.
+    """A shape at `position`, in metres, rotated by `axes`.
 
-    Methods with an underscore are in the light's own space.
+    Arguments of methods with an underscore are in the light's own space, but for `_to_own_space`.
     """
 
     far = False
@@ -47,76 +47,84 @@ class PlacedLight(Light):
     @property
     @abstractmethod
     def shape(self) -> Shape:
-        """What is placed."""
+        """Its shape, in its own space."""
 
     @abstractmethod
-    def resized(self, scale: float) -> Self:
-        """Return the light with sizes `scale` times as large, where it stands."""
+    def resize(self, scale: float) -> Self:
+        """Return the light with sizes `scale` times as large, at the same position."""
 
     @property
     @abstractmethod
     def size_factor(self) -> float:
-        """Square metres by which the radiance is divided where the power is normalized: `UsdLuxLightAPI`."""
+        """The divisor of the radiance where the power is normalized, in square metres: `UsdLuxLightAPI`."""
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
-        local, towards = self._inside(place), to_local(self.axes, direction)
-        met = (self.shape.distance(local, towards) < FAR)[..., None]
-        faded = self.emission.faded(np.linalg.norm(local, axis=-1))[..., None]
-        return np.where(met, self._sent(local, towards) * self.emission.towards(towards) * faded, 0.0)
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
+        local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)
+        hits = (self.shape.distance(local_point, local_direction) < FAR)[..., None]
+        falloff = self.emission.falloff_factor(np.linalg.norm(local_point, axis=-1))[..., None]
+        return np.where(
+            hits,
+            self._texture_factor(local_point, local_direction)
+            * self.emission.radiance_towards(local_direction)
+            * falloff,
+            0.0,
+        )
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        return self._pdf(self._inside(place), to_local(self.axes, direction))
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        return self._pdf(self._to_own_space(point), to_local(self.axes, direction))
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, self._sample(self._inside(place), u))
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        return to_world(self.axes, self._sample(self._to_own_space(point), u))
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        distance = self.shape.distance(self._inside(place), to_local(self.axes, direction))
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        distance = self.shape.distance(self._to_own_space(point), to_local(self.axes, direction))
         return np.where(distance < FAR, distance, np.inf)
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
         shape: Any = self.shape  # a dataclass
-        return tuple(getattr(shape, each.name) for each in fields(shape))
+        return tuple(getattr(shape, field.name) for field in fields(shape))
 
     def scaled(self, scale: float, origin: Vector) -> Self:
         position = vector(scale * np.array(self.position) + np.array(origin))
-        return replace(self.resized(scale), position=position, emission=self.emission.scaled(scale))
+        return replace(self.resize(scale), position=position, emission=self.emission.scale_lengths(scale))
 
     def may_reach(self, center: Vector, radius: float) -> bool:
-        """Return whether light may arrive in a sphere, whatever occludes it; False is certain.
+        """Return whether light may arrive in a sphere, without occlusion; False is certain.
 
-        A light of no colour, one of one side whose front is turned away, a cone that passes by, and a falloff that ends
-        before the sphere send none.
+        No light arrives from a black light, from a one-sided light that faces away, from a cone that misses the sphere,
+        and from a falloff that ends before it.
         """
         if not super().may_reach(center, radius):
             return False
-        local = self._inside(np.array(center))
+        local = self._to_own_space(np.array(center))
         if self.one_sided and local[2] >= radius:
             return False
-        distance, wide = float(np.linalg.norm(local)), radius + self.reach
+        distance, total_radius = float(np.linalg.norm(local)), radius + self.reach
         falloff, shaping = self.emission.falloff, self.emission.shaping
         if falloff and falloff.end is not None and distance - radius >= falloff.end:
             return False
-        if shaping is None or distance <= wide:
+        if shaping is None or distance <= total_radius:
             return True
         # From any point of the light, the sphere is in a cone of half angle asin(wide / distance) about its center.
         off_axis = math.acos(np.clip(-local[2] / distance, -1.0, 1.0))
-        return off_axis - math.asin(wide / distance) <= shaping.cone[0]
+        return off_axis - math.asin(total_radius / distance) <= shaping.cone[0]
 
     def native_gap(self) -> str | None:
         profile = ["an IES profile"] if self.emission.shaping and self.emission.shaping.profile else []
-        return native.gap(self.emission, "shadow", "shaping", besides=(*profile, *native.shadow_gap(self.emission)))
+        return native.missing_features(
+            self.emission, "shadow", "shaping", first=(*profile, *native.missing_shadow_features(self.emission))
+        )
 
-    def _inside(self, place: Floats) -> Floats:
-        return to_local(self.axes, place - np.array(self.position))
+    def _to_own_space(self, point: Floats) -> Floats:
+        return to_local(self.axes, point - np.array(self.position))
 
-    def _sent(self, place: Floats, direction: Floats) -> Floats | float:
-        """Return the share (..., 3) of the emission that is sent from what is met; 1 unless a kind has a texture."""
+    def _texture_factor(self, point: Floats, direction: Floats) -> Floats | float:
+        """Return the factor (..., 3) of the emission by the texture, where the ray hits; 1 without a texture."""
         return 1.0
 
-    def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        return np.asarray(self.shape.pdf(place, direction))
+    def _pdf(self, point: Floats, direction: Floats) -> Floats:
+        return np.asarray(self.shape.pdf(point, direction))
 
-    def _sample(self, place: Floats, u: Floats) -> Floats:
-        return np.asarray(self.shape.sample(place, u))
+    def _sample(self, point: Floats, u: Floats) -> Floats:
+        return np.asarray(self.shape.sample(point, u))

@@ -1,4 +1,4 @@
-"""Where a light stands, and which way it faces: a position in metres, and axes.
+"""The placement of a light: a position in metres, and axes.
 
 `Axes` are the directions in world space of the light's own x, y and z: unit vectors at right angles, right- or
 left-handed, since a placement in USD may mirror.
@@ -26,7 +26,7 @@ def placement(matrix: ArrayLike) -> tuple[Vector, Axes, Vector]:
     Raises
     ------
     EnvironmentMapError
-        The matrix is skewed, flat or not finite: no light of the shapes there are looks like that.
+        The matrix is skewed, flat or not finite: no shape of a light can be placed by it.
     """
     values = np.asarray(matrix, np.float64)
     scale = np.linalg.norm(values[:3, :3], axis=0)
@@ -39,13 +39,13 @@ def placement(matrix: ArrayLike) -> tuple[Vector, Axes, Vector]:
             f"the placement of a light is skewed: two of its axes have a cosine of {skew:.2g}; moves, turns and "
             "scales along its own axes would be right"
         )
-    # The nearest matrix with right angles (Higham 1986).
+    # The nearest orthogonal matrix (Higham 1986).
     left, _, right = np.linalg.svd(axes)
     return vector(values[:3, 3]), checked_axes(left @ right), vector(scale)
 
 
 def checked_axes(axes: ArrayLike) -> Axes:
-    """Return axes as plain data; raises EnvironmentMapError unless they are unit vectors at right angles."""
+    """Return axes as plain data; raise EnvironmentMapError unless they are unit vectors at right angles."""
     values = np.asarray(axes, np.float64)
     if values.shape != (3, 3) or not (np.abs(values @ values.T - np.eye(3)) < 1e-6).all():
         raise EnvironmentMapError(f"axes {values.tolist()}: three unit vectors at right angles would be right")
@@ -60,10 +60,10 @@ def vector(values: ArrayLike) -> Vector:
 
 
 def to_local(axes: Axes, world: Floats) -> Floats:
-    """Express vectors (..., 3) of the world by axes."""
+    """Transform vectors (..., 3) from the world to the space of some axes."""
     return np.asarray(world @ np.array(axes).T)
 
 
 def to_world(axes: Axes, local: Floats) -> Floats:
-    """Return the vectors (..., 3) of the world that are expressed by axes."""
+    """Transform vectors (..., 3) from the space of some axes to the world."""
     return np.asarray(local @ np.array(axes))

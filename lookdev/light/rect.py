@@ -30,50 +30,50 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rectangle:
-    """The `Shape` of a rectangle, the sides of which are along x and y."""
+    """The `Shape` of a rectangle with sides along x and y."""
 
     width: Any
     height: Any
 
-    def distance(self, place: Any, direction: Any) -> Any:
-        return meet_plane(place, direction, self.width, self.height)[0]
+    def distance(self, point: Any, direction: Any) -> Any:
+        return meet_plane(point, direction, self.width, self.height)[0]
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        distance, point = meet_plane(place, direction, self.width, self.height)
-        return np.where(distance < FAR, density(seen_part(place, self.width, self.height), point), 0)
+    def pdf(self, point: Any, direction: Any) -> Any:
+        distance, hit = meet_plane(point, direction, self.width, self.height)
+        return np.where(distance < FAR, density(seen_part(point, self.width, self.height), hit), 0)
 
-    def sample(self, place: Any, u: Any) -> Any:
-        return towards_plane(place, draw(seen_part(place, self.width, self.height), u))
+    def sample(self, point: Any, u: Any) -> Any:
+        return towards_plane(point, draw(seen_part(point, self.width, self.height), u))
 
-    def solid_angle(self, place: Any) -> Any:
-        return plane_angle(place, self.width, self.height, self.width * self.height)
+    def solid_angle(self, point: Any) -> Any:
+        return plane_angle(point, self.width, self.height, self.width * self.height)
 
-    def cone(self, place: Any) -> tuple[Any, Any]:
-        return cone_about(place, np.sqrt(self.width * self.width + self.height * self.height) / 2)
+    def cone(self, point: Any) -> tuple[Any, Any]:
+        return cone_about(point, np.sqrt(self.width * self.width + self.height * self.height) / 2)
 
 
 @dataclass(frozen=True)
 class Picture(Rectangle):
-    """The `Shape` of a rectangle with a texture, which is sampled by its `means` (`flat_tree`) from `start` on."""
+    """The `Shape` of a rectangle with a texture; `means` has its `flat_tree`, from row `start` on, for sampling."""
 
     means: Table
     start: Any = 0.0
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        distance, point = meet_plane(place, direction, self.width, self.height)
-        drawn = cell_density(self.means, self.start, place, self.width, self.height, point)
-        return np.where(distance < FAR, drawn, 0)
+    def pdf(self, point: Any, direction: Any) -> Any:
+        distance, hit = meet_plane(point, direction, self.width, self.height)
+        density = cell_density(self.means, self.start, point, self.width, self.height, hit)
+        return np.where(distance < FAR, density, 0)
 
-    def sample(self, place: Any, u: Any) -> Any:
-        return towards_plane(place, draw_cell(self.means, self.start, place, self.width, self.height, u))
+    def sample(self, point: Any, u: Any) -> Any:
+        return towards_plane(point, draw_cell(self.means, self.start, point, self.width, self.height, u))
 
 
 @dataclass(frozen=True, kw_only=True)
 class RectLight(PlacedLight):
     """A rectangle of `width` along its x and `height` along its y, in metres, that emits along its -z.
 
-    `texture` is an EXR of R, G, B, linear Rec.709, by which the emission is multiplied, as `prepare_texture` writes it:
-    the first texel of its top row is at (+x, +y), so that it is upright and not mirrored for whom it shines on.
+    `texture` multiplies the emission. It is an EXR of R, G, B, linear Rec.709, written by `prepare_texture`. The first
+    texel of its top row is at (+x, +y), so that seen from the front it is upright and not mirrored.
     """
 
     kind = "rect"
@@ -110,13 +110,13 @@ class RectLight(PlacedLight):
     def sizes(self) -> dict[str, float]:
         return {"width": self.width, "height": self.height}
 
-    def resized(self, scale: float) -> RectLight:
+    def resize(self, scale: float) -> RectLight:
         return replace(self, width=scale * self.width, height=scale * self.height)
 
-    def _converted(self, space: Space) -> RectLight:
+    def _convert(self, space: Space) -> RectLight:
         if self.texture is None or self.picture is None:
-            return super()._converted(space)
-        # The texture times the colour is what is sent.
+            return super()._convert(space)
+        # The emitted radiance is the texture times the colour: the new texture includes both.
         texture = prepare_texture(map_in_space(self.picture, self.emission.color, self.texture.digest, space))
         return replace(self, texture=texture, emission=replace(self.emission.in_space(space), color=WHITE.color))
 
@@ -134,29 +134,29 @@ class RectLight(PlacedLight):
 
     @cached_property
     def picture(self) -> Floats | None:
-        """The texture (H, W, 3), row 0 at +y, column 0 at +x; an EnvironmentMapError if its file is broken."""
+        """The texture (H, W, 3), row 0 at +y, column 0 at +x; raises EnvironmentMapError if its file is broken."""
         return None if self.texture is None else read_exr(self.texture.path, "RGB").astype(np.float64)
 
     @cached_property
     def means(self) -> Table | None:
-        """Means over quadrants of quadrants of the texture, by which directions are drawn: `flat_tree`, a column."""
+        """The `flat_tree` of the texture as a column, for sampling."""
         return None if self.picture is None else Table(flat_tree(luminance_tree(self.picture))[:, None])
 
-    def _sent(self, place: Floats, direction: Floats) -> Floats | float:
+    def _texture_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
-        _, point = meet_plane(place, direction, self.width, self.height)
-        return np.asarray(look_up(self.picture, 1.0 - point.s, 1.0 - point.t))
+        _, hit = meet_plane(point, direction, self.width, self.height)
+        return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
 
-    def _pdf(self, place: Floats, direction: Floats) -> Floats:
+    def _pdf(self, point: Floats, direction: Floats) -> Floats:
         if self.means is None:
-            return super()._pdf(place, direction)
-        return np.asarray(Picture(self.width, self.height, self.means).pdf(place, direction))
+            return super()._pdf(point, direction)
+        return np.asarray(Picture(self.width, self.height, self.means).pdf(point, direction))
 
-    def _sample(self, place: Floats, u: Floats) -> Floats:
+    def _sample(self, point: Floats, u: Floats) -> Floats:
         if self.means is None:
-            return super()._sample(place, u)
-        return np.asarray(Picture(self.width, self.height, self.means).sample(place, u))
+            return super()._sample(point, u)
+        return np.asarray(Picture(self.width, self.height, self.means).sample(point, u))
 
 
 def _read(prim: PlacedPrim) -> LightShape:

@@ -1,4 +1,4 @@
-"""Sphere light: `UsdLuxSphereLight`. Directions are uniform over the cone in which a place sees it."""
+"""Sphere light: `UsdLuxSphereLight`. Directions are uniform over the cone that it subtends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf.vectors import cross, dot
 from lookdev.light.base import LightKind
-from lookdev.light.cone import about, draw_uniform, uniform_density
+from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.shape import FAR, cone_about
@@ -24,27 +24,27 @@ Floats: TypeAlias = Any
 
 @dataclass(frozen=True)
 class Sphere:
-    """The `Shape` of a sphere, which sends outwards."""
+    """The `Shape` of a sphere, which emits outwards."""
 
     radius: Any
 
-    def distance(self, place: Any, direction: Any) -> Any:
-        return meet_sphere(place, direction, self.radius)
+    def distance(self, point: Any, direction: Any) -> Any:
+        return meet_sphere(point, direction, self.radius)
 
-    def pdf(self, place: Any, direction: Any) -> Any:
-        met = self.distance(place, direction) < FAR
-        return np.where(met, uniform_density(sphere_versine(place, self.radius)), 0)
+    def pdf(self, point: Any, direction: Any) -> Any:
+        hits = self.distance(point, direction) < FAR
+        return np.where(hits, uniform_density(sphere_versine(point, self.radius)), 0)
 
-    def sample(self, place: Any, u: Any) -> Any:
-        axis, _ = self.cone(place)
-        return about(axis, draw_uniform(sphere_versine(place, self.radius), u))
+    def sample(self, point: Any, u: Any) -> Any:
+        axis, _ = self.cone(point)
+        return orient_to_axis(axis, draw_uniform(sphere_versine(point, self.radius), u))
 
-    def solid_angle(self, place: Any) -> Any:
-        outside = dot(place, place) > self.radius * self.radius
-        return np.where(outside, 2 * math.pi * sphere_versine(place, self.radius), 0)
+    def solid_angle(self, point: Any) -> Any:
+        outside = dot(point, point) > self.radius * self.radius
+        return np.where(outside, 2 * math.pi * sphere_versine(point, self.radius), 0)
 
-    def cone(self, place: Any) -> tuple[Any, Any]:
-        return cone_about(place, self.radius)
+    def cone(self, point: Any) -> tuple[Any, Any]:
+        return cone_about(point, self.radius)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class SphereLight(PlacedLight):
     def sizes(self) -> dict[str, float]:
         return {"radius": self.radius}
 
-    def resized(self, scale: float) -> SphereLight:
+    def resize(self, scale: float) -> SphereLight:
         return replace(self, radius=scale * self.radius)
 
     @property
@@ -89,29 +89,29 @@ class SphereLight(PlacedLight):
         return 4.0 * math.pi * self.radius**2
 
 
-def sphere_versine(place: Floats, radius: Any) -> Floats:
-    """Return 1 - cos of half the angle at which places (..., 3) see a sphere about the origin; 1 from inside."""
-    squared = dot(place, place)
+def sphere_versine(point: Floats, radius: Any) -> Floats:
+    """Return 1 - cos of half the angle that a sphere about the origin subtends at points (..., 3); 1 from inside."""
+    squared = dot(point, point)
     sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
     return sine / (1 + np.sqrt(1 - sine))
 
 
-def meet_sphere(place: Floats, direction: Floats, radius: Any) -> Floats:
-    """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` if missed, or from inside.
+def meet_sphere(point: Floats, direction: Floats, radius: Any) -> Floats:
+    """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` for misses, and from inside.
 
-    The distance of the line to the middle is the length of a cross product, which keeps its digits from afar.
+    The distance of the line from the centre is the length of a cross product, which keeps its digits from afar.
     """
-    across = cross(place, direction)
-    squared = radius * radius - dot(across, across)
-    towards = -dot(place, direction)
-    outside = dot(place, place) > radius * radius
-    met = outside & (towards > 0) & (squared >= 0)
-    return np.where(met, towards - np.sqrt(np.maximum(squared, 0)), FAR)
+    moment = cross(point, direction)
+    discriminant = radius * radius - dot(moment, moment)
+    approach = -dot(point, direction)
+    outside = dot(point, point) > radius * radius
+    hits = outside & (approach > 0) & (discriminant >= 0)
+    return np.where(hits, approach - np.sqrt(np.maximum(discriminant, 0)), FAR)
 
 
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.radius("treatAsPoint", "sphere", (0, 2))
-    return LightShape.of(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
+    return LightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
 
 
 SPHERE = LightKind(SphereLight, SphereLight.example, {"SphereLight": UsdLight(_read)})

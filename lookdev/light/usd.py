@@ -1,6 +1,6 @@
-"""Lights of UsdLux: what is read of a prim beside its emission, and how a kind of light reads it.
+"""Lights of UsdLux: the reader that each kind of light has for its prims, and its result without the emission.
 
-A light that is scaled by different factors is one of the same kind where its shape allows it.
+A prim whose scale differs between axes is supported where the kind's shape allows it.
 """
 
 from __future__ import annotations
@@ -19,20 +19,31 @@ if TYPE_CHECKING:
     from lookdev.light.placed import PlacedLight
     from lookdev.light.rig.attributes import LightPrim
 
-_SAME = 1e-5  # relative: scales that differ by less are one, as float32 has them
+_SAME = 1e-5  # relative: scales that differ by less are equal in float32
 
 ALL_LIGHTS = ("turns", "camera", "lightGroup")
 FALLOFF = tuple(f"falloff:{name}" for name in ("virtualDistance", "exponent", "start", "end"))
-"""Attributes below ``lookdev:`` of all lights, and of those that have a place."""
+"""Attributes below ``lookdev:``, of all lights, and of lights with a position."""
 
 
 @dataclass(frozen=True)
 class LightShape:
-    """What is read of a prim beside its emission.
+    """The content of a light prim without its emission.
 
-    `make` makes the light, of emission 1, from its image if it has one. Where power is normalized, it is divided by
-    `area`, in square metres, or by `size`, of a light without an area. `lengths` are in metres. `image` is a file, of
-    the colour space `space` if one is stated, and of the format `format` if the light is a dome.
+    Parameters
+    ----------
+    make
+        Returns the light with emission 1; its argument is the image, None without one.
+    area, size
+        The divisor of the radiance where the power is normalized: `area` in square metres, else `size`.
+    lengths
+        The sizes of the light in metres, which are checked.
+    image
+        The image file.
+    space
+        The stated colour space of the image, or "".
+    format
+        The format of a dome's image; "" for other lights.
     """
 
     make: Callable[[EnvironmentMap | None], Light]
@@ -44,16 +55,16 @@ class LightShape:
     format: str = ""
 
     @classmethod
-    def of(cls, light: PlacedLight, *lengths: float) -> LightShape:
+    def without_image(cls, light: PlacedLight, *lengths: float) -> LightShape:
         """Return the shape of a light without an image."""
         return cls(lambda _: light, light.size_factor, lengths=lengths)
 
 
 @dataclass(frozen=True)
 class UsdLight:
-    """How prims of a type are read, and the attributes below ``lookdev:`` that they have.
+    """The reader of prims of a type, and the attributes below ``lookdev:`` that they have.
 
-    `read` reports a value that is wrong as a fault, and goes on with its default.
+    `read` reports a wrong value as a fault, and continues with its default.
     """
 
     read: Callable[[PlacedPrim], LightShape]
@@ -62,7 +73,7 @@ class UsdLight:
 
 @dataclass(frozen=True, eq=False)
 class PlacedPrim:
-    """A light prim to be read: its place and scales in metres, its axes, and whether domes need tables to sample."""
+    """A light prim to be read: position and scale in metres, axes, and whether domes need tables for sampling."""
 
     light: LightPrim
     position: Vector
@@ -77,14 +88,14 @@ class PlacedPrim:
         return str(self.light.prim.GetTypeName())
 
     def length(self, name: str, scale: float) -> float:
-        """Return a length in metres."""
+        """Return a length in metres; `scale` is in metres per unit."""
         return scale * self.light.number(f"inputs:{name}", above=0.0, default=1.0)
 
     def radius(self, hint: str, shape: str, others: tuple[int, ...]) -> float:
-        """Return the radius of a light that other renderers may take for a point or a line, as `hint` tells them to.
+        """Return the radius of a light that other renderers may treat as a point or a line, if `hint` is set.
 
-        "Renderers that only support area lights can disregard this": each lamp has a surface here, for mirrors show it.
-        It is scaled as y is; raises EnvironmentMapError unless the `others` are scaled alike.
+        "Renderers that only support area lights can disregard this": here every lamp has a surface, because mirrors
+        reflect it. The radius scales with the y axis; EnvironmentMapError unless the `others` have the same scale.
         """
         if self.light.flag(hint):
             right = "a small radius would be right"
@@ -95,7 +106,7 @@ class PlacedPrim:
         return radius
 
     def check_scales(self, first: int, second: int) -> None:
-        """Raise EnvironmentMapError where the scale along two axes differs."""
+        """Raise EnvironmentMapError if the scale along two axes differs."""
         a, b = self.scale[first], self.scale[second]
         if abs(a - b) > _SAME * max(a, b):
             raise EnvironmentMapError(
@@ -105,6 +116,6 @@ class PlacedPrim:
 
     @property
     def image(self) -> tuple[Path | None, str]:
-        """The image file of the light, if it has one, and its colour space if one is stated."""
+        """The image file of the light, None without one, and its stated colour space, or ""."""
         name = "inputs:texture:file"
         return self.light.file(name), self.light.space(name)

@@ -1,4 +1,4 @@
-"""What is shown, as plain values made in memory."""
+"""Scenes as plain data in memory: asset, looks, lights, camera, film and sampling."""
 
 from lookdev.scene.camera import Camera, Lens, Pose
 from lookdev.scene.framing import frame_camera, frame_fill

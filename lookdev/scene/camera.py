@@ -1,4 +1,4 @@
-"""Where camera, asset and light stand."""
+"""The camera, and the poses of asset and light."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, order=True)
 class Pose:
-    """Where the asset and the light stand: degrees about the world's z axis, in [0, 360).
+    """The rotations of the asset (`element`) and of the light about the world's z axis, degrees in [0, 360).
 
-    The renderer turns camera, light and asset so that acceleration structures and importance maps stay valid. Generated
-    OSL: the asset is fixed, the camera orbits by ``-element``, the light turns by ``lighting - element``. Cycles' own
-    light: the light is fixed, the asset turns by ``element - lighting``, the camera orbits by ``-lighting``.
+    Renderers rotate camera, light and asset such that acceleration structures and importance maps stay valid. With
+    generated OSL, the asset is fixed, the camera orbits by ``-element`` and the light turns by ``lighting - element``.
+    With Cycles' own lights, the light is fixed, the asset turns by ``element - lighting`` and the camera orbits by
+    ``-lighting``.
     """
 
     element: float
@@ -27,7 +28,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Lens:
-    """A thin lens: what is at depth `focus` is sharp; `aperture` is the lens's diameter. Both in metres."""
+    """A thin lens: points at depth `focus` are sharp; `aperture` is the lens's diameter. Both are in metres."""
 
     aperture: float
     focus: float
@@ -37,10 +38,10 @@ class Lens:
 class Camera:
     """A perspective camera that looks at `target` from `distance`; `fov` is the horizontal angle of view.
 
-    Angles in degrees, lengths in metres. At pose 0 the camera stands at azimuth `azimuth` - 90 degrees (for 0: on -y,
-    looking along +y), raised by `elevation`; `roll` turns it about its line of sight, counter-clockwise as it sees the
-    world. It orbits the vertical `axis`, given by x and y; None: the vertical through `target`. `shift` moves the frame
-    to the right and up over the image, in widths of the frame. Without a `lens` it is a pinhole.
+    Angles are in degrees, lengths in metres. At pose 0 the camera is at azimuth `azimuth` - 90 degrees (for 0: on -y,
+    looking along +y) and raised by `elevation`. `roll` rotates it about its line of sight, counter-clockwise as it sees
+    the world. It orbits the vertical through `axis` (x, y), or through `target` if that is None. `shift` moves the
+    frame to the right and up over the image, in widths of the frame. Without a `lens` it is a pinhole camera.
     """
 
     fov: float
@@ -60,7 +61,7 @@ class Camera:
 
     @property
     def clip(self) -> tuple[float, float]:
-        """The least and the greatest depth that is seen, metres."""
+        """The least and the greatest visible depth, metres."""
         return 1e-3 * self.distance, 1e3 * self.distance
 
     @property
@@ -70,7 +71,7 @@ class Camera:
 
     @property
     def frame(self) -> Floats:
-        """The unit vectors to the right, up and backwards (3, 3), one a row."""
+        """The unit vectors to the right, up and backwards, the rows of (3, 3)."""
         azimuth, elevation = math.radians(self.azimuth - 90.0), math.radians(self.elevation)
         right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
         level, raised = math.cos(elevation), math.sin(elevation)

@@ -1,7 +1,7 @@
-"""Displacement: the points of an asset moved along their normals, as the looks that its parts wear say.
+"""Displacement: moves the points of an asset along their normals by the heights of its parts' looks.
 
-The displaced arrays are what every backend and the reference see. At a point where corners differ in normal or height,
-as at a hard edge or a seam of a UV set, the mean of both is taken, so that the surface stays closed.
+Every backend and the reference render the displaced arrays. Where the corners at a point differ in normal or height, as
+at a hard edge or a seam of a UV set, the point moves by their mean, so that the surface stays closed.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def is_displaced(mesh: Mesh, looks: Sequence[Look]) -> bool:
 
 
 def as_cage(mesh: Mesh) -> Mesh:
-    """Return a mesh that can be refined to carry a displacement: a polygon mesh as a bilinear cage with its normals.
+    """Return a mesh that can be refined for displacement; a polygon mesh becomes a bilinear cage.
 
-    Its normals are a primvar while it is refined, which `displace` takes back: a smooth sphere of few faces stays
-    smooth.
+    A primvar has the polygon mesh's normals during refinement, and `displace` restores them: a smooth sphere of few
+    faces stays smooth.
     """
     if mesh.subdivision is not None:
         return mesh
@@ -46,8 +46,8 @@ def as_cage(mesh: Mesh) -> Mesh:
     return replace(mesh, primvars=carried, subdivision=rules)
 
 
-def displace(asset: Asset, wears: Mapping[str, Look]) -> Asset:
-    """Displace the meshes of an asset, which are refined already; `wears` is as in `Scene`.
+def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
+    """Displace the refined meshes of an asset; `look_of_part` maps slots' paths to looks, as `Scene.wears`.
 
     A height h moves a point by ``(h - midlevel) scale`` along its normal: in the object's own space and the units of
     the asset's file, or in the world, in metres, after the instance's matrix. In the world, instances of one mesh that
@@ -56,29 +56,29 @@ def displace(asset: Asset, wears: Mapping[str, Look]) -> Asset:
     Raises
     ------
     AssetError
-        A height is not finite, or the mesh lacks a UV set that it is read by.
+        A height is not finite, or the mesh lacks a UV set that the height depends on.
     """
-    looks = [wears[slot.path] for slot in asset.slots]
+    looks = [look_of_part[slot.path] for slot in asset.slots]
     meshes: list[Mesh] = []
     instances: list[Instance] = []
-    users: dict[int, list[Instance]] = {}
+    instances_of_mesh: dict[int, list[Instance]] = {}
     for instance in asset.instances:
-        users.setdefault(instance.mesh, []).append(instance)
+        instances_of_mesh.setdefault(instance.mesh, []).append(instance)
     for number, mesh in enumerate(asset.meshes):
         if not is_displaced(mesh, looks):
-            made: Iterable[tuple[Mesh, Sequence[Instance]]] = [(mesh, users.get(number, ()))]
+            pieces: Iterable[tuple[Mesh, Sequence[Instance]]] = [(mesh, instances_of_mesh.get(number, ()))]
         else:
-            made = _displaced(_with_own_normals(mesh), looks, users.get(number, ()), asset.unit)
-        for each, placed in made:
-            instances += [replace(instance, mesh=len(meshes)) for instance in placed]
-            meshes.append(each)
+            pieces = _displace_mesh(_restore_normals(mesh), looks, instances_of_mesh.get(number, ()), asset.unit)
+        for piece, piece_instances in pieces:
+            instances += [replace(instance, mesh=len(meshes)) for instance in piece_instances]
+            meshes.append(piece)
     if len(meshes) == len(asset.meshes) and all(a is b for a, b in zip(meshes, asset.meshes, strict=True)):
         return asset
     return replace(make_asset(asset.name, meshes, instances, asset.slots), unit=asset.unit, notes=asset.notes)
 
 
-def _with_own_normals(mesh: Mesh) -> Mesh:
-    """Return a refined cage of `as_cage` with the normals that it carried."""
+def _restore_normals(mesh: Mesh) -> Mesh:
+    """Return a refined cage of `as_cage` with the normals from its primvar."""
     if (carried := mesh.primvars.get(_NORMALS)) is None:
         return mesh
     primvars = {name: values for name, values in mesh.primvars.items() if name != _NORMALS}
@@ -86,65 +86,65 @@ def _with_own_normals(mesh: Mesh) -> Mesh:
     return replace(mesh, primvars=primvars, normals=normals.astype(np.float32))
 
 
-def _displaced(
-    mesh: Mesh, looks: Sequence[Look], placed: Sequence[Instance], unit: float
+def _displace_mesh(
+    mesh: Mesh, looks: Sequence[Look], instances: Sequence[Instance], unit: float
 ) -> Iterator[tuple[Mesh, Sequence[Instance]]]:
-    """Yield the mesh displaced, once for all instances, or for each shape that they give it in the world."""
-    own, world = _heights(mesh, looks, unit)
-    if not world.any():
-        yield _moved(mesh, own, world, np.eye(3)), placed
+    """Yield the displaced mesh, once for all instances, or once for each linear map of instances to the world."""
+    object_heights, world_heights = _heights(mesh, looks, unit)
+    if not world_heights.any():
+        yield _move_points(mesh, object_heights, world_heights, np.eye(3)), instances
         return
     shapes: dict[bytes, list[Instance]] = {}
-    for instance in placed:
+    for instance in instances:
         shapes.setdefault(np.ascontiguousarray(instance.matrix[:3, :3]).tobytes(), []).append(instance)
-    for members in shapes.values():
-        yield _moved(mesh, own, world, members[0].matrix[:3, :3]), members
+    for same_shape in shapes.values():
+        yield _move_points(mesh, object_heights, world_heights, same_shape[0].matrix[:3, :3]), same_shape
 
 
 def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Doubles, Doubles]:
     """Return the displacement of each corner (m,), in metres: in object space, and in the world."""
     corner_slots = np.repeat(mesh.face_slots, mesh.face_sizes)
-    own, world = np.zeros((2, len(corner_slots)))
+    object_heights, world_heights = np.zeros((2, len(corner_slots)))
     points = Corners(mesh)
     for slot in np.unique(mesh.face_slots):
         displacement = looks[slot].displacement
         if displacement is None:
             continue
         height = _height(points, displacement)
-        here = corner_slots == slot
-        if not np.isfinite(height[here]).all():
-            what = (
+        is_of_slot = corner_slots == slot
+        if not np.isfinite(height[is_of_slot]).all():
+            problem = (
                 f"the displacement of look '{looks[slot].name}' is not finite; its height must be a number everywhere"
             )
-            raise AssetError(f"{mesh.name}: {what}")
+            raise AssetError(f"{mesh.name}: {problem}")
         if displacement.units == "world":
-            world[here] = height[here]
+            world_heights[is_of_slot] = height[is_of_slot]
         else:
-            own[here] = height[here] * unit
-    return own, world
+            object_heights[is_of_slot] = height[is_of_slot] * unit
+    return object_heights, world_heights
 
 
 def _height(points: Corners, displacement: Displacement) -> Doubles:
-    with np.errstate(all="ignore"):  # what is not finite is reported
+    with np.errstate(all="ignore"):  # the caller reports values that are not finite
         height = np.asarray(Values(points).read(displacement.height, color=False), np.float64)
         offset = (height - displacement.midlevel) * displacement.scale
     return np.broadcast_to(offset, (len(points.mesh.corner_points),))
 
 
-def _moved(mesh: Mesh, own: Doubles, world: Doubles, linear: Doubles) -> Mesh:
+def _move_points(mesh: Mesh, object_heights: Doubles, world_heights: Doubles, linear: Doubles) -> Mesh:
     """Move each point by the mean of its corners' displacements; `linear` (3, 3) maps object space to the world."""
     normals = mesh.normals.astype(np.float64)
     count = len(mesh.points)
-    offsets = own[:, None] * normals
-    if world.any():
-        # A height h along the world's normal, L^-T n normalised, is h L^-1 of it in object space.
+    offsets = object_heights[:, None] * normals
+    if world_heights.any():
+        # The world's normal is L^-T n, normalised. L^-1 maps an offset along it to object space.
         inverse = np.linalg.inv(linear)
-        offsets = offsets + world[:, None] * (unit_or(normals @ inverse, normals) @ inverse.T)
-    used = np.maximum(np.bincount(mesh.corner_points, minlength=count), 1)
-    moved = mesh.points + sum_by(mesh.corner_points, offsets, count) / used[:, None]
+        offsets = offsets + world_heights[:, None] * (unit_or(normals @ inverse, normals) @ inverse.T)
+    corner_counts = np.maximum(np.bincount(mesh.corner_points, minlength=count), 1)
+    moved = mesh.points + sum_by(mesh.corner_points, offsets, count) / corner_counts[:, None]
     points = moved.astype(np.float32)
-    turned = _turned(normals, _surface_normals(mesh, mesh.points), _surface_normals(mesh, points)).astype(np.float32)
-    return replace(mesh, points=points, normals=turned, tangents=None)
+    rotated = _rotate_normals(normals, _surface_normals(mesh, mesh.points), _surface_normals(mesh, points))
+    return replace(mesh, points=points, normals=rotated.astype(np.float32), tangents=None)
 
 
 def _surface_normals(mesh: Mesh, points: NDArray[np.float32]) -> Doubles:
@@ -153,17 +153,17 @@ def _surface_normals(mesh: Mesh, points: NDArray[np.float32]) -> Doubles:
     return smooth_normals(areas, mesh.corner_points, mesh.face_sizes, len(points))
 
 
-def _turned(normals: Doubles, before: Doubles, after: Doubles) -> Doubles:
-    """Turn shading normals (m, 3) as displacement turns the surface's own: hard edges stay hard, smooth faces smooth.
+def _rotate_normals(normals: Doubles, before: Doubles, after: Doubles) -> Doubles:
+    """Rotate shading normals (m, 3) as displacement rotates the surface's normals, from `before` to `after`.
 
-    The rotation that takes one unit vector to the other the shortest way (Rodrigues), without trigonometry; where the
-    surface is turned over, it is the new normal itself.
+    Hard edges stay hard, smooth faces smooth. The rotation is the shortest one between both unit vectors (Rodrigues),
+    without trigonometry. Where the surface is flipped, the result is `after`.
     """
     axis, cosine = np.cross(before, after), dot(before, after)
-    over = cosine < -0.999
+    is_flipped = cosine < -0.999
     across = np.cross(axis, normals)
-    turned = normals + across + np.cross(axis, across) / np.where(over, 1.0, 1.0 + cosine)
-    return unit_or(np.where(over, after, turned), after)
+    rotated = normals + across + np.cross(axis, across) / np.where(is_flipped, 1.0, 1.0 + cosine)
+    return unit_or(np.where(is_flipped, after, rotated), after)
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ class Corners(ImagePoints):
 
     def uv(self, name: str) -> Doubles:
         if name not in self.mesh.uvs:
-            known = ", ".join(self.mesh.uvs) or "no UV set at all"
-            raise AssetError(f"{self.mesh.name}: a displacement reads the UV set '{name}'; it has: {known}")
+            names = ", ".join(self.mesh.uvs) or "no UV set at all"
+            raise AssetError(f"{self.mesh.name}: a displacement reads the UV set '{name}'; it has: {names}")
         return self.mesh.uvs[name].astype(np.float64)
 
     def primvar(self, primvar: Primvar) -> Doubles:
@@ -185,9 +185,9 @@ class Corners(ImagePoints):
             return np.broadcast_to(fallback, (len(self.mesh.corner_points), *fallback.shape))
         if values.ndim - 1 != fallback.ndim:
             width = 1 if values.ndim == 1 else values.shape[1]
-            wanted = 3 if fallback.ndim else 1
+            expected = 3 if fallback.ndim else 1
             raise AssetError(
-                f"{self.mesh.name}: primvar '{primvar.name}' has {width} numbers; the displacement reads {wanted}"
+                f"{self.mesh.name}: primvar '{primvar.name}' has {width} numbers; the displacement reads {expected}"
             )
         return values.astype(np.float64)
 

@@ -1,8 +1,7 @@
-"""The parts of an asset, patterns over their paths, and an asset that is dressed: each slot wears one thing.
+"""The parts of an asset, patterns over their paths, and the assignment of looks or lights to parts.
 
-A part is a mesh, or a GeomSubset of one, as the instances at one path show it. Instances share their mesh, and its
-slots; where only some of them are to wear something else, the mesh is split in two that share all arrays but
-`face_slots`.
+A part is a mesh, or a GeomSubset of a mesh, at the path of its instances. Instances share their mesh and its slots.
+Where the assignments of instances differ, the mesh is split into meshes that share all arrays but `face_slots`.
 """
 
 from __future__ import annotations
@@ -22,68 +21,70 @@ from lookdev.asset.store import asset_digest
 
 Key = TypeVar("Key", bound=Hashable)
 
-Shown = tuple[int, str]
-"""A mesh, by its number, and the path of the instances that show it."""
+MeshAtPath = tuple[int, str]
+"""The number of a mesh, and the path of some of its instances."""
 
 _MOST_KNOWN = 8  # paths that a hint lists
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What takes one look; `path` is that of its instances, with the name of a GeomSubset, `slot` that of the mesh."""
+    """The unit of assignment. `path` is that of its instances, with the GeomSubset's name; `slot` is of the mesh."""
 
     path: str
     mesh: Mesh
     slot: Slot
 
 
-def asset_parts(asset: Asset) -> dict[Shown, tuple[Part, ...]]:
-    """Return the parts of each mesh at each path; those of a mesh without an instance are at the path of its name."""
+def asset_parts(asset: Asset) -> dict[MeshAtPath, tuple[Part, ...]]:
+    """Return the parts of each mesh at each path; the path of a mesh without an instance is its name."""
     slots = [np.unique(mesh.face_slots).tolist() for mesh in asset.meshes]
-    shown = dict.fromkeys((each.mesh, each.path) for each in asset.instances)
-    hidden = set(range(len(asset.meshes))) - {number for number, _ in shown}
-    shown |= dict.fromkeys((number, asset.meshes[number].name) for number in sorted(hidden))
+    meshes_at_paths = dict.fromkeys((instance.mesh, instance.path) for instance in asset.instances)
+    hidden = set(range(len(asset.meshes))) - {number for number, _ in meshes_at_paths}
+    meshes_at_paths |= dict.fromkeys((number, asset.meshes[number].name) for number in sorted(hidden))
     return {
         (number, path): tuple(_part(asset.meshes[number], asset.slots[slot], path) for slot in slots[number])
-        for number, path in shown
+        for number, path in meshes_at_paths
     }
 
 
-def dress(
-    asset: Asset, parts: Mapping[Shown, Sequence[Part]], choose: Callable[[Part], Key]
+def assign_to_parts(
+    asset: Asset, parts: Mapping[MeshAtPath, Sequence[Part]], choose: Callable[[Part], Key]
 ) -> tuple[Asset, dict[str, Key]]:
-    """Return the asset with slots that wear one thing each, and what the slot of each path wears.
+    """Return the asset with slots whose parts all have the same choice, and the choice of each slot by its path.
 
-    `parts` are those of `asset_parts`. Where all instances of each mesh wear the same, it is the asset that was given.
+    `parts` are those of `asset_parts`. The asset is the same object if the instances of every mesh agree.
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
-    wears: dict[str, Key] = {}
-    dressed: dict[tuple[int, tuple[Key, ...]], int] = {}
-    numbers: dict[Shown, int] = {}
-    taken: set[int] = set()
-    for shown, own in parts.items():
-        number, keys = shown[0], tuple(choose(part) for part in own)
-        if (number, keys) not in dressed:
-            if number in taken:
-                dressed[number, keys] = len(meshes)
-                meshes.append(_split(meshes[number], shown[1], len(slots)))
-                slots += [Slot(part.path, part.slot.material) for part in own]
-                wears |= zip([part.path for part in own], keys, strict=True)
+    choice_of_slot: dict[str, Key] = {}
+    mesh_numbers: dict[tuple[int, tuple[Key, ...]], int] = {}
+    number_at_path: dict[MeshAtPath, int] = {}
+    assigned: set[int] = set()
+    for mesh_at_path, mesh_parts in parts.items():
+        number, keys = mesh_at_path[0], tuple(choose(part) for part in mesh_parts)
+        if (number, keys) not in mesh_numbers:
+            if number in assigned:
+                mesh_numbers[number, keys] = len(meshes)
+                meshes.append(_split_mesh(meshes[number], mesh_at_path[1], len(slots)))
+                slots += [Slot(part.path, part.slot.material) for part in mesh_parts]
+                choice_of_slot |= zip([part.path for part in mesh_parts], keys, strict=True)
             else:
-                dressed[number, keys] = number
-                taken.add(number)
-                wears |= zip([part.slot.path for part in own], keys, strict=True)
-        numbers[shown] = dressed[number, keys]
+                mesh_numbers[number, keys] = number
+                assigned.add(number)
+                choice_of_slot |= zip([part.slot.path for part in mesh_parts], keys, strict=True)
+        number_at_path[mesh_at_path] = mesh_numbers[number, keys]
     if len(meshes) == len(asset.meshes):
-        return asset, wears
-    instances = tuple(replace(each, mesh=numbers[each.mesh, each.path]) for each in asset.instances)
+        return asset, choice_of_slot
+    instances = tuple(
+        replace(instance, mesh=number_at_path[instance.mesh, instance.path]) for instance in asset.instances
+    )
     split = replace(asset, meshes=tuple(meshes), slots=tuple(slots), instances=instances)
-    return replace(split, digest=asset_digest(split)), wears
+    return replace(split, digest=asset_digest(split)), choice_of_slot
 
 
 @dataclass(frozen=True)
 class Fits:
-    """Which pattern each path takes, by number, the first that fits; and the numbers of those that fit no path."""
+    """The number of the `first` pattern that fits each path, and the numbers of the patterns that fit no path."""
 
     first: Mapping[str, int]
     unfit: tuple[int, ...]
@@ -94,11 +95,11 @@ def fit_patterns(
 ) -> Fits:
     """Find the first pattern that fits each path.
 
-    A pattern is a glob (`fnmatch`: ``*`` stands for any characters, ``/`` too), and fits a prim with all that is below
-    it. `members` has the paths of patterns that are collections, which fit these alone.
+    A pattern is a glob (`fnmatch`: ``*`` matches any characters, ``/`` too). It fits a prim with all its descendants.
+    `members` has the paths of each pattern that is a collection, which fits these paths alone.
     """
     members = members or {}
-    # By path: the collections of which it is a member, and the patterns that are this path.
+    # By path: the collections that include it, and the patterns that are this path.
     collected: dict[str, list[int]] = {}
     literal: dict[str, list[int]] = {}
     globs: list[tuple[int, re.Pattern[str]]] = []
@@ -111,54 +112,56 @@ def fit_patterns(
         else:
             literal.setdefault(pattern, []).append(number)
     fitted: set[int] = set()
-    covering: dict[str, float] = {"": math.inf}
+    first_fits: dict[str, float] = {"": math.inf}
 
-    def cover(path: str) -> float:
-        """Return the first pattern that fits a path or one above it."""
-        if path not in covering:
+    def first_fit(path: str) -> float:
+        """Return the number of the first pattern that fits a path or one of its ancestors; inf if none does."""
+        if path not in first_fits:
             fitting = [*literal.get(path, ()), *(number for number, glob in globs if glob.match(path))]
             fitted.update(fitting)
-            covering[path] = min([*fitting, cover(path.rpartition("/")[0])])
-        return covering[path]
+            first_fits[path] = min([*fitting, first_fit(path.rpartition("/")[0])])
+        return first_fits[path]
 
     first: dict[str, int] = {}
     for path in paths:
         fitting = collected.get(path, ())
         fitted.update(fitting)
-        if (number := min([cover(path), *fitting])) < math.inf:
+        if (number := min([first_fit(path), *fitting])) < math.inf:
             first[path] = int(number)
     return Fits(first, tuple(number for number in range(len(patterns)) if number not in fitted))
 
 
 def path_hint(pattern: str, paths: Iterable[str]) -> str:
-    """Return a hint with the paths nearest to a pattern that fits none."""
-    known = {above for path in paths for above in _ancestry(path)}
-    folded = {key.casefold(): path for path in sorted(known, reverse=True) for key in (path, path.rpartition("/")[2])}
+    """Return a hint with the paths nearest to a pattern that fits no path."""
+    known_paths = {parent for path in paths for parent in _path_and_ancestors(path)}
+    folded = {
+        key.casefold(): path for path in sorted(known_paths, reverse=True) for key in (path, path.rpartition("/")[2])
+    }
     plain = pattern.strip("</>").casefold()
     if alike := folded.get(f"/{plain}", folded.get(plain)):
         return f"did you mean '{alike}'?"
-    above = pattern.rpartition("/")[0]
-    while above and above not in known:
-        above = above.rpartition("/")[0]
-    near = {path.rpartition("/")[2]: path for path in sorted(known) if path.rpartition("/")[0] == above}
-    close = difflib.get_close_matches(pattern.removeprefix(above).strip("/").partition("/")[0], near, n=1)
+    parent = pattern.rpartition("/")[0]
+    while parent and parent not in known_paths:
+        parent = parent.rpartition("/")[0]
+    children = {path.rpartition("/")[2]: path for path in sorted(known_paths) if path.rpartition("/")[0] == parent}
+    close = difflib.get_close_matches(pattern.removeprefix(parent).strip("/").partition("/")[0], children, n=1)
     if close:
-        return f"did you mean '{near[close[0]]}'?"
-    more = f", ... ({len(near)})" if len(near) > _MOST_KNOWN else ""
-    return f"known: {', '.join(list(near.values())[:_MOST_KNOWN])}{more}"
+        return f"did you mean '{children[close[0]]}'?"
+    more = f", ... ({len(children)})" if len(children) > _MOST_KNOWN else ""
+    return f"known: {', '.join(list(children.values())[:_MOST_KNOWN])}{more}"
 
 
 def _part(mesh: Mesh, slot: Slot, path: str) -> Part:
     return Part(path + slot.path.removeprefix(mesh.name) if path else slot.path, mesh, slot)
 
 
-def _split(mesh: Mesh, path: str, first: int) -> Mesh:
-    """Return the mesh of the instances at a path, with slots of its own from number `first`."""
+def _split_mesh(mesh: Mesh, path: str, first: int) -> Mesh:
+    """Return the mesh with a path as its name, and with slots numbered from `first` on."""
     _, compact = np.unique(mesh.face_slots, return_inverse=True)
     return replace(mesh, name=path, face_slots=(compact + first).astype(np.int32))
 
 
-def _ancestry(path: str) -> Iterator[str]:
+def _path_and_ancestors(path: str) -> Iterator[str]:
     while path:
         yield path
         path = path.rpartition("/")[0]

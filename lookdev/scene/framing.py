@@ -1,6 +1,6 @@
-"""Cameras that frame an asset, the same in every frame of a turntable, so that the asset's size never changes.
+"""Cameras that frame an asset. All frames of a turntable have the same camera, so that the asset's size is constant.
 
-`frame_fill` frames what the asset covers while it turns, `frame_camera` its bounding sphere.
+`frame_fill` frames the region that the asset covers while it turns, `frame_camera` its bounding sphere.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from lookdev.scene.camera import Camera
 
 Floats = NDArray[np.float64]
 Arc = tuple[float, float]
-"""A range of angles, degrees, by which an asset is turned: the first, and how far it goes on from there."""
+"""A range of an asset's rotation angles, degrees: the first angle, and the sweep from there."""
 
 DEFAULT_FOV = math.degrees(2.0 * math.atan(36.0 / (2.0 * 50.0)))
-"""Horizontal angle of view, degrees, of a lens of 50 mm before a sensor 36 mm wide."""
+"""Horizontal angle of view, degrees, of a 50 mm lens with a 36 mm wide sensor."""
 
 DEFAULT_FILL = 0.7
 
 FULL_TURN: tuple[Arc, ...] = ((0.0, 360.0),)
 
 _STEPS = 100
-"""Newton's steps, at most; usually about five."""
+"""The most Newton steps; about five are usual."""
 
 _LEAST_GAP = 1e-4
-"""Least distance of the camera to what it frames, in the depth of that: of a needle that it sees along its length."""
+"""Least distance of the camera from the asset, in depths of the asset; it is reached for a needle seen end-on."""
 
 
 def frame_camera(
@@ -42,7 +42,7 @@ def frame_camera(
     elevation: float = 10.0,
     margin: float = 1.1,
 ) -> Camera:
-    """Place a camera so that the bounding sphere, times the margin, just fits the frame.
+    """Return a camera whose frame the bounding sphere, times the margin, just fits.
 
     Its distance is ``radius margin / sin(half)``, where `half` is half the smaller of the two angles of view.
 
@@ -84,11 +84,11 @@ def frame_fill(
     fill: float = DEFAULT_FILL,
     arcs: Sequence[Arc] = FULL_TURN,
 ) -> Camera:
-    """Place a camera so that what an asset covers while it turns takes `fill` of the frame's width or height.
+    """Return a camera whose frame the turning asset covers up to the fraction `fill` of its width or height.
 
-    The asset turns about its `turning_axis`. All that its silhouette covers at any angle of the arcs is as wide, or as
-    high, as `fill` of the frame, whichever is reached first, and has equal margins to the left and right and equal
-    margins above and below.
+    The asset turns about its `turning_axis`. The union of its silhouettes at all angles of the arcs has `fill` of the
+    frame's width or of its height, whichever is reached first. Its margins to the left and right are equal, and so are
+    those above and below.
 
     In coordinates right x, up y, towards the camera z, about a point of the axis, a camera at (a, b, d) sees a point
     between the planes through it with slopes ±t to the left and right where ``±(x - a) <= t (d - z)``. That is linear:
@@ -106,14 +106,14 @@ def frame_fill(
     fov, elevation
         Horizontal angle of view, and angle above the horizon, degrees.
     fill
-        The part of the frame's width or height.
+        The fraction of the frame's width or height.
     arcs
         The angles at which the asset is shown, as `Pose.element`.
 
     Raises
     ------
     AssetError
-        The points are not finite, or all in one place.
+        The points are not finite, or all equal.
     """
     columns = np.ascontiguousarray(points.T)
     size = float(np.ptp(columns, axis=1).max()) if len(points) else 0.0
@@ -123,23 +123,23 @@ def frame_fill(
     base = np.array([*axis, 0.5 * (columns[2].min() + columns[2].max())])
     plain = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
     frame = plain.frame
-    touched = _touched((columns - base[:, None]).T, arcs)
+    farthest_point = _farthest_point_function((columns - base[:, None]).T, arcs)
 
     def sides(direction: int, slope: float) -> tuple[float, float, float]:
-        """Return S on both sides of a direction, and the derivative by the slope of their sum."""
+        """Return S on both sides of a direction, and the derivative of their sum by the slope."""
         normals = np.array([[direction == 0, direction == 1, slope]] * 2, np.float64)
         normals[1, :2] *= -1.0
-        ahead, behind = (touched(normal @ frame) @ frame.T for normal in normals)
+        ahead, behind = (farthest_point(normal @ frame) @ frame.T for normal in normals)
         return float(ahead @ normals[0]), float(behind @ normals[1]), float(ahead[2] + behind[2])
 
     width, height = resolution
     slopes = fill * plain.reach, fill * plain.reach * height / width
-    nearest, farthest = float(touched(frame[2]) @ frame[2]), float(touched(-frame[2]) @ frame[2])
+    nearest, farthest = float(farthest_point(frame[2]) @ frame[2]), float(farthest_point(-frame[2]) @ frame[2])
     depth = max(sum(sides(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
     depth = max(depth, nearest + _LEAST_GAP * (nearest - farthest))
     offset = []
     for direction, most in enumerate(slopes):
-        # S(v) + S(-v) - 2 t d is convex in t and falls, so Newton's steps from 0 never pass its zero.
+        # S(v) + S(-v) - 2 t d is convex in t and falls, so that Newton's steps from 0 never pass its zero.
         slope = 0.0
         for _ in range(_STEPS):
             ahead, behind, growth = sides(direction, slope)
@@ -157,12 +157,13 @@ def frame_fill(
     return Camera(fov, elevation, (x, y, z), round(distance, digits), axis=axis)
 
 
-def _touched(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
-    """Return a function of a direction: the point farthest along it of points (n, 3) turned by all angles of some arcs.
+def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
+    """Return a function of a direction: the point farthest along it, of points (n, 3) at all angles of some arcs.
 
-    They turn about the z axis. A point at the distance r from it, turned by t, has by a direction w the value
-    ``r |w_xy| cos(psi - t) + z w_z``, psi being the angle from the point to w about the axis. Over t from 0 to s it is
-    greatest at psi, where that is in the arc, which is where ``cos(psi - s/2) >= cos(s/2)``; else at one of the ends.
+    The points turn about the z axis. Let a point be at the distance r from the axis, and psi the angle about the axis
+    from the point to a direction w. After a turn by t, its dot product with w is ``r |w_xy| cos(psi - t) + z w_z``.
+    Over t from 0 to s it is greatest at psi if that is in the arc, that is if ``cos(psi - s/2) >= cos(s/2)``; else at
+    one of the ends.
     """
     radius, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     ranges = [(math.radians(min(start, start + sweep)), math.radians(abs(sweep))) for start, sweep in arcs]
@@ -170,28 +171,28 @@ def _touched(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
     ranges = ranges[:1] if whole else ranges
 
     def outermost(w: Floats, start: float, sweep: float) -> Iterator[Floats]:
-        """Yield the farthest point at each end of an arc, and between."""
+        """Yield the farthest point at each end of an arc, and in between."""
         across = math.hypot(w[0], w[1])
         for end in () if whole else dict.fromkeys((start, start + sweep)):
-            turn = _turn(end)
+            turn = _rotation_about_z(end)
             yield turn @ points[(points @ (w @ turn)).argmax()]
         if whole or sweep > 0.0:
-            reached = across * radius + w[2] * z
+            values = across * radius + w[2] * z
             if not whole:
-                half = points @ (w * [1.0, 1.0, 0.0] @ _turn(start + 0.5 * sweep))
-                reached[half < across * math.cos(0.5 * sweep) * radius] = -np.inf
-            best = int(reached.argmax())
-            if reached[best] > -np.inf:
+                half = points @ (w * [1.0, 1.0, 0.0] @ _rotation_about_z(start + 0.5 * sweep))
+                values[half < across * math.cos(0.5 * sweep) * radius] = -np.inf
+            best = int(values.argmax())
+            if values[best] > -np.inf:
                 along = w[:2] / across if across > 0.0 else np.array([1.0, 0.0])
                 yield np.array([*(radius[best] * along), z[best]])
 
-    def touched(w: Floats) -> Floats:
-        return max((point for each in ranges for point in outermost(w, *each)), key=lambda point: float(point @ w))
+    def farthest_point(w: Floats) -> Floats:
+        return max((point for arc in ranges for point in outermost(w, *arc)), key=lambda point: float(point @ w))
 
-    return touched
+    return farthest_point
 
 
-def _turn(angle: float) -> Floats:
-    """Return the matrix of a turn about the z axis."""
+def _rotation_about_z(angle: float) -> Floats:
+    """Return the matrix (3, 3) of a rotation about the z axis."""
     sine, cosine = math.sin(angle), math.cos(angle)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

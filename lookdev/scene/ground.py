@@ -1,4 +1,4 @@
-"""The ground under an asset: a round plane that it stands on."""
+"""The ground under an asset: a horizontal disc."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
 from lookdev.material import Layer, Look
 
 PATH = "/lookdev/ground"
-"""The path of the ground among the parts of an asset, by which lights can be linked to it."""
+"""The path of the ground among the parts of an asset, for links of lights."""
 
 GREY = Look("ground", (Layer("Ground", "lambert", {"reflectance": (0.18, 0.18, 0.18)}),))
-"""What a ground wears that is given no material."""
+"""The look of a ground without a material."""
 
 _SEGMENTS = 128
 
@@ -23,7 +23,7 @@ _SEGMENTS = 128
 class Ground:
     """A horizontal disc about the axis of the turns: its look, radius and height, metres.
 
-    Of a `catcher` only what the asset does to its light is shown.
+    A `catcher` is a shadow catcher: the frame shows only the asset's effect on its light.
     """
 
     look: Look
@@ -32,21 +32,23 @@ class Ground:
     catcher: bool
 
 
-def on_ground(
-    asset: Asset, wears: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
+def add_ground(
+    asset: Asset, look_of_part: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
 ) -> tuple[Asset, dict[str, Look]]:
-    """Return an asset with the ground as another part, and what its slots wear; `axis` is the x and y of the disc."""
+    """Return an asset with the ground as another part, and the looks of all slots; `axis` is x and y of the disc."""
     meshes = [*asset.meshes, replace(_disc(ground.radius), face_slots=np.full(_SEGMENTS, len(asset.slots), np.int32))]
     matrix = np.eye(4)
     matrix[:3, 3] = (*axis, ground.height)
     instances = [*asset.instances, Instance(len(asset.meshes), matrix, PATH)]
     centred = bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
-    both = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=asset.revolved and centred)
-    return replace(both, unit=asset.unit, notes=asset.notes), {**wears, PATH: ground.look}
+    combined = make_asset(
+        asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=asset.revolved and centred
+    )
+    return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_part, PATH: ground.look}
 
 
 def _disc(radius: float) -> Mesh:
-    """Return a disc that looks up, of triangles about its centre; st is 0 to 1 over the square around it."""
+    """Return a disc that faces up, of triangles about its centre; st is 0 to 1 over its bounding square."""
     angles = 2.0 * np.pi * np.arange(_SEGMENTS) / _SEGMENTS
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SEGMENTS)], axis=-1)
     points = np.concatenate([rim, np.zeros((1, 3))])

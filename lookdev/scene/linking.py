@@ -1,4 +1,4 @@
-"""Links of lights: which light each part of an asset, and of which it casts the shadow (UsdLux collections)."""
+"""Light linking: the lights that illuminate each part of an asset, and those whose shadow it casts (UsdLux)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from lookdev.asset import Asset
 from lookdev.light import Light
 from lookdev.material import Look
-from lookdev.scene.dress import Part, asset_parts, dress
+from lookdev.scene.dress import Part, asset_parts, assign_to_parts
 
 
 @dataclass(frozen=True, eq=False)
 class Linked:
-    """What `lookdev.scene.Scene` has of an asset under linked lights, whose `Emission.spared` are set."""
+    """The fields of a `lookdev.scene.Scene` that links determine; `Emission.spared` of the lights is set."""
 
     asset: Asset
     wears: Mapping[str, Look]
@@ -22,35 +22,41 @@ class Linked:
     groups: Mapping[str, int] = field(default_factory=dict)
 
 
-def link_lights(asset: Asset, wears: Mapping[str, Look], lights: Sequence[Light]) -> Linked:
-    """Return an asset whose slots each have one set of lights, and cast the shadows of one set.
+def link_lights(asset: Asset, look_of_part: Mapping[str, Look], lights: Sequence[Light]) -> Linked:
+    """Return an asset each of whose slots has one set of lights, and casts the shadows of one set of lights.
 
-    Without links all are as given, and no slot is named. Meshes whose instances are linked differently are split. A
-    group is what casts the shadows of the same lights; group 0 casts those of all.
+    Without links, the arguments are returned unchanged, with empty `lit` and `groups`. Meshes whose instances have
+    different links are split. The slots of a group cast the shadows of the same lights; group 0 casts all shadows.
     """
-    shining = [light.emission.light_link for light in lights]
-    casting = [light.emission.shadow_link for light in lights]
-    if not any(shining) and not any(casting):
-        return Linked(asset, wears, tuple(lights))
+    light_links = [light.emission.light_link for light in lights]
+    shadow_links = [light.emission.shadow_link for light in lights]
+    if not any(light_links) and not any(shadow_links):
+        return Linked(asset, look_of_part, tuple(lights))
 
-    def worn(part: Part) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
-        lit, cast = (
+    def links_of_part(part: Part) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
+        """Return the path of a part's slot, the lights that illuminate it, and the lights whose shadow it casts."""
+        light_numbers, shadow_numbers = (
             tuple(number for number, link in enumerate(links) if link is None or link.includes(part.path))
-            for links in (shining, casting)
+            for links in (light_links, shadow_links)
         )
-        return part.slot.path, lit, cast
+        return part.slot.path, light_numbers, shadow_numbers
 
-    split, chosen = dress(asset, asset_parts(asset), worn)
+    split, link_choices = assign_to_parts(asset, asset_parts(asset), links_of_part)
     groups = {tuple(range(len(lights))): 0}
-    grouped = {path: groups.setdefault(cast, len(groups)) for path, (_, _, cast) in chosen.items()}
-    spared = [tuple(group for cast, group in groups.items() if number not in cast) for number in range(len(lights))]
+    grouped = {
+        path: groups.setdefault(shadow_numbers, len(groups)) for path, (_, _, shadow_numbers) in link_choices.items()
+    }
+    excluded_groups = [
+        tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
+        for number in range(len(lights))
+    ]
     return Linked(
         split,
-        {path: wears[before] for path, (before, _, _) in chosen.items()},
+        {path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
         tuple(
-            light.with_emission(replace(light.emission, spared=each))
-            for light, each in zip(lights, spared, strict=True)
+            light.with_emission(replace(light.emission, spared=excluded))
+            for light, excluded in zip(lights, excluded_groups, strict=True)
         ),
-        {path: lit for path, (_, lit, _) in chosen.items()} if any(shining) else {},
+        {path: light_numbers for path, (_, light_numbers, _) in link_choices.items()} if any(light_links) else {},
         grouped if any(grouped.values()) else {},
     )

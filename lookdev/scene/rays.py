@@ -20,8 +20,8 @@ def camera_rays(
 ) -> tuple[Floats, Floats]:
     """Return origins and unit directions (..., 3) of rays; x, y in pixels from the upper left corner.
 
-    Of a thin lens, u (..., 2), uniform in the unit square, chooses the point that a ray leaves; without it, and of a
-    pinhole, all rays have one origin, (3,).
+    For a thin lens, u (..., 2), uniform in the unit square, is mapped to the point where a ray leaves the lens. Without
+    u, and for a pinhole, all rays have one origin, (3,).
     """
     orbited = camera.orbited(-pose.element)
     right, up, back = orbited.frame
@@ -34,7 +34,7 @@ def camera_rays(
     if camera.lens is not None and u is not None:
         radius, angle = 0.5 * camera.lens.aperture * np.sqrt(u[..., 0]), 2.0 * np.pi * u[..., 1]
         within = (radius * np.cos(angle))[..., None] * right + (radius * np.sin(angle))[..., None] * up
-        # All rays of a pixel's point meet in the plane of focus.
+        # All rays of a point of the frame meet in the plane of focus.
         origin, direction = origin + within, direction - within / camera.lens.focus
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     return origin, direction

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 SAMPLE_CAP = 4096
-"""Default of the most samples per pixel of a frame with a target error."""
+"""The default limit of samples per pixel for a frame with a target error."""
 
 
 @dataclass(frozen=True)
 class Sampling:
     """Samples, directions and bounces of a frame.
 
-    With `error` set, rounds of growing size are added until the estimated relMSE is at most `error` or `samples` is
-    reached. Directions per shading point, `brdf_samples` and `ibl_samples`, depend on the look where they are None.
+    If `error` is set, rounds of growing size are added until the estimated relMSE is at most `error`, or `samples` is
+    reached. `brdf_samples` and `ibl_samples` are directions per shading point; they depend on the look if None.
     """
 
     samples: int = 64  # per pixel over both halves, even
@@ -23,15 +23,15 @@ class Sampling:
     ibl_samples: int | None = None
     bounces: int = 2  # indirect
     seed: int = 0
-    denoise: Literal["off", "measured"] = "off"  # after which its error is measured again
-    passes: tuple[str, ...] = ()  # besides the beauty, of `lookdev.rendering.passes`
+    denoise: Literal["off", "measured"] = "off"  # "measured": denoise, and measure the error again
+    passes: tuple[str, ...] = ()  # of `lookdev.rendering.passes`, in addition to the beauty pass
 
     @property
     def features(self) -> bool:
-        """Whether shaders can show albedos and normals."""
+        """Whether shaders output albedos and normals."""
         return self.denoise != "off" or bool(self.passes)
 
     @property
     def recorded(self) -> bool:
-        """Whether shaders can record parts of their light."""
+        """Whether shaders record parts of their light."""
         return not {"lobes", "direct", "lights"}.isdisjoint(self.passes)

@@ -1,4 +1,4 @@
-"""A scene: an asset, what each of its parts wears, the lights, and the camera that sees it."""
+"""A scene: an asset, the look of each of its parts, the lights, and the camera."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lookdev.space import REC709, Space
 
 @dataclass(frozen=True)
 class Film:
-    """What the camera exposes: `resolution` is width and height in pixels, `space` that of all light."""
+    """The film: `resolution` is width and height in pixels, `space` the colour space of all light."""
 
     resolution: tuple[int, int]
     space: Space = REC709
@@ -25,11 +25,20 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none.
+    """An asset with looks and lights, as a camera sees it.
 
-    `lit` maps the paths of slots to the numbers of the lights that light them; all light a slot that it lacks. `groups`
-    maps them to the groups of which `Emission.spared` has the numbers, 0 where it lacks one. Of the slots of the paths
-    `catchers`, only what the rest of the asset does to their light is shown: they are a shadow catcher.
+    Parameters
+    ----------
+    asset, lights, camera, film
+        The asset, the lights, the camera and the film.
+    wears
+        The look of each slot of the asset, by the slot's path; ValueError if a slot has none.
+    lit
+        The numbers of the lights that illuminate a slot, by its path. All lights illuminate a slot that it lacks.
+    groups
+        The shadow group of a slot, by its path, 0 for a slot that it lacks. `Emission.spared` has numbers of groups.
+    catchers
+        The paths of slots that are shadow catchers: the frame shows only the effect of the other slots on their light.
     """
 
     asset: Asset
@@ -50,7 +59,7 @@ class Scene:
     def of_look(
         cls, asset: Asset, look: Look, light: Light, resolution: tuple[int, int], camera: Camera | None = None
     ) -> Self:
-        """Return a scene of one look and one light; the default camera frames the asset."""
+        """Return a scene with one look and one light; the default camera frames the asset."""
         camera = camera or frame_camera(asset.center, asset.radius, resolution)
         return cls(asset, {slot.path: look for slot in asset.slots}, (light,), camera, Film(resolution))
 
@@ -66,20 +75,23 @@ class Scene:
         return tuple(self.lit.get(slot.path, every) for slot in self.asset.slots)
 
     def without_idle_lights(self) -> Scene:
-        """Return the scene without lights that reach no part in any pose and are not seen; each part keeps a light."""
-        # Around the axis of the turns, at its height, the asset is in this sphere in every pose.
+        """Return the scene without lights that are invisible and reach no part in any pose; each part keeps a light."""
+        # In every pose the asset is in this sphere, whose centre is on the axis of the turns at the asset's height.
         x, y = self.camera.pivot
         center = (x, y, self.asset.center[2])
         radius = 1.001 * (self.asset.radius + math.dist((x, y), self.asset.center[:2]))
-        reaching = {number for number, each in enumerate(self.lights) if each.may_reach(center, radius)}
-        kept = {number for number, light in enumerate(self.lights) if light.emission.camera}
+        reaching = {number for number, light in enumerate(self.lights) if light.may_reach(center, radius)}
+        remaining = {number for number, light in enumerate(self.lights) if light.emission.camera}
         for numbers in self.lit_by:
-            kept |= reaching.intersection(numbers) or set(numbers[:1])
-        if len(kept) == len(self.lights):
+            remaining |= reaching.intersection(numbers) or set(numbers[:1])
+        if len(remaining) == len(self.lights):
             return self
-        place = {number: k for k, number in enumerate(sorted(kept))}
-        lit = {path: tuple(place[each] for each in numbers if each in place) for path, numbers in self.lit.items()}
-        return replace(self, lights=tuple(self.lights[number] for number in place), lit=lit)
+        new_numbers = {number: k for k, number in enumerate(sorted(remaining))}
+        lit = {
+            path: tuple(new_numbers[number] for number in numbers if number in new_numbers)
+            for path, numbers in self.lit.items()
+        }
+        return replace(self, lights=tuple(self.lights[number] for number in new_numbers), lit=lit)
 
     @property
     def grouped(self) -> tuple[int, ...]:

@@ -9,13 +9,13 @@ import numpy as np
 from lookdev.brdf.vectors import Array, Real, cross, dot, perpendicular, scale, vector
 
 LEAST_COSINE = 1e-4
-"""Cosine between the viewer and a normal that is bent towards the viewer."""
+"""The cosine between the viewer and a normal that is bent towards the viewer."""
 
 LIFT = 1e-6
-"""How far above its facet a ray leaves a surface, in the largest coordinate of the place and of its triangle.
+"""The height above its facet at which a ray leaves a surface, relative to the largest coordinate of point and triangle.
 
-Coincident surfaces, with which real assets are full, shade as one: this is 16 times the rounding of a coordinate to
-float32, which a place, its triangle and what coincides with it each have.
+Coincident surfaces, which are frequent in real assets, then shade as one surface: the height is 16 times the rounding
+of a coordinate to float32, and the point, its triangle and the coincident surface are each rounded.
 """
 
 
@@ -37,18 +37,18 @@ def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Ar
     """Return the frame in which a BSDF is evaluated.
 
     Seen from behind, the frame is flipped: normal, tangent and bitangent change sign together, so that a bump seen from
-    behind is a dent, and a thin surface looks alike from both sides. An interpolated normal that leans away from the
-    viewer is bent until its cosine is `LEAST_COSINE`.
+    behind is a dent, and a thin surface looks the same from both sides. An interpolated normal that points away from
+    the viewer is bent until its cosine is `LEAST_COSINE`.
 
     Parameters
     ----------
     normal, tangent : (..., 3)
-        Interpolated over the mesh, in the world; the normal of unit length. Without a tangent, any one is taken: for
-        BSDFs that look alike however the frame is turned about its normal.
+        Interpolated over the mesh, in the world; the normal has unit length. Without a tangent an arbitrary one is
+        used, for isotropic BSDFs.
     facet, viewer : (..., 3)
         Unit normal of the triangle, and unit direction to the viewer.
     hand : (...)
-        -1 where the instance's matrix reflects, which flips the bitangent; else 1.
+        -1 if the instance's matrix mirrors, which flips the bitangent; else 1.
     """
     facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
@@ -65,5 +65,5 @@ def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Ar
 
 
 def _unit(v: Array) -> Array:
-    # Rounded as OSL's normalize() rounds: a place that a path reaches next seeds its random numbers.
+    # Rounded as OSL's normalize() rounds, because the next point of a path seeds its random numbers.
     return v / np.expand_dims(np.sqrt(dot(v, v)), -1)

@@ -1,4 +1,4 @@
-"""The camera of a shot, as it is in a USD file."""
+"""The camera of a shot, from a USD file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from lookdev.asset.silhouette import turning_axis
 from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
-_SAME_SHAPE = 0.01  # relative difference of two aspect ratios that nobody notices
-_NEAREST = 0.1  # distance of the target in that of the farthest point, so that the clip range holds what is near
+_SAME_SHAPE = 0.01  # relative difference of two aspect ratios that is not noticeable
+_NEAREST = 0.1  # target's distance over that of the farthest point: the clip range includes near points
 
 
 def shot_camera(shot: UsdCamera, points: NDArray[np.float64]) -> Camera:
     """Return a camera of a USD file that orbits the turning axis of an asset with the outline `points` (n, 3).
 
-    The width of its aperture fills the width of the frame. The target only serves the range of depths that is seen.
+    The width of its aperture fills the width of the frame. The target only determines the clip range.
     """
     width, _ = shot.apertures
     right, _, back = np.array(shot.frame)
@@ -51,15 +51,15 @@ def shot_camera(shot: UsdCamera, points: NDArray[np.float64]) -> Camera:
 
 
 def shot_notes(shot: UsdCamera, points: NDArray[np.float64], resolution: tuple[int, int]) -> Iterator[str]:
-    """Yield what the picture of a shot leaves out, and where its frame has another shape than the camera's."""
+    """Yield notes on features of a shot's camera that are ignored, and on a frame with another aspect ratio."""
     yield from shot.notes
     (width, height), (columns, rows) = shot.apertures, resolution
-    wanted, given = width / height, columns / rows
-    if abs(given / wanted - 1.0) > _SAME_SHAPE:
-        seen = "less" if given > wanted else "more"
+    shot_aspect, job_aspect = width / height, columns / rows
+    if abs(job_aspect / shot_aspect - 1.0) > _SAME_SHAPE:
+        amount = "less" if job_aspect > shot_aspect else "more"
         yield (
-            f"{shot.path}: its frame is {wanted:.3g} times as wide as high, that of the job {given:.3g} times: "
-            f"the widths agree, and {seen} is seen above and below"
+            f"{shot.path}: its frame is {shot_aspect:.3g} times as wide as high, "
+            f"that of the job {job_aspect:.3g} times: the widths agree, and {amount} is seen above and below"
         )
     depths = (np.array(shot.position) - points) @ np.array(shot.frame[2])
     near, far = shot.clipping

@@ -1,7 +1,8 @@
-"""The UV sets and primvars that looks ask for, found on the meshes that wear them.
+"""The UV sets and primvars that looks read, on the meshes that the looks are assigned to.
 
-A set that a mesh lacks is its default set, `st` or else the only one, under the name that was asked for. Where a mesh
-has neither, what a shader really reads is known only after its source is generated: `lookdev.plan` reports the fault.
+A set that a mesh lacks is replaced by the mesh's default set, `st` or else its only set, under the missing name. If a
+mesh has no default set either, `lookdev.plan` reports the fault: only the generated source tells whether a shader reads
+the set.
 """
 
 from __future__ import annotations
@@ -19,32 +20,34 @@ from lookdev.material.look import leaves
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:
-    """Return the UV sets that a look asks for, in order."""
+    """Return the names of the UV sets that a look reads, in order."""
     return tuple(dict.fromkeys(leaf.st for leaf in _leaves(look) if not isinstance(leaf, Primvar)))
 
 
-def with_uvs(asset: Asset, wears: Mapping[str, Look], own: Collection[str] = ()) -> tuple[Asset, tuple[str, ...]]:
-    """Return the asset with the UV sets that its looks ask for, and notes on those found under another name.
+def with_uvs(
+    asset: Asset, look_of_part: Mapping[str, Look], bound: Collection[str] = ()
+) -> tuple[Asset, tuple[str, ...]]:
+    """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
-    `wears` is as in `Scene`; `own` are the slots whose look is the asset's own. Where these alone ask a mesh
-    without any UV set, they read (0, 0), as USD's own readers do.
+    `look_of_part` maps slots' paths to looks, as `Scene.wears`; `bound` are the paths of slots whose look is the
+    asset's own. If only bound looks read UV sets of a mesh that has none, they read (0, 0), as USD's own readers do.
     """
-    looks = [wears[slot.path] for slot in asset.slots]
-    asked = {id(look): look_uvs(look) for look in looks}
-    mine = [slot.path in own for slot in asset.slots]
+    looks = [look_of_part[slot.path] for slot in asset.slots]
+    uv_names = {id(look): look_uvs(look) for look in looks}
+    is_bound = [slot.path in bound for slot in asset.slots]
     lacking: dict[tuple[str, str], list[Mesh]] = {}
-    every = {name for names in asked.values() for name in names}
+    all_names = {name for names in uv_names.values() for name in names}
     meshes = []
     for mesh in asset.meshes:
-        if every <= mesh.uvs.keys():
+        if all_names <= mesh.uvs.keys():
             meshes.append(mesh)
             continue
         added: dict[str, Floats] = {}
         slots = np.unique(mesh.face_slots).tolist()
-        bare = not mesh.uvs and all(mine[slot] or not asked[id(looks[slot])] for slot in slots)
+        has_no_uvs = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
         for slot in slots:
-            for name in asked[id(looks[slot])]:
-                if name in mesh.uvs or not (mesh.default_uv or bare):
+            for name in uv_names[id(looks[slot])]:
+                if name in mesh.uvs or not (mesh.default_uv or has_no_uvs):
                     continue
                 added[name] = mesh.uvs[mesh.default_uv] if mesh.default_uv else _zeros(mesh)
         for name in added:
@@ -52,30 +55,33 @@ def with_uvs(asset: Asset, wears: Mapping[str, Look], own: Collection[str] = ())
         meshes.append(replace(mesh, uvs={**mesh.uvs, **added}) if added else mesh)
     if not lacking:
         return asset, ()
-    made = replace(asset, meshes=tuple(meshes))
-    return replace(made, digest=asset_digest(made)), tuple(_note(*key, found) for key, found in lacking.items())
+    completed = replace(asset, meshes=tuple(meshes))
+    notes = tuple(_replacement_note(*key, meshes_without) for key, meshes_without in lacking.items())
+    return replace(completed, digest=asset_digest(completed)), notes
 
 
-def absent_primvars(asset: Asset, wears: Mapping[str, Look]) -> tuple[str, ...]:
-    """Return notes on primvars that looks ask for and meshes lack, whose fallback is read; `wears` as in `Scene`."""
-    looks = [wears[slot.path] for slot in asset.slots]
-    asked = {id(look): {each.name for each in _leaves(look) if isinstance(each, Primvar)} for look in looks}
+def absent_primvars(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
+    """Return notes on primvars that looks read and meshes lack; `look_of_part` maps slots' paths to looks."""
+    looks = [look_of_part[slot.path] for slot in asset.slots]
+    primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}
     lacking: dict[str, list[Mesh]] = {}
-    for mesh in asset.meshes if any(asked.values()) else ():
-        names = {name for slot in np.unique(mesh.face_slots).tolist() for name in asked[id(looks[slot])]}
+    for mesh in asset.meshes if any(primvar_names.values()) else ():
+        names = {name for slot in np.unique(mesh.face_slots).tolist() for name in primvar_names[id(looks[slot])]}
         for name in sorted(names - mesh.primvars.keys()):
             lacking.setdefault(name, []).append(mesh)
-    return tuple(f"{_which(found, 'primvar', name)}: its fallback is read" for name, found in lacking.items())
+    return tuple(
+        f"{_missing_phrase(meshes, 'primvar', name)}: its fallback is read" for name, meshes in lacking.items()
+    )
 
 
-def _note(asked: str, found: str, meshes: list[Mesh]) -> str:
-    taken = f"'{found}' is read" if found else "nor another; textures are read at (0, 0)"
-    return f"{_which(meshes, 'UV set', asked)}: {taken}"
+def _replacement_note(name: str, fallback: str, meshes: list[Mesh]) -> str:
+    replacement = f"'{fallback}' is read" if fallback else "nor another; textures are read at (0, 0)"
+    return f"{_missing_phrase(meshes, 'UV set', name)}: {replacement}"
 
 
-def _which(meshes: list[Mesh], what: str, name: str) -> str:
+def _missing_phrase(meshes: list[Mesh], kind: str, name: str) -> str:
     more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
-    return f"{meshes[0].name}{more} no {what} '{name}', which looks ask for"
+    return f"{meshes[0].name}{more} no {kind} '{name}', which looks ask for"
 
 
 def _zeros(mesh: Mesh) -> Floats:
@@ -83,7 +89,7 @@ def _zeros(mesh: Mesh) -> Floats:
 
 
 def _leaves(look: Look) -> Iterator[Texture | Coordinates | Primvar]:
-    """Yield what the geometry has to give a look: coordinates of textures, coordinates and primvars."""
+    """Yield the inputs of a look that read the geometry: textures, coordinates and primvars."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     if look.displacement is not None:
         sources.append(look.displacement.height)

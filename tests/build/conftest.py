@@ -1,4 +1,4 @@
-"""Lights of jobs, whose tables of directions are small: nothing draws from them here."""
+"""Lights of jobs with small tables of directions: these tests do not draw from them."""
 
 from pathlib import Path
 
@@ -14,6 +14,6 @@ def _job_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _small_tables(_job_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw few directions of a dome, which takes seconds, and keep them from other tests by a cache of these tests."""
+    """Draw few directions of a dome, because many take seconds; a separate cache keeps them from other tests."""
     monkeypatch.setattr(points, "SIDE", 32)
     monkeypatch.setenv("LOOKDEV_CACHE", str(_job_cache))

@@ -1,4 +1,4 @@
-"""From dressed assets to those that are rendered: cages refined, surfaces displaced, and the cameras that see them."""
+"""From assigned looks to rendered assets: refined cages, displaced surfaces, and the cameras."""
 
 import re
 from collections.abc import Callable
@@ -32,7 +32,7 @@ def Mesh "Cube"
 
 
 def displaced(height: str, *shaders: str) -> str:
-    """Return a material whose surface is moved by a height, an input of LookdevDisplacement."""
+    """Return a material with displacement; `height` is an input of LookdevDisplacement."""
     moved = shader("Moved", "LookdevDisplacement", f"float inputs:height{height}", "token outputs:displacement")
     lines = "token outputs:lookdev:displacement.connect = </Paint/Moved.outputs:displacement>\n"
     return "#usda 1.0\n" + material(more=lines + moved + "".join(shaders))
@@ -85,7 +85,7 @@ def test_the_job_can_say_how_often_a_cage_is_refined(make: Make, level: int) -> 
     scene = scene_of(make(asset=f", subdivision = {level}"))
     assert faces(scene) == 6 * 4**level
     assert scene.asset.meshes[0].subdivision is None
-    # The limit of a cube's corners is known: 5/18 of the way to the middle of the cube, of each coordinate.
+    # The limit of a cube's corners is known: each coordinate moves 5/18 of the way to the middle of the cube.
     corner = scene.asset.meshes[0].points.min(axis=0)
     assert (corner > 0.05).all() == (level > 0)
 
@@ -100,7 +100,7 @@ def test_a_mesh_that_is_not_a_cage_stays_as_it_is(make: Make) -> None:
 
 
 def test_the_camera_frames_the_limit_surface(make: Make) -> None:
-    """At fill 0.7, the widest of the poses covers 70 % of the frame."""
+    """At fill 0.7, the widest pose covers 70 % of the frame."""
     scene = scene_of(make('[[look]]\nname = "two"', width=256))
     points = outline(scene.asset)
     camera = scene.camera
@@ -110,7 +110,7 @@ def test_the_camera_frames_the_limit_surface(make: Make) -> None:
         seen = points - camera.orbited(-angle).position
         depth = -(seen @ back)
         extents.append(np.abs(np.stack([seen @ right, seen @ up]) / depth).max(axis=1) / camera.reach)
-    # Points of the level that was chosen; between two poses the extent is less than the square of half a degree away.
+    # Points of the refined level; between two poses the extent differs by less than the square of half a degree.
     assert np.max(extents) == pytest.approx(0.7, abs=1e-4)
 
 
@@ -118,9 +118,9 @@ def test_a_displaced_look_has_a_surface_of_its_own(make: Make) -> None:
     third = '\n[[look]]\nname = "three"\n'
     prepared = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"' + third)
     plain, swollen, bare = (scene_of(prepared, name) for name in ("one", "two", "three"))
-    assert plain.asset is bare.asset  # looks share what is refined
+    assert plain.asset is bare.asset  # looks share the refined asset
     assert swollen.asset.radius == pytest.approx(plain.asset.radius + 0.5, rel=0.05)
-    assert plain.camera == swollen.camera  # that frames both
+    assert plain.camera == swollen.camera  # it frames both assets
     alone = scene_of(make('material = "swollen.usda"'))
     assert alone.asset.digest == swollen.asset.digest
     assert alone.camera == swollen.camera

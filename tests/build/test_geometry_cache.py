@@ -1,4 +1,4 @@
-"""Refined assets are read from the cache by the next run, whole or not at all."""
+"""The next run reads refined assets from the cache, complete or not at all."""
 
 from dataclasses import fields, replace
 
@@ -29,7 +29,7 @@ def cages(tmp_path, monkeypatch) -> Asset:
 
 @pytest.fixture
 def calls(monkeypatch) -> list[str]:
-    """The names of what was computed."""
+    """The names of the computations that ran."""
     names: list[str] = []
 
     for name in ("refine_all", "refinement_levels"):

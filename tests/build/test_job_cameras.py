@@ -1,4 +1,4 @@
-"""Cameras of a job: one for all looks or one each, by silhouette or sphere, or from a file."""
+"""Cameras of a job: one for all looks or one for each look, framed by silhouette or sphere, or from a file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -108,7 +108,7 @@ def test_a_camera_of_a_file_is_read(folder: Path) -> None:
 
 
 def test_props_that_hide_what_a_camera_of_a_file_sees_are_noted(folder: Path) -> None:
-    """The camera is above the asset: far away, it shows all of it in the middle of the frame; near it, nothing else."""
+    """The camera is above the asset: from afar the asset is in the middle of the frame, from close by it fills it."""
     shot = read_camera(open_stage(folder / "asset.usda"), "/Shot")
     job = job_of(folder, 'usd = "/Shot"\n[charts]\nplace = "left"')
     for scale, hides in ((1.0, False), (4.0, True)):

@@ -1,4 +1,4 @@
-"""The ground of a job, and where it is; reference props that are not measured, or hide the asset."""
+"""The ground of a job and its position; reference props that are not measured, or hide the asset."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from lookdev.job.charts import JobCharts
 from lookdev.job.ground import JobGround
 from lookdev.scene import Camera
 from lookdev.scene.charts import Strip
-from lookdev.scene.ground import GREY, PATH, on_ground
+from lookdev.scene.ground import GREY, PATH, add_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 LOOK = f"metal = {MATERIALS}/classic/mirror.usda"
@@ -40,8 +40,8 @@ def test_what_its_material_loses_is_noted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["catcher", "plane"])
 def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind: str) -> None:
     plain = job_scenes(parse_job(JOB, tmp_path / "job.toml")).scenes
-    shown = job_scenes(parse_job(f'{JOB}[ground]\nkind = "{kind}"\nsize = 5\n', tmp_path / "job.toml")).scenes
-    for key, scene in shown.items():
+    grounded = job_scenes(parse_job(f'{JOB}[ground]\nkind = "{kind}"\nsize = 5\n', tmp_path / "job.toml")).scenes
+    for key, scene in grounded.items():
         assert scene.camera == plain[key].camera
         assert [light.digest for light in scene.lights] == [light.digest for light in plain[key].lights]
         asset, before = scene.asset, plain[key].asset
@@ -58,17 +58,17 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
 
 def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     sphere = load_asset(builtin="sphere")
-    wears = {"/sphere": GREY}
+    look_of_part = {"/sphere": GREY}
     camera = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 5.0)
     ground_under(JobGround(height=camera.position[2] - 0.1), sphere, None, camera)
     with pytest.raises(AssetError, match=r"the camera is 0\.1 m below the ground"):
         ground_under(JobGround(height=camera.position[2] + 0.1), sphere, None, camera)
     ground = ground_under(JobGround(height=-3.0), sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
-    grounded = on_ground(sphere, wears, ground, (0.0, 0.0))[0]
+    grounded = add_ground(sphere, look_of_part, ground, (0.0, 0.0))[0]
     assert grounded.revolved
     assert {*map(tuple, grounded.meshes[-1].tangents.tolist())} == {(1.0, 0.0, 0.0)}
-    assert not on_ground(sphere, wears, ground, (0.5, 0.0))[0].revolved
+    assert not add_ground(sphere, look_of_part, ground, (0.5, 0.0))[0].revolved
 
 
 def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:

@@ -1,4 +1,4 @@
-"""Rigs of a job: their keys, their lights in scenes, and one fit for all looks."""
+"""Rigs of a job: their keys, their lights in scenes, and one placement for all looks."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -112,14 +112,14 @@ def test_rigs_count_in_the_number_of_frames(folder: Path) -> None:
 
 
 def test_scenes_have_the_lights_of_their_rig(folder: Path) -> None:
-    shown = job_scenes(parse(JOB, folder))
-    assert list(shown.scenes) == [("paint", "white"), ("paint", "studio")]
-    assert shown.scenes["paint", "white"].lights == (prepare_light(load_environment(builtin="white")),)
-    key, sky = shown.scenes["paint", "studio"].lights
+    result = job_scenes(parse(JOB, folder))
+    assert list(result.scenes) == [("paint", "white"), ("paint", "studio")]
+    assert result.scenes["paint", "white"].lights == (prepare_light(load_environment(builtin="white")),)
+    key, sky = result.scenes["paint", "studio"].lights
     assert isinstance(key, RectLight)
     assert (key.width, key.position) == (2.0, (0.0, 0.0, 5.0))
     assert sky.emission.color == (0.5, 0.5, 0.5)
-    (note,) = shown.notes
+    (note,) = result.notes
     assert note == "rig 'studio': /Rig/Key is linked to /Car/Bdoy, but the asset has no such part"
 
 
@@ -130,8 +130,8 @@ def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
     bound = ASSET.replace(body, f'{body} (prepend apiSchemas = ["MaterialBindingAPI"])')
     bound = bound.replace("uniform token sub", "rel material:binding = </Car/Paint>\n        uniform token sub")
     (folder / "car.usda").write_text(bound.replace(body, f"{material(scope='/Car')}{body}"))
-    shown = job_scenes(parse(text, folder))
-    small, large = (shown.scenes[f"each_{size}", "studio"] for size in ("small", "large"))
+    result = job_scenes(parse(text, folder))
+    small, large = (result.scenes[f"each_{size}", "studio"] for size in ("small", "large"))
     assert (small.asset.radius, large.asset.radius) == pytest.approx((5.0, 10.0))
     assert small.lights == large.lights
     key = small.lights[0]
@@ -143,7 +143,7 @@ def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("RectLight", "RectLigth", "{rig}: /Rig/Key: RectLigth is no type of USD's lights"),
+        ("RectLight", "RectLigth", "{rig}: /Rig/Key: RectLigth is not a type of USD's lights"),
         ("width = 2", "width = -2", "{rig}: /Rig/Key.inputs:width: is -2"),
         ("intensity = 0.5", "intensity = 9e17", "{rig}: /Rig/Sky: its largest radiance times 2^1 is 1.8e+18"),
         ("#usda 1.0", "#usda", "{rig}: USD cannot open it"),
@@ -208,4 +208,4 @@ def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
     (of_ibl,), (of_rig,) = (setup.scene.lights for setup in prepared.setups)
     assert isinstance(of_rig, Dome)
     assert of_rig.emission.group == "Rig"
-    assert replace(of_rig, emission=of_rig.emission.unnamed) == of_ibl
+    assert replace(of_rig, emission=of_rig.emission.without_names) == of_ibl

@@ -1,4 +1,4 @@
-"""From a job to its scenes: what each part wears, by every way to say it, and every fault of one."""
+"""From a job to its scenes: the look of each part by every kind of assignment, and every fault of a job."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -113,7 +113,7 @@ def make(folder: Path) -> Make:
 
 
 def look_by_part(prepared: JobScenes, name: str = "one") -> dict[str, float | str]:
-    """Return, for each part, the roughness of the look that it wears, or the name of a look without one."""
+    """Return the roughness of each part's look, or the name of a look without roughness."""
     scene = prepared.scenes[name, "white"]
     result: dict[str, float | str] = {}
     for instance in scene.asset.instances:
@@ -157,7 +157,7 @@ DOOR, BODY = assign("gold.usda", "/Car/Body/Door"), assign("dirt.usda", "/Car/Bo
         ('variants = { finish = "gloss" }', "", {"/Car/Body": 0.125}, "/Car/Bare and 2 more"),
         ("", GLOSS, {"/Car/Body": 0.125}, "/Car/Bare and 2 more"),
         ('variants = { finish = "matt" }', GLOSS, {}, "/Car/Bare and 2 more"),
-        (GOLD, GLOSS, ALL_GOLD, None),  # those of a material leave the asset as it is
+        (GOLD, GLOSS, ALL_GOLD, None),  # variants of a material do not change the asset
     ],
 )
 def test_each_part_has_the_first_look_that_covers_it(
@@ -165,8 +165,8 @@ def test_each_part_has_the_first_look_that_covers_it(
 ) -> None:
     prepared = make(look, CAR + asset)
     assert look_by_part(prepared) == OWN | covered
-    wanted = [f"look 'one': nothing covers {bare}"] if bare else []
-    assert [note.partition(";")[0] for note in prepared.notes] == wanted
+    expected = [f"look 'one': nothing covers {bare}"] if bare else []
+    assert [note.partition(";")[0] for note in prepared.notes] == expected
 
 
 def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
@@ -180,7 +180,7 @@ def test_a_mesh_is_split_where_looks_of_its_instances_differ_and_looks_share_wha
     left = assign("gold.usda", "*/Left")
     others = '[[look]]\nname = "two"\n' + left.replace("gold", "dirt") + f'[[look]]\nname = "three"\n{GOLD}'
     prepared = make(left + others)
-    assert len(prepared.notes) == len(set(prepared.notes)) == 2  # of one and two; on the asset once
+    assert len(prepared.notes) == len(set(prepared.notes)) == 2  # of looks one and two; the asset's are there once
     one, two = (prepared.scenes[name, "white"].asset for name in ("one", "two"))
     assert one.digest == two.digest
     assert len(one.meshes) == 5
@@ -387,7 +387,7 @@ def test_faults_of_assigned_materials_and_of_patterns_are_reported_at_once(make:
 
 
 def preview(name: str) -> str:
-    """Return a material with a UsdPreviewSurface, which emits light and reads an image."""
+    """Return a material with a UsdPreviewSurface that emits light and reads an image."""
     surface = shader(
         "Surface",
         "UsdPreviewSurface",

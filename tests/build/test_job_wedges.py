@@ -1,4 +1,4 @@
-"""Wedges of a job: the looks and lights that they stand for, what is shown together, and every fault of one."""
+"""Wedges of a job: the looks and lights that they expand to, the rendered pairs, and every fault of a wedge."""
 
 from pathlib import Path
 
@@ -49,14 +49,14 @@ BASE = [(look, rig) for look in ("paint", "other") for rig in ("white", "three")
 
 
 def test_values_of_a_look_are_looks_under_the_lights_of_the_job(tmp_path: Path) -> None:
-    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Base.roughness"\nrange = [0.0, 1.0, 3]'))
+    result = scenes(tmp_path, wedge('look = "paint"\nparameter = "Base.roughness"\nrange = [0.0, 1.0, 3]'))
     names = [f"paint_Base.roughness_{value}" for value in ("0", "0.5", "1")]
-    assert list(shown.scenes)[:2] == BASE[:2]
-    assert set(shown.scenes) == {*BASE, *((name, rig) for name in names for rig in ("white", "three"))}
+    assert list(result.scenes)[:2] == BASE[:2]
+    assert set(result.scenes) == {*BASE, *((name, rig) for name in names for rig in ("white", "three"))}
     for name, value in zip(names, (0.0, 0.5, 1.0), strict=True):
-        look = shown.scenes[name, "white"].looks[0]
+        look = result.scenes[name, "white"].looks[0]
         assert look.layers[0].inputs["roughness"] == value
-    sheet, other = shown.sheets
+    sheet, other = result.sheets
     assert (sheet.look, sheet.rig, other.rig) == ("paint", "white", "three")
     assert sheet.cells == tuple((name, "white") for name in names)
     assert (sheet.name, sheet.title) == ("Base.roughness", "paint / white: Base.roughness")
@@ -65,34 +65,34 @@ def test_values_of_a_look_are_looks_under_the_lights_of_the_job(tmp_path: Path) 
 
 
 def test_expressions_of_masks_are_numbered(tmp_path: Path) -> None:
-    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Coat.mask"\nvalues = ["view", "1 - view", 0.5]'))
-    assert {look for look, _ in shown.scenes} >= {"paint_Coat.mask_view", "paint_Coat.mask_2", "paint_Coat.mask_0.5"}
-    assert shown.sheets[0].labels == ("view", "1 - view", "0.5")
+    result = scenes(tmp_path, wedge('look = "paint"\nparameter = "Coat.mask"\nvalues = ["view", "1 - view", 0.5]'))
+    assert {look for look, _ in result.scenes} >= {"paint_Coat.mask_view", "paint_Coat.mask_2", "paint_Coat.mask_0.5"}
+    assert result.sheets[0].labels == ("view", "1 - view", "0.5")
 
 
 def test_two_parameters_make_all_pairs_row_by_row(tmp_path: Path) -> None:
     by = "values = [0, 1]\nby = { parameter = 'exposure', values = [-1, 0.5] }"
-    shown = scenes(tmp_path, wedge(f'look = "paint"\nrig = "three"\nparameter = "Coat.mask.amount"\n{by}'))
-    (sheet,) = shown.sheets
+    result = scenes(tmp_path, wedge(f'look = "paint"\nrig = "three"\nparameter = "Coat.mask.amount"\n{by}'))
+    (sheet,) = result.sheets
     looks, rigs = ("paint_Coat.mask.amount_0", "paint_Coat.mask.amount_1"), ("three_exposure_-1", "three_exposure_0.5")
     assert sheet.cells == tuple((look, rig) for look in looks for rig in rigs)
-    assert set(shown.scenes) == {*BASE, *sheet.cells}
+    assert set(result.scenes) == {*BASE, *sheet.cells}
     assert (sheet.columns, sheet.labels) == (2, ("0, -1", "0, 0.5", "1, -1", "1, 0.5"))
-    exposures = {rig.name: rig.exposure for rig in shown.job.rigs}
+    exposures = {rig.name: rig.exposure for rig in result.job.rigs}
     assert exposures == {"white": 0.0, "three": 0.0, "three_exposure_-1": -1.0, "three_exposure_0.5": 0.5}
     for value, name in enumerate(looks):
-        look = shown.scenes[name, rigs[0]].looks[0]
+        look = result.scenes[name, rigs[0]].looks[0]
         assert look.layers[1].mask.inputs["amount"] == value
 
 
 def test_values_of_lights_of_a_rig(tmp_path: Path) -> None:
     text = 'rig = "three"\nlook = "paint"\nparameter = "light:key.intensity"\nvalues = [5.0, 10.0]'
     rotated = wedge('look = "paint"\nrig = "white"\nparameter = "rotation"\nvalues = [90]')
-    shown = scenes(tmp_path, wedge(text) + rotated)
-    one, two = (shown.scenes["paint", f"three_key.intensity_{value}"].lights for value in (5, 10))
+    result = scenes(tmp_path, wedge(text) + rotated)
+    one, two = (result.scenes["paint", f"three_key.intensity_{value}"].lights for value in (5, 10))
     ratios = [np.divide(b.emission.color, a.emission.color) for a, b in zip(one, two, strict=True)]
     assert sorted(round(float(ratio[0]), 6) for ratio in ratios) == [1.0, 1.0, 2.0]
-    assert {rig.name: rig.rotation for rig in shown.job.rigs}["white_rotation_90"] == 90.0
+    assert {rig.name: rig.rotation for rig in result.job.rigs}["white_rotation_90"] == 90.0
 
 
 def test_looks_of_a_wedge_share_one_program_and_frames_are_planned_once(tmp_path: Path) -> None:
@@ -159,8 +159,8 @@ def test_two_wedges_of_one_name(tmp_path: Path) -> None:
     expand_wedges(job, findings := Findings(job))
     message, hint = "another wedge is called 'Base.roughness'", "give each wedge its own name"
     assert findings.faults == [Fault(str(tmp_path / "job.toml"), "wedge[1]", message, hint)]
-    shown = scenes(tmp_path, ROUGHNESS + other.replace("values", 'name = "fine"\nvalues'))
-    assert {sheet.name for sheet in shown.sheets} == {"Base.roughness", "fine"}
+    result = scenes(tmp_path, ROUGHNESS + other.replace("values", 'name = "fine"\nvalues'))
+    assert {sheet.name for sheet in result.sheets} == {"Base.roughness", "fine"}
 
 
 def test_the_frames_of_wedges_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -240,7 +240,7 @@ def test_the_weight_of_a_bin_is_that_of_numpy(probes: Probes) -> None:
     np.testing.assert_array_equal(probes.values["scale"][:, 0], probes.numbers[:, 0])
     assert (probes.numbers > 0.0).all()
     # Rounding under the root matters only where the sine is small, and there the weight is 1 or 0.
-    wanted = bins.widened(probes.tables["widened"][:, 0])
+    wanted = bins.widened_cosine(probes.tables["widened"][:, 0])
     np.testing.assert_allclose(probes.values["widened"][:, 0], wanted, atol=_ROUNDING)
 
 

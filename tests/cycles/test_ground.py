@@ -27,7 +27,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
-from lookdev.scene.ground import GREY, PATH, Ground, on_ground
+from lookdev.scene.ground import GREY, PATH, Ground, add_ground
 
 pytestmark = pytest.mark.cycles
 
@@ -45,9 +45,9 @@ def scene_of(
     # Each part of a frame builds its geometry: of 512 x 256 facets, in half a second.
     asset = asset or make_sphere(96, 48)
     ground = Ground(under, 10.0, -1.0, catcher)
-    both, wears = on_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
+    both, look_of_part = add_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
     catchers = frozenset([PATH] if catcher else [])
-    return Scene(both, wears, tuple(lights), camera, Film(SIZE), catchers=catchers)
+    return Scene(both, look_of_part, tuple(lights), camera, Film(SIZE), catchers=catchers)
 
 
 def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list[Rendered]:

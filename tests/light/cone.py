@@ -1,4 +1,4 @@
-"""A whole kind of light, of the smallest size: a cone of directions, all of the same radiance.
+"""A complete, minimal kind of light: a cone of directions with one radiance.
 
 ``python cone.py`` is a render worker that has the kind in its registry.
 """
@@ -26,13 +26,13 @@ class Cone(CodedLight):
     color: tuple[float, float, float]
     emission: Emission = WHITE
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
-        return np.where(self._lit(direction)[..., None], self.color, 0.0)
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
+        return np.where(self._is_inside(direction)[..., None], self.color, 0.0)
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        return np.where(self._lit(direction), 0.5 / (np.pi * (1.0 - self.cosine)), 0.0)
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        return np.where(self._is_inside(direction), 0.5 / (np.pi * (1.0 - self.cosine)), 0.0)
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         across = np.cross(self.axis, (0.0, 0.0, 1.0))
         across /= np.linalg.norm(across)
         frame = np.stack([across, np.cross(self.axis, across), self.axis])
@@ -40,14 +40,14 @@ class Cone(CodedLight):
         sine = np.sqrt(1.0 - cosine * cosine)
         return np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=-1) @ frame
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
 
     def code(self, *, sampled: bool) -> LightCode:
         values = {**dict(zip("XYZ", self.axis, strict=True)), "COSINE": self.cosine, "RADIANCE": f"color{self.color}"}
         return LightCode(tuple(f"#define CONE_{name} {value}" for name, value in values.items()))
 
-    def _lit(self, direction: Floats) -> NDArray[np.bool_]:
+    def _is_inside(self, direction: Floats) -> NDArray[np.bool_]:
         return direction @ np.array(self.axis) > self.cosine
 
 

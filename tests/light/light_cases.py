@@ -18,7 +18,7 @@ SUN = (2, 11)  # row, column
 
 
 def make_tables_small(patch: pytest.MonkeyPatch) -> None:
-    """Let the tables of a dome be of four bins with 64 slots each, of 32 x 32 points."""
+    """Reduce the tables of a dome to four bins with 64 slots each, and 32 x 32 points."""
     for module, name, value in ((slots, "SLOTS", 64), (points, "SIDE", 32), (bins, "COUNT", 4)):
         patch.setattr(module, name, value)
 
@@ -43,14 +43,14 @@ def sunny() -> Dome:
 
 
 def overcast() -> Dome:
-    """Return a sky that is bright at the poles, so that samples there are enough to show a fault."""
+    """Return a sky with bright poles, where enough samples fall to show a fault."""
     radiance = np.random.default_rng(9).uniform(0.5, 1.5, (8, 16, 3))
     radiance[[0, -1]] *= 20.0
     return dome(radiance)
 
 
 def cells(height: int) -> tuple[Floats, Floats]:
-    """Return directions (h, 2 h, 3) amid cells of the lat-long square, row 0 at the zenith, and solid angles (h, 1)."""
+    """Return the central directions (h, 2 h, 3) of lat-long cells, row 0 at the zenith, and solid angles (h, 1)."""
     u, v = np.meshgrid((np.arange(2 * height) + 0.5) / (2 * height), 1.0 - (np.arange(height) + 0.5) / height)
     edge = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (edge[:-1] - edge[1:])[:, None] * np.pi / height
@@ -58,7 +58,7 @@ def cells(height: int) -> tuple[Floats, Floats]:
 
 
 def assert_follows(towards: Floats, density: Floats) -> None:
-    """Chi-square: directions (n, 3) against a density per steradian at the middles of `cells`, in 32 x 16 of them."""
+    """Test directions (n, 3) by chi-square, in 32 x 16 cells, against a density at the centres of `cells`."""
     height = len(density)
     mass = (density * cells(height)[1]).reshape(16, height // 16, 32, height // 16).sum(axis=(1, 3)).ravel()
     expected = mass * len(towards)

@@ -12,7 +12,7 @@ Z_UP = 'upAxis = "Z"\nmetersPerUnit = 1'
 Y_UP_CM = 'upAxis = "Y"\nmetersPerUnit = 0.01'
 
 DIM = 'def SphereLight "Dim"\n{\n    float inputs:radius = 1\n}\n'
-"""A light of the defaults, but for its radius."""
+"""A light with default values, except for its radius."""
 
 
 def write_rig(file: Path, lights: str, stage: str = Z_UP) -> Path:
@@ -30,7 +30,9 @@ def light(kind: str, attributes: str, schemas: str = "", name: str = "Lamp") -> 
     """Return the text of a light with attributes, separated by semicolons."""
     applied = f" (prepend apiSchemas = [{schemas}])" if schemas else ""
     return (
-        f'def {kind} "{name}"{applied}\n{{\n' + "".join(f"{each.strip()}\n" for each in attributes.split(";")) + "}\n"
+        f'def {kind} "{name}"{applied}\n{{\n'
+        + "".join(f"{attribute.strip()}\n" for attribute in attributes.split(";"))
+        + "}\n"
     )
 
 

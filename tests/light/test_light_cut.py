@@ -1,10 +1,10 @@
-"""How the points of a light are ordered, and cut into ranges."""
+"""The order of a light's points, and their ranges."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.light.dome.points import along_hilbert
+from lookdev.light.dome.points import hilbert_positions
 from lookdev.light.dome.slots import cut
 
 Floats = NDArray[np.float64]
@@ -12,14 +12,14 @@ Ints = NDArray[np.int64]
 
 
 def drawn(first: Ints, count: Ints, times: Ints, n: int) -> tuple[Floats, Ints]:
-    """Return the probability of each of n places, and of which distinct range it is the part, -1 for none."""
+    """Return the probability of each of n points, and the first index of its distinct range, -1 without one."""
     distinct = np.unique(first, return_index=True)[1]
     part = np.full(n, -1)
     probability = np.zeros(n)
     for k in distinct:
         assert count[k] >= 1
         assert times[k] == (first == first[k]).sum()
-        assert ((first[k] + count[k] <= first) | (first <= first[k])).all()  # none is in two
+        assert ((first[k] + count[k] <= first) | (first <= first[k])).all()  # ranges do not overlap
         part[first[k] : first[k] + count[k]] = k
         probability[first[k] : first[k] + count[k]] = times[k] / (len(first) * count[k])
     return probability, part
@@ -28,9 +28,9 @@ def drawn(first: Ints, count: Ints, times: Ints, n: int) -> tuple[Floats, Ints]:
 @pytest.mark.parametrize("side", [1, 2, 4, 32])
 def test_a_hilbert_curve_goes_from_each_cell_to_the_next(side: int) -> None:
     square = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
-    place = along_hilbert(square, side)
-    assert sorted(place) == list(range(side * side))
-    steps = np.abs(np.diff(square[np.argsort(place)], axis=0)).sum(axis=1)
+    position = hilbert_positions(square, side)
+    assert sorted(position) == list(range(side * side))
+    steps = np.abs(np.diff(square[np.argsort(position)], axis=0)).sum(axis=1)
     assert (steps == 1).all()
 
 
@@ -48,7 +48,7 @@ def random_values(seed: int) -> Floats:
     "values",
     [
         *(np.ones(size) for size in (1, 16, 17, 1000)),
-        *(np.eye(1, 1000, place)[0] for place in (0, 321, 999)),
+        *(np.eye(1, 1000, position)[0] for position in (0, 321, 999)),
         np.arange(1000.0),
         1.0 + 500.0 * np.eye(1, 1000, 321)[0],
         np.arange(1000) % 50 == 7.0,
@@ -67,8 +67,8 @@ def test_ranges_have_all_that_is_above_zero_once(values: Floats, number: int) ->
     probability, part = drawn(first, count, times, len(values))
     assert probability.sum() == pytest.approx(1.0, rel=1e-12)
     assert (probability[values > 0.0] > 0.0).all()
-    # An edge falls into a value, at each end. Stretches that zeros part, a quarter and one of all at most, have a range
-    # each beforehand: only the others share in proportion.
+    # At both ends an edge may fall inside a value. Stretches between zeros, at most a quarter plus one, get a range
+    # each first; only the other ranges are in proportion.
     sums = np.bincount(part[part >= 0], values[part >= 0], number)
     most = times * values.sum() / (number - number // 4 - 1 if number > 1 else 1) + values.max()
     assert (sums <= most * (1.0 + 1e-12)).all()
@@ -94,7 +94,7 @@ def test_a_value_that_outweighs_ranges_has_them() -> None:
     values = np.ones(1000)
     values[600] = 1000.0
     first, _, times = cut(values, 100)
-    # Half of all, but for the ranges at its ends.
+    # Half of all ranges, except for those at its ends.
     assert 49 <= (first == 600).sum() <= 51
     assert (times[first == 600] == (first == 600).sum()).all()
     lone = cut(np.eye(1, 1000, 600)[0], 100)
@@ -102,7 +102,7 @@ def test_a_value_that_outweighs_ranges_has_them() -> None:
 
 
 def test_ranges_end_where_nothing_is_for_long() -> None:
-    # A range has 100 values that are not zero, so more zeros than that part the row: here once, there not.
+    # A range has 100 values that are not zero. More zeros than that split the row: 101 do, 99 do not.
     for zeros, covered in ((101, 0), (99, 99)):
         values = np.ones(800 + zeros)
         values[450 : 450 + zeros] = 0.0
@@ -117,6 +117,6 @@ def test_ranges_of_small_values_are_short(seed: int) -> None:
     first, count, times = cut(values, number, least=least)
     probability, _ = drawn(first, count, times, len(values))
     assert (probability[values > 0.0] > 0.0).all()
-    # A range has 4/3 of its share at most, as stretches take a quarter beforehand, and an edge falls into a value.
+    # A range has at most 4/3 of its share, because stretches take a quarter first, plus one value at an edge.
     share = np.maximum(values, least).sum() / (number - number // 4 - 1)
     assert (count <= share / least + 1.0).all()

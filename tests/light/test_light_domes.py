@@ -1,4 +1,4 @@
-"""Domes that are turned and coloured, and local ones."""
+"""Domes with axes and a colour, and local domes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -43,12 +43,12 @@ def test_a_local_dome_shows_what_its_sphere_has_there() -> None:
     onto = rng.normal(size=(1000, 3))
     onto /= np.linalg.norm(onto, axis=-1, keepdims=True)
     for offset in ((0.0, 0.0, 0.0), (1.2, -0.4, 0.3)):
-        place = np.array(light.position) + offset
+        point = np.array(light.position) + offset
         towards = light.radius * onto - offset
         away = np.linalg.norm(towards, axis=-1)
         wi = towards / away[:, None]
-        np.testing.assert_allclose(light.distance(place, wi), away, rtol=1e-12)
-        np.testing.assert_allclose(light.radiance(place, wi), light.dome.radiance(place, onto), rtol=1e-9)
+        np.testing.assert_allclose(light.distance(point, wi), away, rtol=1e-12)
+        np.testing.assert_allclose(light.radiance(point, wi), light.dome.radiance(point, onto), rtol=1e-9)
 
 
 def test_a_place_on_the_sphere_has_a_direction_to_where_it_is() -> None:
@@ -73,8 +73,8 @@ def test_a_local_dome_ends_softly() -> None:
     light, direction = local(edge=0.5, dome=overcast()), np.array([0.0, 0.0, 1.0])
     full = local().radiance
     for away, share in ((0.9, 1.0), (1.25, 1.0 - 0.15625), (1.5, 0.5), (1.75, 0.15625), (2.0, 0.0), (3.0, 0.0)):
-        place = np.array(light.position) + np.array((away, 0.0, 0.0))
-        np.testing.assert_allclose(light.radiance(place, direction), share * full(place, direction), rtol=1e-9)
-        pdf = light.pdf(place, direction)
+        point = np.array(light.position) + np.array((away, 0.0, 0.0))
+        np.testing.assert_allclose(light.radiance(point, direction), share * full(point, direction), rtol=1e-9)
+        pdf = light.pdf(point, direction)
         assert pdf > 0.0 if away < 2.0 else pdf == 0.0
-        assert np.isfinite(light.distance(place, direction)) == (away < 2.0)
+        assert np.isfinite(light.distance(point, direction)) == (away < 2.0)

@@ -1,4 +1,4 @@
-"""What lights send out, against the formulas of UsdLux and the definition of the falloff."""
+"""The emission of lights, against the formulas of UsdLux and the definition of the falloff."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,13 +20,13 @@ PLACED = (RectLight, DiskLight, SphereLight, CylinderLight)
 
 
 def off_axis(degrees: float, azimuth: float = 0.0) -> Floats:
-    """Return a direction from a place towards a light that sends light at an angle off its axis, -z."""
+    """Return the direction to a light that emits at an angle off its axis, -z."""
     theta, phi = np.radians(degrees), np.radians(azimuth)
     return -np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)])
 
 
 def factor(shaping: Shaping, degrees: float) -> Floats:
-    return Emission(shaping=shaping).towards(off_axis(degrees))
+    return Emission(shaping=shaping).radiance_towards(off_axis(degrees))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-3, 0.53, 40.0, 180.0])
@@ -45,8 +45,8 @@ def test_size_factors_are_those_of_usdlux() -> None:
     assert DiskLight(radii=(2.0, 3.0)).size_factor == pytest.approx(6.0 * np.pi)
     assert SphereLight(radius=2.0).size_factor == pytest.approx(16.0 * np.pi)
     assert CylinderLight(length=3.0, radius=2.0).size_factor == pytest.approx(12.0 * np.pi)
-    for angle, wanted in ((60.0, 0.25), (180.0, 1.0), (300.0, 1.75), (360.0, 2.0)):
-        assert DistantLight(angle=angle).size_factor == pytest.approx(wanted * np.pi)
+    for angle, expected in ((60.0, 0.25), (180.0, 1.0), (300.0, 1.75), (360.0, 2.0)):
+        assert DistantLight(angle=angle).size_factor == pytest.approx(expected * np.pi)
     assert DistantLight(angle=0.0).size_factor == 1.0
 
 
@@ -83,17 +83,17 @@ def test_the_cone_cuts_off_and_softens() -> None:
 def test_focus_is_a_power_of_the_cosine_and_tints_what_it_takes() -> None:
     tint = (0.0, 0.25, 1.0)
     for degrees in (0.0, 20.0, 60.0, 85.0, 120.0):
-        kept = abs(np.cos(np.radians(degrees))) ** 3.5
+        focused = abs(np.cos(np.radians(degrees))) ** 3.5
         got = factor(Shaping(focus=3.5, focus_tint=tint), degrees)
-        np.testing.assert_allclose(got, kept + (1.0 - kept) * np.array(tint), rtol=1e-12)
+        np.testing.assert_allclose(got, focused + (1.0 - focused) * np.array(tint), rtol=1e-12)
     assert (factor(Shaping(focus=-2.0), 60.0) == 1.0).all()
 
 
 def test_the_beam_follows_the_axes() -> None:
     axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     light = SphereLight(radius=0.1, axes=axes, emission=Emission(shaping=Shaping(cone_angle=30.0)))
-    for place, lit in (((-2.0, 0.0, 0.0), 1.0), ((2.0, 0.0, 0.0), 0.0), ((0.0, 0.0, -2.0), 0.0)):
-        assert light.radiance(np.array(place), -np.array(place) / 2.0)[0] == lit
+    for point, radiance in (((-2.0, 0.0, 0.0), 1.0), ((2.0, 0.0, 0.0), 0.0), ((0.0, 0.0, -2.0), 0.0)):
+        assert light.radiance(np.array(point), -np.array(point) / 2.0)[0] == radiance
 
 
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0, 3.0, 4.5])
@@ -102,9 +102,9 @@ def test_a_small_light_falls_with_the_exponent_of_the_virtual_distance(exponent:
     falloff = Falloff(virtual_distance=beyond, exponent=exponent)
     light = SphereLight(radius=1e-3, emission=Emission(falloff=falloff))
     for distance in (0.5, 1.0, 3.0, 40.0):
-        wanted = np.pi * 1e-6 * (distance + beyond) ** -exponent
+        expected = np.pi * 1e-6 * (distance + beyond) ** -exponent
         got = by_sampling(light, np.array([0.0, 0.0, -distance]), UP, 4)
-        assert got == pytest.approx(wanted, rel=1e-3)
+        assert got == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_falloff_fades_from_start_to_end() -> None:
@@ -123,7 +123,7 @@ def test_a_shadow_passes_its_colour_and_fades_before_its_distance() -> None:
     strength = np.array([1.0, 1.0, 0.25, 0.0625, 0.0, 0.0])
     np.testing.assert_allclose(fading.passed(distance)[:, 1], 1.0 - strength)
     np.testing.assert_allclose(fading.passed(distance)[:, 0], 1.0 - 0.8 * strength)
-    # The zone is at most the whole distance.
+    # The zone is limited to the whole distance.
     np.testing.assert_allclose(Shadow(distance=4.0, falloff=9.0).passed(np.array([1.0]))[0], 0.25)
 
 

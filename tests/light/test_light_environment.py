@@ -13,7 +13,7 @@ from light_cases import write_exr
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import PIXELS_VARIABLE
 from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
-from lookdev.light.dome.environment import LEAST, MOST, Repairs, check_exposed
+from lookdev.light.dome.environment import GREATEST_PEAK, LEAST_PEAK, Repairs, check_exposed
 
 pytestmark = pytest.mark.both_pythons
 
@@ -86,7 +86,7 @@ def test_damage_is_repaired_and_counted(tmp_path: Path) -> None:
     assert env.repairs == Repairs(negative=1, nan=1, infinite=1)
     assert str(env.repairs) == "1 negative and 1 NaN and 1 infinite texels repaired"
     expected = pixels.copy()
-    expected[0, 0] = 1.0  # all around it are 1, over the seam and the clamped pole too
+    expected[0, 0] = 1.0  # all neighbours are 1, also across the seam and at the clamped pole
     expected[2, 5] = (0.0, 3.0, 0.0)
     expected[3, 7, 1] = 9.0
     np.testing.assert_array_equal(env.radiance, expected)
@@ -99,9 +99,9 @@ def test_nan_takes_the_mean_of_what_is_beside_it(tmp_path: Path) -> None:
     env = load_environment(write_map(tmp_path / "nan.exr", pixels))
     assert env.repairs == Repairs(nan=4)
     assert env.repairs
-    # Texel (1, 1) has itself and three more NaN; of the other five one is 4.
+    # Of the texels around (1, 1), four are NaN, itself included, and one of the other five is 4.
     np.testing.assert_allclose(env.radiance[1, 1], 4.0 / 5.0)
-    # Texel (0, 1): the row above is row 0 again, so columns 0 are 0, 0 and 4, and all else NaN.
+    # Texel (0, 1): row 0 is repeated above, so that column 0 has 0, 0 and 4; all other texels are NaN.
     np.testing.assert_allclose(env.radiance[0, 1], 4.0 / 3.0)
     assert env.radiance[0, 2].tolist() == [0.0, 0.0, 0.0]
 
@@ -136,7 +136,7 @@ def test_white() -> None:
     assert env.is_constant
     assert (env.radiance == 1.0).all()
     height, width, _ = env.radiance.shape
-    assert width == 2 * height  # as far around as twice from pole to pole
+    assert width == 2 * height  # 360 degrees around, 180 from pole to pole
 
 
 @pytest.mark.parametrize("installed", [True, False])
@@ -218,13 +218,13 @@ ORIENTED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @pytest.mark.parametrize("orientation", ORIENTED)
 def test_an_hdr_of_any_orientation_is_read_rightly(tmp_path: Path, orientation: str) -> None:
-    """A file has its pixels in the order of its orientation."""
-    shown = np.array([[1, 2, 3], [4, 5, 6]], np.uint8)
-    pixels = bytes(byte for value in ORIENTED[orientation](shown).ravel() for byte in (value, value, 2 * value, 136))
+    """The order of a file's pixels is that of its orientation."""
+    upright = np.array([[1, 2, 3], [4, 5, 6]], np.uint8)
+    pixels = bytes(byte for value in ORIENTED[orientation](upright).ravel() for byte in (value, value, 2 * value, 136))
     (tmp_path / "map.hdr").write_bytes(RGBE + orientation.encode() + b"\n" + pixels)
     radiance = load_environment(tmp_path / "map.hdr").radiance
-    np.testing.assert_array_equal(radiance[..., 0], shown)
-    np.testing.assert_array_equal(radiance[..., 2], 2 * shown)
+    np.testing.assert_array_equal(radiance[..., 0], upright)
+    np.testing.assert_array_equal(radiance[..., 2], 2 * upright)
 
 
 @pytest.mark.parametrize(("level", "exposure"), [(1.1e18, 0.0), (1e17, 4.0), (9e-19, 0.0), (1e-17, -4.0)])
@@ -238,6 +238,6 @@ def test_other_radiance_is_taken(level: float) -> None:
     make_environment("map", np.full((4, 8, 3), level)).check_exposed(3.0)
 
 
-@pytest.mark.parametrize("level", [LEAST, MOST])
+@pytest.mark.parametrize("level", [LEAST_PEAK, GREATEST_PEAK])
 def test_the_ends_of_the_range_are_taken(level: float) -> None:
     check_exposed(level, 0.0, "map")

@@ -1,4 +1,4 @@
-"""A light that is scaled and moved lights what is scaled and moved along as before."""
+"""A light that is scaled and moved gives the same radiance at points that are scaled and moved alike."""
 
 from pathlib import Path
 
@@ -22,14 +22,14 @@ def test_places_scaled_along_see_the_same(kind: str, monkeypatch: pytest.MonkeyP
     emission = Emission((3.0, 2.0, 1.0), falloff=falloff, shadow=Shadow(distance=2.0, falloff=0.5))
     light = light.with_emission(emission)
     there = light.scaled(SCALE, ORIGIN)
-    place = rng.uniform(-1.5, 1.5, (200, 3))
-    towards = light.sample(place, rng.random((200, 2)))
-    moved = SCALE * place + np.array(ORIGIN)
-    here = light.radiance(place, towards)
+    point = rng.uniform(-1.5, 1.5, (200, 3))
+    towards = light.sample(point, rng.random((200, 2)))
+    moved = SCALE * point + np.array(ORIGIN)
+    here = light.radiance(point, towards)
     assert (here > 0.0).mean() > 0.3
-    # Directions on the outline may miss by rounding.
+    # Rounding may turn hits at the outline into misses.
     same = np.isclose(there.radiance(moved, towards), here, rtol=1e-9).all(axis=-1)
     assert same.mean() > 0.99
-    distance = light.distance(place, towards)
+    distance = light.distance(point, towards)
     assert np.isclose(there.distance(moved, towards), SCALE * distance, rtol=1e-9).mean() > 0.99
     assert (there.emission.shadow.distance, there.emission.shadow.falloff) == (2.0 * SCALE, 0.5 * SCALE)

@@ -70,7 +70,7 @@ def test_the_angle_scale_narrows_and_broadens(scale: float, from_to: tuple[float
     text = written(list(range(0, 181, 5)), [0.0], candela)
     got, plain = profile(tmp_path, text, angle_scale=scale), profile(tmp_path, text)
     assert looked_up(got, from_to[0], 0.0) == pytest.approx(looked_up(plain, from_to[1], 0.0))
-    # What is beyond the profile's angles is dark.
+    # The light is dark beyond the profile's angles.
     assert looked_up(got, 100.0 if scale > 0 else 80.0, 0.0) == (0.0 if abs(scale) < 1 else looked_up(plain, 50.0, 0.0))
 
 
@@ -81,23 +81,23 @@ def test_a_profile_is_normalized_by_its_mean() -> None:
         (written([90, 120, 180], [0, 45, 90], [[3] * 3] * 3), 3.0),
         # Intensity angle / 90 over the hemisphere: the integral of the angle times its sine is 1.
         (written([0, 45, 90], [0, 90, 180], [[0, 0.5, 1]] * 3), 2.0 / np.pi),
-        # Twice as much on one half, linear between.
+        # Twice as much on one half, linear in between.
         (written([0, 180], [0, 90, 180, 270, 360], [[1, 1], [1, 1], [3, 3], [1, 1], [1, 1]]), 1.5),
     ):
         assert profile_power(parse_profile(text, "lamp.ies")) == pytest.approx(mean, rel=1e-9)
 
 
 def test_a_light_has_its_profile_about_its_axis(tmp_path: Path) -> None:
-    """A small sphere with a cosine profile has the irradiance of one times the cosine, by azimuth from x towards y."""
+    """The irradiance of a small sphere is multiplied by its cosine profile; azimuth is from x towards y."""
     down, around = np.arange(0.0, 181.0), np.arange(0.0, 361.0)
     theta, phi = np.radians(down), np.radians(around)
     candela = 1.0 + 0.5 * np.cos(theta) + 0.25 * np.sin(theta) * np.sin(phi)[:, None]
     shaping = Shaping(profile=profile(tmp_path, written(list(down), list(around), candela), normalize=True))
     light = SphereLight(radius=1e-3, position=(1.0, 2.0, 3.0), emission=Emission(shaping=shaping))
     for sent in np.array([(0.0, 0.0, -1.0), (0.6, 0.0, -0.8), (0.0, 0.8, 0.6), (0.0, -0.6, -0.8), (0.48, 0.64, 0.6)]):
-        wanted = np.pi * 1e-6 * (1.0 - 0.5 * sent[2] + 0.25 * sent[1]) / 4.0
+        expected = np.pi * 1e-6 * (1.0 - 0.5 * sent[2] + 0.25 * sent[1]) / 4.0
         got = by_sampling(light, np.array(light.position) + 2.0 * sent, -sent, 4)
-        assert got == pytest.approx(wanted, rel=1e-3)
+        assert got == pytest.approx(expected, rel=1e-3)
 
 
 RIGHT = written([0, 90], [0, 90], [[1, 2], [3, 4]])
@@ -105,8 +105,8 @@ LIES = [
     ("no lamp\n", 1, "an IES file begins with IESNA91"),
     (HEADER, 4, "no line 'TILT='"),
     (RIGHT.replace("1 1000", "0 1000"), 5, "number of lamps 0: a whole number from 1 to"),
-    (RIGHT.replace("1 1000", "one 1000"), 5, "'one' among the number of lamps is no number"),
-    (RIGHT.replace("1 1000", "nan 1000"), 5, "'nan' among the number of lamps is no number"),
+    (RIGHT.replace("1 1000", "one 1000"), 5, "'one' among the number of lamps is not a number"),
+    (RIGHT.replace("1 1000", "nan 1000"), 5, "'nan' among the number of lamps is not a number"),
     (RIGHT.replace("1000 1.0", "1000 -1"), 5, "candela multiplier -1: a number above 0"),
     (RIGHT.replace("2 2 1 2", "2 2 2 2"), 5, "is of type B goniophotometry; type C, 1, would be right"),
     (RIGHT.replace("2 2 1 2", "999999999 2 1 2"), 5, "number of vertical angles 1e"),
@@ -116,7 +116,7 @@ LIES = [
     (RIGHT.replace("\n0 90\n0 90\n", "\n0 80\n0 90\n"), 7, "the vertical angles are from 0 to 80; 0 to 90, 90 to 180"),
     (RIGHT.replace("\n0 90\n0 90\n", "\n0 90\n0 100\n"), 8, "the horizontal angles are from 0 to 100"),
     (RIGHT.replace("3 4", "3 -4"), 10, "candela value -4: none is negative"),
-    (RIGHT.replace("3 4", "3 1e999"), 10, "'1e999' among the candela values is no number"),
+    (RIGHT.replace("3 4", "3 1e999"), 10, "'1e999' among the candela values is not a number"),
     (RIGHT.replace("3 4\n", "3"), 10, "the file ends before its candela values: 1 are missing"),
     (RIGHT + "5 6 7\n", 11, "the file has 3 numbers more than it announces"),
     (RIGHT.replace("3 4", "3 1e30"), 11, r"a candela value of 1e\+30; at most 1e18"),

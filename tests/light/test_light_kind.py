@@ -37,7 +37,7 @@ def overcast_map() -> EnvironmentMap:
 
 
 def shaped() -> Light:
-    """Return a sphere with everything that a light may have."""
+    """Return a sphere light with every optional feature."""
     angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [360.0, 3.0, 1.0, 0.5]], np.float32)
     profile = Profile(Content.written(".npy", lambda path: np.save(path, angles)), 0.5, 1.5)
     shaping = Shaping(80.0, 0.5, 2.0, (0.1, 0.2, 0.3), profile)
@@ -77,19 +77,19 @@ def draw(light: Light | Turned, count: int = 50_000) -> Floats:
 
 
 def test_directions_follow_the_pdf(light: Light) -> None:
-    # A texture has edges between its cells.
+    # The pdf of a texture has edges between its cells.
     towards, solid = cells(512 if getattr(light, "texture", None) else 256)
     density = light.pdf(PLACE, towards)
     mass = density * solid
     # The midpoint rule over cells of pi / 256 is off by (pi / 256)^2 / 24 times the curvature, 20 at most. An edge
-    # crosses cells at random places: each is off by 0.3 of itself.
+    # crosses cells at random positions: each of these is off by 0.3 of its value.
     beside = [np.roll(density, step, axis) == 0.0 for step in (-1, 1) for axis in (0, 1)]
     edge = 0.3 * np.sqrt((mass[np.any(beside, axis=0)] ** 2).sum())
     assert mass.sum() == pytest.approx(1.0, abs=2e-4 + 4.0 * edge)
-    # No light arrives from where no direction is drawn.
-    lit = (light.radiance(PLACE, towards) > 0.0).any(axis=-1)
-    assert lit.any() == (light.digest != EXAMPLES["black dome"]().digest)
-    assert (density[lit] > 0.0).all()
+    # No light arrives from directions that are never drawn.
+    is_inside = (light.radiance(PLACE, towards) > 0.0).any(axis=-1)
+    assert is_inside.any() == (light.digest != EXAMPLES["black dome"]().digest)
+    assert (density[is_inside] > 0.0).all()
     drawn = draw(light)
     np.testing.assert_allclose(np.linalg.norm(drawn, axis=-1), 1.0, rtol=1e-12)
     assert_follows(drawn, density)
@@ -97,10 +97,10 @@ def test_directions_follow_the_pdf(light: Light) -> None:
 
 def test_the_pdf_is_one_over_the_jacobian(light: Light) -> None:
     u = np.random.default_rng(7).uniform(0.01, 0.99, (3000, 2))
-    place = np.broadcast_to(PLACE, (len(u), 3))
-    spread, error = jacobian(lambda u: light.sample(place, u), u, 1e-6)
-    off = np.abs(light.pdf(place, light.sample(place, u)) * spread - 1.0)
-    # Numbers beside an edge of the sampling's cells are left out.
+    point = np.broadcast_to(PLACE, (len(u), 3))
+    spread, error = jacobian(lambda u: light.sample(point, u), u, 1e-6)
+    off = np.abs(light.pdf(point, light.sample(point, u)) * spread - 1.0)
+    # Random numbers next to an edge of the sampling's cells are left out.
     smooth = error < 1e-5 * spread
     assert smooth.mean() > 0.6
     assert off[smooth].max() < 1e-4
@@ -108,14 +108,14 @@ def test_the_pdf_is_one_over_the_jacobian(light: Light) -> None:
 
 def test_a_turned_light_is_the_light_in_a_turned_frame(light: Light) -> None:
     turned, turn = Turned(light, 90.0), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    place, towards, u = np.broadcast_to(PLACE, (1000, 3)), draw(light, 1000), np.random.default_rng(8).random((1000, 2))
-    for got, wanted in (
-        (turned.radiance(place @ turn.T, towards @ turn.T), light.radiance(place, towards)),
-        (turned.pdf(place @ turn.T, towards @ turn.T), light.pdf(place, towards)),
-        (turned.sample(place @ turn.T, u), light.sample(place, u) @ turn.T),
-        (turned.distance(place @ turn.T, towards @ turn.T), light.distance(place, towards)),
+    point, towards, u = np.broadcast_to(PLACE, (1000, 3)), draw(light, 1000), np.random.default_rng(8).random((1000, 2))
+    for got, expected in (
+        (turned.radiance(point @ turn.T, towards @ turn.T), light.radiance(point, towards)),
+        (turned.pdf(point @ turn.T, towards @ turn.T), light.pdf(point, towards)),
+        (turned.sample(point @ turn.T, u), light.sample(point, u) @ turn.T),
+        (turned.distance(point @ turn.T, towards @ turn.T), light.distance(point, towards)),
     ):
-        np.testing.assert_allclose(got, wanted, atol=1e-9)
+        np.testing.assert_allclose(got, expected, atol=1e-9)
 
 
 def test_a_light_is_plain_data(light: Light) -> None:
@@ -148,9 +148,9 @@ def test_a_light_that_a_backend_does_not_know_is_refused_by_name(kind: str, back
 @pytest.mark.parametrize("kind", KINDS)
 def test_names_change_no_digest(kind: str) -> None:
     light = KINDS[kind].example()
-    named = light.with_emission(replace(light.emission, group="rim", path="/Rim", light_link=Link(())))
+    renamed = light.with_emission(replace(light.emission, group="rim", path="/Rim", light_link=Link(())))
     brighter = light.with_emission(replace(light.emission, color=(9.0, 9.0, 9.0)))
-    assert light.digest == named.digest != brighter.digest
+    assert light.digest == renamed.digest != brighter.digest
 
 
 def test_a_kind_with_osl_of_its_own_stands_alone() -> None:

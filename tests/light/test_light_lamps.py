@@ -1,4 +1,4 @@
-"""Several lights as numbers: the estimates by which one of them is chosen, and the rows that a shader reads."""
+"""Several lights as numbers: the estimates for choosing one of them, and the rows that a shader reads."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,8 +52,8 @@ def test_estimates_of_shapes_by_hand() -> None:
     # The nearest point of a rectangle of 2 x 1 is at (1, 0.5).
     squared = 4.0 + 2.25 + 1.0
     for shape, area, reach2 in ((Rectangle(2.0, 1.0), 2.0, 1.25), (Ellipse(1.0, 0.5), 0.5 * np.pi, 1.0)):
-        wanted = area / np.sqrt(squared) / (squared + 0.5 * area / np.pi)
-        assert shape.solid_angle(aside) == pytest.approx(wanted, rel=1e-12)
+        expected = area / np.sqrt(squared) / (squared + 0.5 * area / np.pi)
+        assert shape.solid_angle(aside) == pytest.approx(expected, rel=1e-12)
         assert shape.solid_angle(behind) == 0.0
         assert shape.solid_angle(np.array([0.2, 0.1, -1e-9])) == pytest.approx(2.0 * np.pi, rel=1e-6)
         assert shape.cone(aside)[1] == pytest.approx(reach2 / 14.0, rel=1e-12)
@@ -64,9 +64,9 @@ def test_estimates_of_shapes_by_hand() -> None:
     assert (ball.cone(aside)[1], ball.cone(0.1 * aside)[1]) == (pytest.approx(0.25 / 14.0), 1.0)
     assert ball.cone(0.0 * aside)[1] == 1.0
     tube = Cylinder(3.0, 0.5)
-    # 1.5 beyond the end, as far off the side, which is seen at a sine of 4/5.
-    wanted = 3.0 * 0.8 / (4.5 + 1.5 / np.pi)
-    assert tube.solid_angle(np.array([3.0, 0.0, -2.0])) == pytest.approx(wanted, rel=1e-12)
+    # The point is 1.5 beyond the end and 1.5 from the side; the sine to the axis is 4/5.
+    expected = 3.0 * 0.8 / (4.5 + 1.5 / np.pi)
+    assert tube.solid_angle(np.array([3.0, 0.0, -2.0])) == pytest.approx(expected, rel=1e-12)
     assert tube.solid_angle(np.array([2.5, 0.3, -0.3])) == 0.0
     assert tube.cone(np.array([2.5, 0.0, -2.0]))[1] == pytest.approx(2.5 / 10.25, rel=1e-12)
     assert (Cone(0.1).solid_angle(aside), Cone(0.1).cone(aside)[1]) == pytest.approx((0.2 * np.pi, 0.19))
@@ -74,11 +74,11 @@ def test_estimates_of_shapes_by_hand() -> None:
     sine2, tint, focused = np.sin(np.radians(20.0)) ** 2, 0.2, np.cos(np.radians(40.0)) ** 3
     for softness, share in ((0.4, 0.5), (0.0, 1.0)):
         cone = Shaping(50.0, softness).cone
-        found = beam_bound(np.cos(np.radians(60.0)), sine2, *cone, 3.0, tint)
-        assert found == pytest.approx(share * (focused + (1.0 - focused) * tint), rel=1e-12)
+        bound = beam_bound(np.cos(np.radians(60.0)), sine2, *cone, 3.0, tint)
+        assert bound == pytest.approx(share * (focused + (1.0 - focused) * tint), rel=1e-12)
         # Rounded beyond what a cosine can be.
         assert beam_bound(1.0 + 1e-15, sine2, *cone, 3.0, tint) == 1.0
-    # A plane at 30 degrees to a cone of 10 has a cosine of 20; an estimate is the product of all.
+    # A normal at 30 degrees to a cone of 10 degrees has the cosine of 20 degrees. An estimate is the product of all.
     rect, down = Rectangle(0.02, 0.01), np.array([0.0, 0.0, -3.0])
     normal = np.array([np.sin(np.radians(30.0)), 0.0, np.cos(np.radians(30.0))])
     beam, fall = (*Shaping(50.0, 0.4).cone, 2.0, 0.2), Falloff(1.0, 3.0).numbers
@@ -96,22 +96,22 @@ def test_the_estimate_is_positive_where_light_arrives_and_near_its_irradiance(ki
     rng = np.random.default_rng(3)
     shaping, falloff = emission.shaping, emission.falloff
     beam = (*shaping.cone, shaping.focus, np.mean(shaping.focus_tint)) if shaping else None
-    lit = 0
+    lit_count = 0
     ratios = []
-    for place in rng.normal(size=(60, 3)):
+    for point in rng.normal(size=(60, 3)):
         normal = rng.normal(size=3)
         normal /= np.linalg.norm(normal)
         position = np.array(light.position or (0.0, 0.0, 0.0))
-        local, facing = to_local(light.axes, place - position), to_local(light.axes, normal)
+        local, facing = to_local(light.axes, point - position), to_local(light.axes, normal)
         estimate = float(weight(light.shape, beam, falloff and falloff.numbers, local, facing))
-        irradiance = by_sampling(light, place, normal, panels=8)
+        irradiance = by_sampling(light, point, normal, panels=8)
         assert estimate >= 0.0
         assert estimate > 0.0 or irradiance == 0.0
-        lit += irradiance > 0.0
+        lit_count += irradiance > 0.0
         if irradiance > 0.0:
             ratios.append(estimate / irradiance)
-    assert lit >= 5
-    # A good choice is in proportion: within a factor of some, where no beam ends within the light.
+    assert lit_count >= 5
+    # A good estimate is in proportion to the irradiance, within a small factor, where no beam ends within the light.
     assert shaping or np.quantile(ratios, 0.9) / np.quantile(ratios, 0.1) < 20.0
 
 
@@ -133,14 +133,14 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
     row = dict(zip(FIELDS, lamp.tolist(), strict=True))
     assert list(SHAPES)[int(row["kind"])] == "rect"
     # By hand: a cone of 50 degrees that softens from 30 on, a falloff that ends, a shadow that fades.
-    wanted = {"x": -0.1, "y": -1.25, "z": 1.6, "x0": 1.0, "y1": 0.8, "y2": 0.6, "z1": -0.6, "z2": 0.8}
-    wanted |= {"a": 1.2, "b": 0.8}
-    wanted |= {"reach": np.hypot(0.6, 0.4), "red": 3, "green": 2, "blue": 0.25, "mean": 1.75, "turns": 0, "camera": 1}
-    wanted |= {"cone": np.radians(50.0), "start": np.radians(30.0), "rise": 1.0 / np.radians(20.0), "focus": 2.0}
-    wanted |= {"tint0": 0.1, "tint1": 0.2, "tint2": 0.3, "profile": -1, "profile_scale": 1, "angle_scale": 0}
-    wanted |= {"virtual": 0.5, "power": -1.5, "fade": 1.0, "fade_rise": 0.125, "shadow": 1, "limit": 3.0, "zone": 1.0}
-    wanted |= {"gamma": 2.0, "shadow0": 0.1, "diffuse": 0.5, "specular": 2.0, "picture": -1, "tree": -1, "spares": 0}
-    assert {name: row[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
+    expected = {"x": -0.1, "y": -1.25, "z": 1.6, "x0": 1.0, "y1": 0.8, "y2": 0.6, "z1": -0.6, "z2": 0.8}
+    expected |= {"a": 1.2, "b": 0.8}
+    expected |= {"reach": np.hypot(0.6, 0.4), "red": 3, "green": 2, "blue": 0.25, "mean": 1.75, "turns": 0, "camera": 1}
+    expected |= {"cone": np.radians(50.0), "start": np.radians(30.0), "rise": 1.0 / np.radians(20.0), "focus": 2.0}
+    expected |= {"tint0": 0.1, "tint1": 0.2, "tint2": 0.3, "profile": -1, "profile_scale": 1, "angle_scale": 0}
+    expected |= {"virtual": 0.5, "power": -1.5, "fade": 1.0, "fade_rise": 0.125, "shadow": 1, "limit": 3.0, "zone": 1.0}
+    expected |= {"gamma": 2.0, "shadow0": 0.1, "diffuse": 0.5, "specular": 2.0, "picture": -1, "tree": -1, "spares": 0}
+    assert {name: row[name] for name in expected} == pytest.approx(expected, rel=1e-6)
     assert dict(zip(FIELDS, world.tolist(), strict=True))["kind"] == -1
     assert "#define RIG_LAMPS 1" in code.constants
 

@@ -12,7 +12,7 @@ def test_known_directions() -> None:
 
 def test_poles_are_finite_and_exact() -> None:
     assert direction_to_uv([[0, 0, 1], [0, 0, -1]])[:, 1].tolist() == [1.0, 0.0]
-    # Neither pole may lean: sin(pi) in float64 is 1.2e-16, so the nearer pole must be measured from.
+    # Both poles must be exact: sin(pi) in float64 is 1.2e-16, so that angles are measured from the nearer pole.
     np.testing.assert_array_equal(uv_to_direction([[0.3, 1.0], [0.7, 0.0]]), [[0, 0, 1], [0, 0, -1]])
 
 
@@ -23,7 +23,7 @@ def test_round_trip_of_random_directions_and_u_is_periodic() -> None:
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     uv = direction_to_uv(direction)
     assert ((uv >= 0.0) & (uv <= 1.0)).all()
-    # atan2 and the way back round a few times in units of pi.
+    # atan2 and its inverse round a few times in units of pi.
     np.testing.assert_allclose(uv_to_direction(uv), direction, atol=2e-15)
     np.testing.assert_allclose(uv_to_direction(uv + np.array([1.0, 0.0])), direction, atol=4e-15)
 
@@ -32,6 +32,6 @@ def test_rotation_about_z() -> None:
     np.testing.assert_allclose(rotate_z([1, 0, 0.5], 90), [0, 1, 0.5], atol=1e-15)
     both = rotate_z([1.0, 2.0, 3.0], [[0.0], [360.0]])
     np.testing.assert_allclose(both, np.broadcast_to([1.0, 2.0, 3.0], (2, 1, 3)), atol=1e-14)
-    # Turning the world by +36 degrees moves what is seen at u to u - 0.1.
+    # A rotation of the world by +36 degrees moves texels from u to u - 0.1.
     uv = direction_to_uv(rotate_z(uv_to_direction([0.5, 0.7]), 36.0))
     np.testing.assert_allclose(uv, [0.4, 0.7], atol=1e-15)

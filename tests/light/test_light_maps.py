@@ -1,4 +1,4 @@
-"""Maps that were read before: the same dome, repairs and faults, without their pixels."""
+"""Maps in the cache: the same dome, repairs and faults, without reading pixels."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ from lookdev.light.dome.maps import load_dome
 
 @pytest.fixture(autouse=True)
 def reads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
-    """The maps whose pixels are read, in a cache of this test."""
+    """The maps whose pixels are read, with a cache for this test."""
     make_tables_small(monkeypatch)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     read: list[Path | None] = []
@@ -38,13 +38,13 @@ def test_a_known_map_is_not_read_again(tmp_path: Path, reads: list[Path | None],
     file = painted(tmp_path / "sky.exr", 0.5, first=first)
     expected = load_environment(file)
     copy = Path(shutil.copy(file, tmp_path / "copy.exr"))
-    found = [load_dome(each) for each in (file, file, copy)]
+    maps = [load_dome(copy_file) for copy_file in (file, file, copy)]
     assert len(reads) == 1
-    for each in found:
-        assert (each.dome, each.repairs) == (prepare_light(expected), expected.repairs)
-        assert each.largest == expected.radiance.max()
+    for copy_file in maps:
+        assert (copy_file.dome, copy_file.repairs) == (prepare_light(expected), expected.repairs)
+        assert copy_file.largest == expected.radiance.max()
         with pytest.raises(EnvironmentMapError, match=r"(sky|copy)\.exr: its largest radiance times 2\^90 is"):
-            each.check_exposed(90.0)
+            copy_file.check_exposed(90.0)
 
 
 def test_the_content_decides_and_damage_is_repaired(tmp_path: Path, reads: list[Path | None]) -> None:
@@ -66,8 +66,8 @@ def test_the_content_decides_and_damage_is_repaired(tmp_path: Path, reads: list[
 
 
 def test_faults_are_those_of_reading(tmp_path: Path) -> None:
-    for given in ({"file": tmp_path / "no.exr"}, {"builtin": "no"}, {}, {"file": tmp_path, "builtin": "city"}):
+    for source in ({"file": tmp_path / "no.exr"}, {"builtin": "no"}, {}, {"file": tmp_path, "builtin": "city"}):
         with pytest.raises(EnvironmentMapError):
-            load_dome(**given)
+            load_dome(**source)
     with pytest.raises(EnvironmentMapError, match="its largest radiance is"):
         load_dome(painted(tmp_path / "bright.exr", 1e30))

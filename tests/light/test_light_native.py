@@ -1,4 +1,4 @@
-"""What Cycles' own lights cannot show is refused before rendering, by a message that names the light."""
+"""Features that Cycles' own lights lack are refused before rendering, with a message that names the light."""
 
 from dataclasses import replace
 from typing import Any
@@ -66,10 +66,10 @@ def test_lamps_and_domes_are_refused_together() -> None:
 
 @pytest.mark.parametrize("backend", ["nodes", "principled"])
 def test_all_else_is_shown(backend: str) -> None:
-    shown = [kind.example() for kind in LIGHT_KINDS.values() if not kind.example().native_gap()]
-    shown += [DistantLight(angle=180.0)]
-    assert {light.kind for light in shown} == {*LIGHT_KINDS} - {"local_dome"}
-    assert task(backend, *shown).lights == tuple(shown)
+    supported = [kind.example() for kind in LIGHT_KINDS.values() if not kind.example().native_gap()]
+    supported += [DistantLight(angle=180.0)]
+    assert {light.kind for light in supported} == {*LIGHT_KINDS} - {"local_dome"}
+    assert task(backend, *supported).lights == tuple(supported)
 
 
 @pytest.mark.parametrize(("backend", "why"), [("nodes-exact", "only domes"), ("mitsuba-principled", "one dome alone")])
@@ -81,7 +81,7 @@ def test_backends_that_know_domes_alone_refuse_lamps(backend: str, why: str) -> 
 def test_domes_that_turn_and_domes_that_do_not_have_no_common_world() -> None:
     white = dome(np.ones((8, 16, 3)))
     still = replace(sunny(), emission=Emission(turns=False))
-    assert [still_domes(each) for each in ([sunny(), white], [still, white], [sunny(), still])] == [False, True, None]
+    assert [still_domes(domes) for domes in ([sunny(), white], [still, white], [sunny(), still])] == [False, True, None]
     with pytest.raises(EnvironmentMapError, match="some domes stand still while others turn"):
         task("nodes", sunny(), still)
 

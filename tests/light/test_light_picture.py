@@ -1,4 +1,4 @@
-"""Textured rectangles: how the picture lies, its means, and the variance of sampling by luminance."""
+"""Textured rectangles: the texture's orientation, its means, and the variance of sampling by luminance."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def textured(picture: Floats, **fields) -> RectLight:
 
 
 def spotted(side: int = 64) -> Floats:
-    """Return a dim picture with a spot of a thousandth of its area that sends most of the light."""
+    """Return a dim picture with a spot that has a thousandth of the area and emits most of the light."""
     picture = np.full((side, side, 3), 0.02)
     picture[13:15, 40:42] = (60.0, 50.0, 40.0)
     return picture
@@ -27,10 +27,10 @@ def test_a_picture_is_upright_for_whom_it_shines_on() -> None:
     picture = np.zeros((2, 4, 3))
     picture[0, 0], picture[1, 3] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
     light = textured(picture)
-    place = np.array([0.0, 0.0, -2.0])
+    point = np.array([0.0, 0.0, -2.0])
     for x, y, color in ((0.8, 0.3, (1.0, 0.0, 0.0)), (-0.8, -0.3, (0.0, 1.0, 0.0)), (0.8, -0.3, (0.0, 0.0, 0.0))):
         towards = np.array([x, y, 2.0])
-        got = light.radiance(place, towards / np.linalg.norm(towards))
+        got = light.radiance(point, towards / np.linalg.norm(towards))
         np.testing.assert_allclose(got, color, atol=1e-6)
 
 
@@ -40,30 +40,30 @@ def test_the_tree_has_the_means_of_bilinear_look_ups(shape: tuple[int, int]) -> 
     picture = rng.random((*shape, 3)) * (rng.random((*shape, 1)) < 0.3)
     tree = luminance_tree(picture, 3)
     assert [len(level) for level in tree] == [1, 2, 4, 8]
-    # The look-up is linear on squares of half a texel: their middles give its exact mean, if cells are whole squares.
+    # The look-up is bilinear on squares of half a texel. Midpoints give the exact mean if cells are whole squares.
     many = (np.arange(16 * shape[1]) + 0.5) / (16 * shape[1]), (np.arange(16 * shape[0]) + 0.5) / (16 * shape[0])
     values = look_up(picture, *np.meshgrid(*many)).mean(axis=-1)[::-1, ::-1]
     if not values.any():
         values += 1.0
-    wanted = values.reshape(8, 2 * shape[0], 8, 2 * shape[1]).mean(axis=(1, 3))
-    np.testing.assert_allclose(tree[-1], wanted, atol=2e-3 * values.max())
+    expected = values.reshape(8, 2 * shape[0], 8, 2 * shape[1]).mean(axis=(1, 3))
+    np.testing.assert_allclose(tree[-1], expected, atol=2e-3 * values.max())
     assert tree[0][0, 0] == pytest.approx(values.mean(), rel=1e-9)
-    assert ((tree[-1] > 0.0) == (wanted > 0.0)).all()
+    assert ((tree[-1] > 0.0) == (expected > 0.0)).all()
 
 
-# Closest, the spot's cells are seen at all angles.
+# At the closest point, the spot's cells are seen at all angles.
 SPOTS = [
     ((0.3, 0.1, -1.0), 100.0), ((0.0, 0.0, -20.0), 100.0), ((-0.5, 0.2, -0.2), 50.0), ((-0.23, 0.27, -0.05), 2.0),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("place", "least"), quick_among(SPOTS, SPOTS[:1]))
-def test_a_small_bright_spot_costs_little(place: tuple[float, float, float], least: float) -> None:
+@pytest.mark.parametrize(("point", "least"), quick_among(SPOTS, SPOTS[:1]))
+def test_a_small_bright_spot_costs_little(point: tuple[float, float, float], least: float) -> None:
     """The variance of irradiance, against directions that are uniform over the solid angle."""
     rng = np.random.default_rng(12)
     light, count = textured(spotted()), 100_000
     plain = RectLight(width=2.0, height=1.0)
-    places, u, normal = np.broadcast_to(np.array(place), (count, 3)), rng.random((count, 2)), np.array([0.6, 0.0, 0.8])
+    places, u, normal = np.broadcast_to(np.array(point), (count, 3)), rng.random((count, 2)), np.array([0.6, 0.0, 0.8])
 
     def values(drawn: RectLight) -> Floats:
         wi = drawn.sample(places, u)
@@ -85,7 +85,7 @@ def test_a_point_is_where_its_fractions_are() -> None:
 
 
 def test_a_black_texture_sends_nothing_and_is_sampled_all_the_same() -> None:
-    light, place = textured(np.zeros((4, 4, 3))), np.tile((0.0, 0.0, -1.0), (100, 1))
-    wi = light.sample(place, np.random.default_rng(1).random((100, 2)))
-    assert (light.pdf(place, wi) > 0.0).all()
-    assert (light.radiance(place, wi) == 0.0).all()
+    light, point = textured(np.zeros((4, 4, 3))), np.tile((0.0, 0.0, -1.0), (100, 1))
+    wi = light.sample(point, np.random.default_rng(1).random((100, 2)))
+    assert (light.pdf(point, wi) > 0.0).all()
+    assert (light.radiance(point, wi) == 0.0).all()

@@ -1,4 +1,4 @@
-"""Lights that are said to reach nothing do not."""
+"""Lights of which `may_reach` is false send no light into the sphere."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def random_axes(rng: np.random.Generator) -> Axes:
 
 @pytest.mark.parametrize("light", KINDS, ids=lambda light: light.kind)
 def test_no_light_arrives_where_none_may(light: PlacedLight) -> None:
-    """In a sphere, from all directions drawn towards the light; of some placements the sphere is reached."""
+    """No radiance arrives in the sphere if `may_reach` is false; in some placements the light reaches it."""
     rng = np.random.default_rng(7)
     center, radius = (0.3, -0.2, 0.5), 0.8
     said = []
@@ -37,7 +37,7 @@ def test_no_light_arrives_where_none_may(light: PlacedLight) -> None:
         said.append((placed.may_reach(center, radius), bool(arriving > 0.0)))
     never = [arrives for may, arrives in said if not may]
     assert not any(never)
-    # It finds most of those that do not: of 300 draws, some lie at the edge.
+    # `may_reach` is false for most lights that do not reach the sphere; of 300 draws, some are at the edge.
     missed = sum(may and not arrives for may, arrives in said)
     assert len(never) > 30 > missed, (len(never), missed)
 

@@ -14,8 +14,8 @@ from lookdev.errors import ContentError
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.files import read_exr
-from lookdev.light.dome.points import along_hilbert, draw_points
-from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, packed
+from lookdev.light.dome.points import draw_points, hilbert_positions
+from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, pack_ranges
 from lookdev.light.dome.warp import BilinearWarp, lookup
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
@@ -27,7 +27,7 @@ SEVERAL = [(number,) for number in range(len(bins.AXES[::EACH]))]
 
 @dataclasses.dataclass(frozen=True)
 class Tables:
-    """What the files of a light would hold, and the directions of its points."""
+    """The content of a light's files, and the directions of its points."""
 
     light: Dome
     points: NDArray[np.float32]
@@ -35,7 +35,7 @@ class Tables:
     slots: NDArray[np.int32]
     numbers: NDArray[np.float32]
     axes: Floats
-    """Of the bins."""
+    """The axes of the bins."""
 
     @property
     def inverse(self) -> NDArray[np.float32]:
@@ -64,27 +64,27 @@ def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
 
 
 def unpacked(slots: NDArray[np.int32]) -> tuple[Ints, Ints, Ints]:
-    """Return first points, counts of points and how many slots are the same, as `light_sample` does; 0, 0, 0: empty."""
+    """Return first points, counts of points and counts of equal slots, as `light_sample` does; 0, 0, 0 if empty."""
     first, code = (column.astype(np.int64) for column in ((slots >> 12) & 0xFFFFF, slots & 4095))
     lone = code > MOST_POINTS
     return first, np.where(lone, 1, code), np.where(lone, code - MOST_POINTS + 1, np.minimum(code, 1))
 
 
 def by_the_shader(tables: Tables, number: int) -> tuple[Floats, Floats]:
-    """Return the probability (N,) with which one bin's slots give each point, and q / p as the shader has it."""
+    """Return the probability (N,) of each point in one bin's slots, and the shader's q / p."""
     first, count, times = unpacked(tables.slots[number])
     ends = np.cumsum(count)
-    place = np.repeat(first, count) + np.arange(ends[-1]) - np.repeat(ends - count, count)
-    each = 1.0 / (len(first) * np.maximum(count, 1))
-    probability = np.bincount(place, np.repeat(each, count), len(tables.towards))
+    position = np.repeat(first, count) + np.arange(ends[-1]) - np.repeat(ends - count, count)
+    share = 1.0 / (len(first) * np.maximum(count, 1))
+    probability = np.bincount(position, np.repeat(share, count), len(tables.towards))
     factor = np.zeros(len(tables.towards))
-    factor[place] = np.repeat(tables.numbers[number, 1] * count / np.maximum(times, 1), count)
-    return probability, factor * bins.widened(tables.towards @ tables.axes[number])
+    factor[position] = np.repeat(tables.numbers[number, 1] * count / np.maximum(times, 1), count)
+    return probability, factor * bins.widened_cosine(tables.towards @ tables.axes[number])
 
 
 @pytest.fixture(scope="module")
 def of_sunny() -> Tables:
-    """Return tables of all points for each eleventh bin; to cut all bins takes seconds."""
+    """Return tables of all points for every eleventh bin; to cut all bins takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bins, "AXES", bins.AXES[::EACH])
         patch.setattr(bins, "COUNT", len(bins.AXES))
@@ -103,7 +103,7 @@ def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def files_of(light: Dome) -> list[Content]:
-    return [each for each in (light.radiance_file, light.points_file, light.slots_file, light.bins_file) if each]
+    return [file for file in (light.radiance_file, light.points_file, light.slots_file, light.bins_file) if file]
 
 
 @pytest.mark.parametrize("light", [sunny, overcast])
@@ -112,37 +112,37 @@ def test_points_follow_the_light(light: Callable[[], Dome]) -> None:
     assert pixels.shape == (512 * 512, 4)
     assert_follows(towards, light().pdf(np.zeros(3), cells(512)[0]))
     np.testing.assert_allclose(pixels[:, 1], towards[:, 2], atol=1e-7)
-    # Near the poles the cosine determines an angle to (2^-23)^1/2 only.
+    # Near the poles the cosine determines an angle only to (2^-23)^1/2.
     np.testing.assert_allclose(decoded(pixels)[0], towards, atol=4e-4)
 
 
 def test_points_are_one_in_each_cell_along_the_curve() -> None:
-    """Under a constant light, places are a known map of the random numbers."""
+    """For a constant light, map coordinates are a simple function of the random numbers."""
     side = 128
     u, v = direction_to_uv(drawn(dome(np.ones((1, 1, 3))), side)[1]).T
-    # A row of texels begins amid the first; here that is the middle of the map.
+    # A row begins at the centre of its first texel; here that is the middle of the map.
     square = np.stack([(u - 0.5) % 1.0, 0.5 - 0.5 * np.cos(np.pi * (1.0 - v))], axis=-1)
-    place = along_hilbert(np.floor(square * side).astype(np.int64), side)
-    np.testing.assert_array_equal(place, np.arange(side * side))
+    position = hilbert_positions(np.floor(square * side).astype(np.int64), side)
+    np.testing.assert_array_equal(position, np.arange(side * side))
 
 
 def test_points_hold_the_light_where_they_are() -> None:
     light = sunny()
     pixels, _ = drawn(light, 256)
     _, mean, radiance = decoded(pixels)
-    # From the azimuth, not from the direction, which has no azimuth left at the pole in float32.
+    # Computed from the azimuth, because in float32 the direction has no azimuth at the pole.
     azimuth, z = pixels[:, :2].astype(np.float64).T
-    wanted = lookup(light.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
-    # The look-up climbs to the sun by 50 over a texel, and places are float32.
-    np.testing.assert_allclose(mean, wanted.mean(axis=-1), rtol=1e-5, atol=1e-4)
-    # Each of two channels is rounded by half a step of 1/4095 of thrice the mean; the third has the rest.
-    assert (np.abs(radiance - wanted) <= 3.0 * mean[:, None] / 4095.0 + 1e-4).all()
+    expected = lookup(light.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
+    # The look-up rises to the sun by 50 over a texel, and coordinates are float32.
+    np.testing.assert_allclose(mean, expected.mean(axis=-1), rtol=1e-5, atol=1e-4)
+    # Two channels are each rounded by half a step, 1/4095 of three times the mean; the third has the remainder.
+    assert (np.abs(radiance - expected) <= 3.0 * mean[:, None] / 4095.0 + 1e-4).all()
     assert (mean > 0.0).all()
 
 
 @pytest.mark.parametrize("channel", range(3))
 def test_colours_of_one_channel(channel: int) -> None:
-    """The two integers are full or empty: as large as the code gets, and it is exact in float32."""
+    """The two integers are 0 or the largest: the largest code is exact in float32."""
     radiance = np.zeros((4, 8, 3))
     radiance[..., channel] = 7.0
     _, _, got = decoded(drawn(dome(radiance), 4)[0])
@@ -154,35 +154,35 @@ def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> N
     axis, scale = of_sunny.axes[number], of_sunny.inverse[number]
     probability, ratio = by_the_shader(of_sunny, number)
     assert probability.sum() == pytest.approx(1.0, rel=1e-12)
-    seen = bins.widened(of_sunny.towards @ axis)
-    # Cosines in float32 are off by 2^-24, and so is where they end.
+    seen = bins.widened_cosine(of_sunny.towards @ axis)
+    # Cosines in float32 are off by 2^-24, and so are their limits.
     assert (probability[seen > 1e-6] > 0.0).all()
-    # In exact arithmetic 1.
+    # 1 in exact arithmetic.
     assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
     # What is left to the ratio: found to be 0.06 at most, mostly of points that are drawn in vain.
     assert (probability * (ratio - 1.0) ** 2).sum() < 0.1
-    # So weighed, the points are a quadrature with the density that weighs them against other samples.
+    # With these weights the points are a quadrature with the density of multiple importance sampling.
     height = 512
     towards, solid = cells(height)
-    density = of_sunny.light.radiance(np.zeros(3), towards).mean(axis=-1) * bins.widened(towards @ axis) * scale
-    # What 2^20 stratified points miss, and the midpoint rule.
+    density = of_sunny.light.radiance(np.zeros(3), towards).mean(axis=-1) * bins.widened_cosine(towards @ axis) * scale
+    # The error of 2^20 stratified points, and that of the midpoint rule.
     assert (density * solid).sum() == pytest.approx(1.0, abs=1e-4)
-    wanted = (density * solid).reshape(8, height // 8, 16, height // 8).sum(axis=(1, 3)).ravel()
+    expected = (density * solid).reshape(8, height // 8, 16, height // 8).sum(axis=(1, 3)).ravel()
     u, v = direction_to_uv(of_sunny.towards).T
-    place = 16 * np.minimum((1.0 - v) * 8, 7).astype(int) + np.minimum(u * 16, 15).astype(int)
-    # Chance has the hundreds of points about a cell's border, each of some 1e-6.
-    np.testing.assert_allclose(np.bincount(place, probability * ratio, 128), wanted, atol=1e-4)
+    cell = 16 * np.minimum((1.0 - v) * 8, 7).astype(int) + np.minimum(u * 16, 15).astype(int)
+    # Hundreds of points near a cell's border, each of some 1e-6, are random.
+    np.testing.assert_allclose(np.bincount(cell, probability * ratio, 128), expected, atol=1e-4)
 
 
 def test_irradiance_of_a_constant_light_is_pi() -> None:
-    """However coarse the map: nothing is lost in a furnace."""
+    """A furnace loses no energy, whatever the resolution of the map."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bins, "AXES", bins.AXES[[0, 5, 40, 100]])
         patch.setattr(bins, "COUNT", 4)
         white = tables_of(dome(np.ones((4, 8, 3))), points.SIDE)
         for number, axis in enumerate(bins.AXES):
             probability, ratio = by_the_shader(white, number)
-            seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened(white.towards @ axis)
+            seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened_cosine(white.towards @ axis)
             mean = white.points[:, 2].astype(np.float64)
             density = np.where(seen > 0.0, mean * weight * white.inverse[number], 1.0)
             assert (probability * ratio * seen / density).sum() == pytest.approx(np.pi, rel=1e-4)
@@ -199,21 +199,21 @@ def test_every_bin_of_a_lit_sky_has_slots() -> None:
 def test_slots_are_unpacked_as_they_were_packed() -> None:
     last = 2**20
     first, count, times = np.array([[0, 1, 1], [1, MOST_POINTS, 1], [5000, 1, 2], [5000, 1, 2], [last - 1, 1, 1]]).T
-    unpack = unpacked(packed(first, count, times))
-    for got, wanted in zip(unpack, (first, count, times), strict=True):
-        np.testing.assert_array_equal(got, wanted)
+    unpack = unpacked(pack_ranges(first, count, times))
+    for got, expected in zip(unpack, (first, count, times), strict=True):
+        np.testing.assert_array_equal(got, expected)
 
 
 def test_a_point_of_more_slots_than_there_are_codes_leaves_some_empty() -> None:
-    first, count, times = unpacked(packed(np.full(SLOTS, 7), np.ones(SLOTS, np.int64), np.full(SLOTS, SLOTS)))
-    kept = count > 0
-    assert (first[kept] == 7).all()
-    assert (times[kept] == kept.sum()).all()
-    assert 500 < kept.sum() < SLOTS
+    first, count, times = unpacked(pack_ranges(np.full(SLOTS, 7), np.ones(SLOTS, np.int64), np.full(SLOTS, SLOTS)))
+    not_empty = count > 0
+    assert (first[not_empty] == 7).all()
+    assert (times[not_empty] == not_empty.sum()).all()
+    assert 500 < not_empty.sum() < SLOTS
 
 
 def test_bins_that_see_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lone sun: bins that face it draw from its four look-ups, for those that do not nothing has weight."""
+    """A map with one bright texel: bins that face it draw points around it; other bins have no weight."""
     monkeypatch.setattr(slots, "SLOTS", 64)
     radiance = np.zeros((8, 16, 3))
     radiance[SUN] = 1e6, 1e5, 1e6
@@ -227,13 +227,13 @@ def test_bins_that_see_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
     sun = uv_to_direction([(SUN[1] + 0.5) / 16, 1.0 - (SUN[0] + 0.5) / 8])
     # The sun's texel and those about it reach 32 degrees far along the diagonal.
     angle, far = np.degrees(np.arccos(bins.AXES @ sun)), np.degrees(bins.RADIUS)
-    lit, unlit = angle < 90.0, angle > 90.0 + far + 32.0
-    assert lit.sum() > 50
-    assert unlit.sum() > 10
-    assert not lone.slots[:-1][unlit].any()
-    assert not lone.numbers[:-1][unlit].any()
-    assert (lone.numbers[:-1][lit] > 0.0).all()
-    for number in np.flatnonzero(lit):
+    sees_light, sees_none = angle < 90.0, angle > 90.0 + far + 32.0
+    assert sees_light.sum() > 50
+    assert sees_none.sum() > 10
+    assert not lone.slots[:-1][sees_none].any()
+    assert not lone.numbers[:-1][sees_none].any()
+    assert (lone.numbers[:-1][sees_light] > 0.0).all()
+    for number in np.flatnonzero(sees_light):
         probability, ratio = by_the_shader(lone, number)
         assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
 
@@ -265,11 +265,11 @@ def test_files_hold_the_tables(cache: Path) -> None:
     light = prepare_light(make_environment("test", sunny().table))
     assert (light.width, light.height, light.constant) == (16, 8, False)
     assert {Content.of(file) for file in cache.iterdir()} == set(files_of(light))
-    wanted = tables_of(sunny(), 32)
-    np.testing.assert_array_equal(read_exr(light.points_file.path, "RGBA").reshape(-1, 4), wanted.points)
+    expected = tables_of(sunny(), 32)
+    np.testing.assert_array_equal(read_exr(light.points_file.path, "RGBA").reshape(-1, 4), expected.points)
     with OpenEXR.File(str(light.points_file.path)) as stored_points:
         assert stored_points.header()["compression"] == OpenEXR.NO_COMPRESSION  # the renderer would wait for it
-    for file, values in ((light.slots_file, wanted.slots), (light.bins_file, wanted.numbers)):
+    for file, values in ((light.slots_file, expected.slots), (light.bins_file, expected.numbers)):
         stored = np.load(file.path)
         assert stored.dtype == values.dtype
         np.testing.assert_array_equal(stored, values)
@@ -277,7 +277,7 @@ def test_files_hold_the_tables(cache: Path) -> None:
 
 @pytest.mark.parametrize(("level", "sampled"), [(0.5, True), (2.0, False)])
 def test_what_draws_no_samples_has_no_tables(cache: Path, level: float, sampled: bool) -> None:
-    """Neither a constant light, nor one of which they are not wanted."""
+    """No tables are made for a constant light, nor without `sampled`."""
     radiance = np.full((8, 16, 3), 0.5)
     radiance[0] = level
     light = prepare_light(make_environment("test", radiance), sampled=sampled)

@@ -49,7 +49,7 @@ def density(values: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def cumulative(function: Callable[[Floats], Floats], knots: int, end: Floats) -> Floats:
-    """Integrate from 0 to `end` a function (..., n) of places (n,) or (..., n) that is smooth between its knots."""
+    """Integrate a function (..., n) of positions (n,) or (..., n), smooth between its knots, from 0 to `end`."""
     edges = np.arange(knots) / knots
     places = (edges[:, None] + NODES / knots).ravel()
     whole = (function(places).reshape(*function(places).shape[:-1], knots, -1) * WEIGHTS).sum(axis=-1) / knots
@@ -62,7 +62,7 @@ def cumulative(function: Callable[[Floats], Floats], knots: int, end: Floats) ->
 
 
 def of_rows(values: Floats) -> Callable[[Floats], Floats]:
-    """Return the density of y: the mean along each row, which for what is linear in between is that of its texels."""
+    """Return the density of y: the mean along each row, which for a linear function is the mean of its texels."""
     x = (np.arange(values.shape[1]) + 0.5) / values.shape[1]
     return lambda y: density(values, x, y[..., None]).mean(axis=-1)
 
@@ -88,20 +88,20 @@ def test_lookup_by_hand() -> None:
 def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None:
     values = MAPS[name]
     rng = np.random.default_rng(1)
-    # Near 0 and 1 as well, as far as Sobol points go: near the poles, and the ends of rows.
+    # Sobol points come near 0 and 1: near the poles, and near the ends of rows.
     near = 2.0 ** -rng.uniform(1.0, 30.0, (50, 2))
     u = np.concatenate([rng.random((300, 2)), near, 1.0 - near])
     warp = BilinearWarp(values)
-    x, y = warp.places(u).T
+    x, y = warp.coordinates(u).T
     height, width = values.shape
     down = cumulative(of_rows(values), 2 * height, y) / warp.integral
-    # Newton's steps start farthest off where rows are 22 degrees high and one of them is dark.
+    # Newton's first guess is worst where rows are 22 degrees high and one of them is dark.
     np.testing.assert_allclose(down, u[:, 1], atol=1e-8 if "dark" in name else 1e-12)
-    # Rows begin at the centre of their first texel, and end there: 0 and 1 are one place.
+    # Rows begin and end at the centre of their first texel: 0 and 1 are the same position.
     start = 0.5 / width
 
-    def across(place: Floats) -> Floats:
-        return looked_up(values, start + place, y[:, None])
+    def across(position: Floats) -> Floats:
+        return looked_up(values, start + position, y[:, None])
 
     along = cumulative(across, width, (x - start) % 1.0) / cumulative(across, width, np.ones(len(y)))
     np.testing.assert_allclose((along - u[:, 0] + 0.5) % 1.0, 0.5, atol=1e-12)
@@ -110,9 +110,9 @@ def test_places_are_where_the_distribution_reaches_the_points(name: str) -> None
 @pytest.mark.parametrize("values", MAPS.values(), ids=MAPS)
 def test_no_place_is_dark_or_off_the_map(values: Floats) -> None:
     warp, ends = BilinearWarp(values), np.array([0.0, 0.5, 1.0 - 2.0**-53])
-    x, y = warp.places(np.random.default_rng(3).random((100_000, 2))).T
+    x, y = warp.coordinates(np.random.default_rng(3).random((100_000, 2))).T
     assert (looked_up(values, x, y) > 0.0).all()
-    places = warp.places(np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2))
+    places = warp.coordinates(np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2))
     assert ((places >= 0.0) & (places <= 1.0)).all()
 
 
@@ -122,6 +122,6 @@ def test_a_black_map_is_sampled_evenly(shape: tuple[int, int]) -> None:
     np.testing.assert_allclose(black.integral, 4.0 * np.pi, rtol=1e-14)
     u = np.random.default_rng(4).random((1000, 2))
     u[0, 1] = 0.0  # the pole, where the density of a latitude is 0
-    x, y = black.places(u).T
+    x, y = black.coordinates(u).T
     np.testing.assert_allclose(x, (u[:, 0] + 0.5 / shape[1]) % 1.0, atol=1e-12)
     np.testing.assert_allclose(np.cos(np.pi * y), 1.0 - 2.0 * u[:, 1], atol=1e-12)

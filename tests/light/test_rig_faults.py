@@ -1,4 +1,4 @@
-"""Rigs that are wrong: every fault at once, each with its file and prim, and what would be right."""
+"""Wrong rigs: every fault at once, each with its file, its prim and a hint."""
 
 from pathlib import Path
 
@@ -85,7 +85,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("PluginLight", ""), "/Rig/Lamp: a light of type PluginLight is not supported"),
         (light("Mesh", "", '"MeshLightAPI"'), "/Rig/Lamp: a Mesh that is a light by LightAPI is not supported"),
         (light("Volume", "", '"VolumeLightAPI"'), "/Rig/Lamp: a Volume that is a light by LightAPI is not supported"),
-        (light("RectLigth", ""), "/Rig/Lamp: RectLigth is no type of USD's lights (did you mean 'RectLight'?)"),
+        (light("RectLigth", ""), "/Rig/Lamp: RectLigth is not a type of USD's lights (did you mean 'RectLight'?)"),
         (light("PointInstancer", 'def SphereLight "In" {}'), "/Rig/Lamp/In: is in the PointInstancer /Rig/Lamp"),
         ("", "/Rig: has no light that shines (a light is one of RectLight"),
         (light("SphereLight", 'token visibility = "invisible"'), "no light that shines (/Rig/Lamp: is hidden"),
@@ -95,9 +95,9 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
 def test_what_is_wrong_is_said_with_its_prim(tmp_path: Path, text: str, fault: str) -> None:
     (tmp_path / "bad.exr").write_bytes(b"\x76\x2f\x31\x01 no image")
     (tmp_path / "cut.ies").write_text("IESNA91\nTILT=NONE\n1 -1 1 3 1 1 2 0 0 0\n1 1 0\n0 45 90\n0\n4 4")
-    found = faults(tmp_path, text)
-    assert len(found) == 1
-    assert fault in found[0]
+    reported = faults(tmp_path, text)
+    assert len(reported) == 1
+    assert fault in reported[0]
 
 
 def test_all_faults_of_a_rig_are_reported_together(tmp_path: Path) -> None:
@@ -123,10 +123,10 @@ def test_an_empty_rig_names_lights_elsewhere(tmp_path: Path) -> None:
 
 
 def test_a_rig_is_exposed_within_what_float32_has(tmp_path: Path) -> None:
-    found = rig(tmp_path, light("SphereLight", "float inputs:exposure = 55"))
-    found.check_exposed(4.0)
+    bright = rig(tmp_path, light("SphereLight", "float inputs:exposure = 55"))
+    bright.check_exposed(4.0)
     with pytest.raises(RigError, match=r"/Rig/Lamp: its largest radiance times 2\^6 is 2\.3"):
-        found.check_exposed(6.0)
+        bright.check_exposed(6.0)
 
 
 def test_what_is_no_usd_is_said(tmp_path: Path) -> None:

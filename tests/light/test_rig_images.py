@@ -11,11 +11,11 @@ from rig_files import light, rig, write_image
 
 from lookdev.errors import RigError
 from lookdev.light import make_environment
-from lookdev.light.rig.images import BALLS, ball_point, ball_power, light_image, unrolled
+from lookdev.light.rig.images import BALLS, ball_point, ball_power, load_light_image, unroll_ball
 
 SIDE = 128
 TO_DOME = (1, 2, 0)
-"""The x, y and z of a dome among those of its map."""
+"""The indices of a dome's x, y and z in its map's axes."""
 
 
 def sky(direction: Floats) -> Floats:
@@ -25,28 +25,28 @@ def sky(direction: Floats) -> Floats:
 
 
 def ball(kind: str) -> NDArray[np.float32]:
-    """Return an image of the sky as a ball shows it, black beyond the rim."""
+    """Return an image of a ball that shows the sky, black beyond the rim."""
     middle = (np.arange(SIDE) + 0.5) * 2.0 / SIDE - 1.0
     x, y = np.meshgrid(middle, -middle)
     radius = np.minimum(np.hypot(x, y), 1.0)
     angle = np.pi * radius if kind == "angular" else 2.0 * np.arcsin(radius)
     scale = np.sin(angle) / np.where(radius > 0.0, radius, 1.0)
-    shown = sky(np.stack([scale * x, scale * y, np.cos(angle)], axis=-1))
-    return np.where((np.hypot(x, y) <= 1.0)[..., None], shown, 0.0).astype(np.float32)
+    radiance = sky(np.stack([scale * x, scale * y, np.cos(angle)], axis=-1))
+    return np.where((np.hypot(x, y) <= 1.0)[..., None], radiance, 0.0).astype(np.float32)
 
 
 @pytest.mark.parametrize("kind", BALLS)
 def test_a_ball_shows_the_same_as_a_lat_long_map(kind: str) -> None:
-    made, power_error = unrolled(make_environment("ball", ball(kind)), kind)
+    converted, power_error = unroll_ball(make_environment("ball", ball(kind)), kind)
     towards, solid = cells(SIDE)
     expected = sky(towards[..., TO_DOME])
-    error = np.abs(made.radiance - expected).max(axis=-1) / expected.max(axis=-1)
-    # Within 3 texels of the ball's rim, texels beyond it would be met: what lies there is taken from farther inside.
+    error = np.abs(converted.radiance - expected).max(axis=-1) / expected.max(axis=-1)
+    # Look-ups within 3 texels of the ball's rim would read texels beyond it; they are moved inside.
     rim = 1.0 - 3.0 * 2.0 / SIDE
-    shown = np.cos(np.pi * rim if kind == "angular" else 2.0 * np.arcsin(rim))
-    assert error[towards[..., 0] > shown].max() < 0.01
+    sky_cosine = np.cos(np.pi * rim if kind == "angular" else 2.0 * np.arcsin(rim))
+    assert error[towards[..., 0] > sky_cosine].max() < 0.01
     # The sky changes by at most the distance of two directions, and its largest channel is at least 2.
-    assert error.max() < np.sqrt(2.0 + 2.0 * shown) / 2.0
+    assert error.max() < np.sqrt(2.0 + 2.0 * sky_cosine) / 2.0
     power = (expected.mean(axis=-1) * solid).sum()
     assert ball_power(ball(kind), kind) == pytest.approx(power, rel=2e-3)
     assert power_error < 5e-3
@@ -57,16 +57,16 @@ def test_texels_beyond_the_rim_of_a_ball_are_not_met(kind: str) -> None:
     middle = (np.arange(16) + 0.5) / 8.0 - 1.0
     beyond = np.hypot(middle, middle[:, None]) > 1.0
     pixels = np.repeat(np.where(beyond, 100.0, 1.0)[..., None], 3, axis=-1).astype(np.float32)
-    made, _ = unrolled(make_environment("ball", pixels), kind)
-    assert made.radiance == pytest.approx(np.ones((16, 32, 3)))
+    converted, _ = unroll_ball(make_environment("ball", pixels), kind)
+    assert converted.radiance == pytest.approx(np.ones((16, 32, 3)))
 
 
 def test_the_mean_of_a_map_is_over_the_sphere(tmp_path: Path) -> None:
     rows = np.arange(8.0)
     pixels = np.broadcast_to(rows[:, None, None], (8, 16, 3)).astype(np.float32)
-    found = light_image(write_image(tmp_path / "sky.exr", pixels), "", "latlong")
+    image = load_light_image(write_image(tmp_path / "sky.exr", pixels), "", "latlong")
     height = np.cos(np.pi * np.arange(9) / 8)
-    assert found.mean == pytest.approx([(rows * (height[:-1] - height[1:])).sum() / 2.0] * 3)
+    assert image.mean == pytest.approx([(rows * (height[:-1] - height[1:])).sum() / 2.0] * 3)
 
 
 @pytest.mark.parametrize("kind", BALLS)
@@ -81,12 +81,12 @@ def test_a_ball_is_the_inverse_of_its_formula(kind: str) -> None:
 def test_a_dome_with_a_ball_is_seen_as_with_its_map(tmp_path: Path, kind: str) -> None:
     write_image(tmp_path / "ball.exr", ball(kind))
     image = f'asset inputs:texture:file = @ball.exr@; token inputs:texture:format = "{kind}"'
-    found = rig(tmp_path, light("DomeLight", image), 'upAxis = "Y"')
-    # With z up: the pole, +y of the stage, is +z.
+    of_ball = rig(tmp_path, light("DomeLight", image), 'upAxis = "Y"')
+    # The result has z up: the pole, +y of the stage, is +z.
     towards = np.array([(1, 0, 0), (-0.6, 0.8, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
     stage = np.stack([towards[:, 0], towards[:, 2], -towards[:, 1]], axis=-1)
-    assert found.lights[0].radiance(np.zeros(3), towards) == pytest.approx(sky(stage), rel=0.02)
-    assert "turned from a ball into a lat-long map of 256 x 128, its power off by 0." in found.notes[0]
+    assert of_ball.lights[0].radiance(np.zeros(3), towards) == pytest.approx(sky(stage), rel=0.02)
+    assert "turned from a ball into a lat-long map of 256 x 128, its power off by 0." in of_ball.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,9 @@ def render(cycles_worker: Worker) -> Render:
     return lambda task: cycles_worker.render(task, lambda progress: None)
 
 
-def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samples: int) -> float:
-    """Render a small plane about a place, in a frame whose -y is the normal, scaled to a size of 1."""
-    away = np.linalg.norm(np.array(light.position or (0.0, 0.0, 1.0)) - place)
+def irradiance(render: Render, light: Light, point: Floats, normal: Floats, samples: int) -> float:
+    """Render a small plane about a point, in a frame whose -y is the normal, scaled to a size of 1."""
+    away = np.linalg.norm(np.array(light.position or (0.0, 0.0, 1.0)) - point)
     larger = FAR / max(away - light.reach, 1e-3 * away)
     x = np.cross(normal, (0.36, 0.48, 0.8) if abs(normal[2]) > 0.9 else (0.0, 0.0, 1.0))
     x /= np.linalg.norm(x)
@@ -42,9 +42,9 @@ def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samp
     axes = checked_axes(np.array(light.axes) @ frame.T)
     moved = replace(light, axes=axes)  # type: ignore[type-var]
     if light.position:
-        moved = replace(moved, position=vector(larger * frame @ (np.array(light.position) - place)))
-    given = (name for name in ("width", "height", "radius", "length") if hasattr(light, name))
-    sizes = {name: larger * getattr(light, name) for name in given}
+        moved = replace(moved, position=vector(larger * frame @ (np.array(light.position) - point)))
+    names = (name for name in ("width", "height", "radius", "length") if hasattr(light, name))
+    sizes = {name: larger * getattr(light, name) for name in names}
     if isinstance(light, DiskLight):
         sizes["radii"] = (larger * light.radii[0], larger * light.radii[1])
     return reflected(render, replace(moved, **sizes), samples)
@@ -59,7 +59,7 @@ def reflected(render: Render, light: Light, samples: int = 1024) -> float:
 
 
 def case_of(kind: str, number: int) -> tuple[Light, Floats, float]:
-    """Return a light, a normal, and the irradiance of a place."""
+    """Return a light, a normal, and the irradiance of a point."""
     if kind != "distant":
         return light_and_irradiance(kind, number)
     normal, wide = NORMALS[number], (0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0)[number]
@@ -67,22 +67,22 @@ def case_of(kind: str, number: int) -> tuple[Light, Floats, float]:
 
 
 CASES = [(kind, number) for kind in ("rect", "disk", "sphere", "cylinder", "distant") for number in range(10)]
-# Cut by the horizon, near and far: one place is of each.
+# One point each: cut by the horizon, near, far.
 QUICK = [(kind, (3 * k + n) % 10) for k, (kind, n) in enumerate(CASES[::10]) for n in (1, 6)]
 
 
 @pytest.mark.parametrize(("kind", "number"), quick_among(CASES, QUICK))
 def test_irradiance_is_that_of_the_closed_form(render: Render, kind: str, number: int) -> None:
-    light, normal, wanted = case_of(kind, number)
-    if wanted == 0.0:
+    light, normal, expected = case_of(kind, number)
+    if expected == 0.0:
         pytest.skip("all of it is below the horizon")
-    # The horizon leaves little of that disk: few directions find it.
+    # Little of that disk is above the horizon, so that few directions hit it.
     samples = 1 << 16 if (kind, number) == ("disk", 8) else 4096
-    assert irradiance(render, light, PLACES[number], normal, samples) == pytest.approx(wanted, rel=1e-3)
+    assert irradiance(render, light, PLACES[number], normal, samples) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("exponent", [3.0, *(pytest.param(e, marks=pytest.mark.proof) for e in (0.0, 1.0, 2.0))])
 def test_falloff_has_its_exponent(render: Render, exponent: float) -> None:
     lights = (SphereLight(radius=1.0, position=(0.0, -away, 0.0)) for away in (FAR, 2.0 * FAR))
-    near, far = (reflected(render, replace(each, emission=Emission(falloff=Falloff(0.0, exponent)))) for each in lights)
+    near, far = (reflected(render, replace(lamp, emission=Emission(falloff=Falloff(0.0, exponent)))) for lamp in lights)
     assert np.log2(near / far) == pytest.approx(exponent, abs=1e-3)

@@ -25,39 +25,39 @@ UNEVEN = f"{TURNED}; {ORDER}"
 
 
 def only(folder: Path, text: str, stage: str = Z_UP) -> Any:
-    (found,) = rig(folder, text, stage).lights
-    return found
+    (result,) = rig(folder, text, stage).lights
+    return result
 
 
 SCALED = 'double3 xformOp:scale = ({}, {}, {}); uniform token[] xformOpOrder = ["xformOp:scale"]'
 UPRIGHT = 'float xformOp:rotateX = 90; uniform token[] xformOpOrder = ["xformOp:rotateX"]'
 LOCAL = "float lookdev:local:radius = 300; float lookdev:local:edge = 0.5"
-# (x, y, z) of a stage with y up is (x, -z, y) with z up. Turned by -90 degrees about x, -z points to -y, which is down.
+# (x, y, z) of a stage with y up is (x, -z, y) with z up. After a turn by -90 degrees about x, -z points to -y: down.
 PLACED = {"position": (1.0, -0.5, 3.0), "axes": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}
 LYING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("kind", "attributes", "stage", "wanted"),
+    ("kind", "attributes", "stage", "expected"),
     [
         ("RectLight", f"float inputs:width = 10; {UNEVEN}", Y_UP_CM, PLACED | {"width": 0.2, "height": 0.03}),
         ("DiskLight", f"float inputs:radius = 10; {UNEVEN}", Y_UP_CM, PLACED | {"radii": (0.2, 0.3)}),
         ("SphereLight", f"float inputs:radius = 10; {EVEN}", Y_UP_CM, PLACED | {"radius": 0.2}),
         ("CylinderLight", f"float inputs:radius = 10; {EVEN}", Y_UP_CM, PLACED | {"length": 0.02, "radius": 0.2}),
         ("CylinderLight", SCALED.format(3, 2, 2), Z_UP, {"length": 3.0, "radius": 1.0}),
-        # Mirrored, its axes are of the other hand.
+        # A mirrored light has left-handed axes.
         ("RectLight", SCALED.format(-2, 1, 1), Z_UP, {"width": 2.0, "axes": ((-1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0))}),
         ("DistantLight", f"float inputs:angle = 2; {UPRIGHT}", Z_UP, {"angle": 2.0, "axes": LYING}),
         ("DomeLight", f"{LOCAL}; {EVEN}", Y_UP_CM, {"radius": 6.0, "edge": 0.5, "position": (1.0, -0.5, 3.0)}),
     ],
 )
 def test_sizes_and_places_are_in_metres_with_z_up(
-    tmp_path: Path, kind: str, attributes: str, stage: str, wanted: dict[str, Any]
+    tmp_path: Path, kind: str, attributes: str, stage: str, expected: dict[str, Any]
 ) -> None:
-    found = only(tmp_path, light(kind, attributes), stage)
-    assert type(found).__name__ == kind.replace("DomeLight", "LocalDome")
-    for name, value in wanted.items():
-        np.testing.assert_allclose(getattr(found, name), value, rtol=1e-6, atol=1e-15, err_msg=name)
+    result = only(tmp_path, light(kind, attributes), stage)
+    assert type(result).__name__ == kind.replace("DomeLight", "LocalDome")
+    for name, value in expected.items():
+        np.testing.assert_allclose(getattr(result, name), value, rtol=1e-6, atol=1e-15, err_msg=name)
 
 
 WARM = "float inputs:colorTemperature = 3000"
@@ -88,8 +88,8 @@ NORMALIZED = "bool inputs:normalize = true"
 )
 @pytest.mark.parametrize("stage", [Z_UP, Y_UP_CM])
 def test_colour_is_that_of_the_light_api(tmp_path: Path, kind: str, attributes: str, color: Any, stage: str) -> None:
-    found = only(tmp_path, light(kind, attributes), stage)
-    assert found.emission.color == pytest.approx(tuple(np.broadcast_to(color, 3)), rel=1e-6)
+    result = only(tmp_path, light(kind, attributes), stage)
+    assert result.emission.color == pytest.approx(tuple(np.broadcast_to(color, 3)), rel=1e-6)
 
 
 def test_what_is_not_said_is_the_default_of_usdlux(tmp_path: Path) -> None:
@@ -145,16 +145,16 @@ def test_a_dome_is_oriented_as_usdlux_says(
     pixels[7:9, 7:9] = (0, 1, 0)
     pixels[0] = (0, 0, 1)
     write_image(tmp_path / "sky.exr", pixels)
-    found = only(tmp_path, light(kind, "asset inputs:texture:file = @./sky.exr@"), stage)
-    seen = found.radiance(np.zeros(3), np.array([middle, left, top], np.float64))
+    result = only(tmp_path, light(kind, "asset inputs:texture:file = @./sky.exr@"), stage)
+    seen = result.radiance(np.zeros(3), np.array([middle, left, top], np.float64))
     assert seen == pytest.approx(np.eye(3), abs=0.02)
 
 
 def test_a_pole_that_is_stated_is_one_of_the_stage(tmp_path: Path) -> None:
-    found = rig(tmp_path, light("DomeLight_1", 'uniform token poleAxis = "Z"'), Y_UP_CM)
-    assert isinstance(found.lights[0], Dome)
+    result = rig(tmp_path, light("DomeLight_1", 'uniform token poleAxis = "Z"'), Y_UP_CM)
+    assert isinstance(result.lights[0], Dome)
     assert isinstance(only(tmp_path, light("DomeLight_1", "float lookdev:local:radius")), Dome), "it has no value"
-    assert found.lights[0].axes[2] == (0.0, -1.0, 0.0)
+    assert result.lights[0].axes[2] == (0.0, -1.0, 0.0)
     assert not rig(tmp_path, light("DomeLight", "")).notes, "it is the same all around"
     write_image(tmp_path / "sky.exr", np.ones((8, 16, 3), np.float32))
     (note,) = rig(tmp_path, light("DomeLight", "asset inputs:texture:file = @sky.exr@")).notes
@@ -178,8 +178,8 @@ def test_a_picture_is_srgb_unless_its_colour_space_is_stated(tmp_path: Path, kin
     oiio.ImageBufAlgo.fill(image, (0.5, 1.0, 0.25) if channels == 3 else (0.5, 1.0)[:channels])
     image.write(str(tmp_path / "box.png"))
     for space, value in (("", (0.2140, 1.0, 0.0513)), (" (colorSpace = 'raw')", (0.5, 1.0, 0.25))):
-        lit = only(tmp_path, light(kind, f"asset inputs:texture:file = @box.png@{space}"))
-        texels = lit.picture if kind == "RectLight" else lit.radiance(np.zeros(3), np.eye(3))
+        textured = only(tmp_path, light(kind, f"asset inputs:texture:file = @box.png@{space}"))
+        texels = textured.picture if kind == "RectLight" else textured.radiance(np.zeros(3), np.eye(3))
         expected = value if channels == 3 else value[:1] * 3
         assert texels == pytest.approx(np.broadcast_to(expected, texels.shape), abs=0.003)
 
@@ -191,10 +191,10 @@ def test_texture_and_profile_come_from_a_package(tmp_path: Path) -> None:
     file = write_rig(tmp_path / "rig.usda", light("RectLight", shaped, '"ShapingAPI"'))
     assert UsdUtils.CreateNewUsdzPackage(str(file), str(tmp_path / "rig.usdz"))
     assert {"box.exr", "lamp.ies"} <= {Path(name).name for name in zipfile.ZipFile(tmp_path / "rig.usdz").namelist()}
-    packed, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
-    assert packed == plain
-    assert packed[0].emission.shaping.profile == load_profile(tmp_path / "lamp.ies")
-    assert packed[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
+    zipped, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
+    assert zipped == plain
+    assert zipped[0].emission.shaping.profile == load_profile(tmp_path / "lamp.ies")
+    assert zipped[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
 
 
 def test_lights_are_those_below_the_prim_that_shine(tmp_path: Path) -> None:
@@ -215,16 +215,16 @@ def LightFilter "Unused" {{}}
     file = write_rig(tmp_path / "rig.usda", text)
     more = 'def Xform "Lamp"\n{\n    def SphereLight "Bulb" {}\n}\ndef SphereLight "Outside" {}\n'
     file.write_text(file.read_text() + more)
-    found = load_rig(file)
-    assert [each.path for each in found.given] == ["/Rig/Copy/Bulb", "/Rig/On"]
-    assert found.lights[0].position == (1.0, 0.0, 0.0)
-    assert [note.removeprefix(f"{file}: ") for note in found.notes] == [
+    result = load_rig(file)
+    assert [rig_light.path for rig_light in result.given] == ["/Rig/Copy/Bulb", "/Rig/On"]
+    assert result.lights[0].position == (1.0, 0.0, 0.0)
+    assert [note.removeprefix(f"{file}: ") for note in result.notes] == [
         "/Rig/Guide: is of purpose guide, left out",
         "/Rig/Hidden/In: is hidden by /Rig/Hidden, left out",
         "/Rig/Dark: sends no light, left out",
     ]
-    assert [each.path for each in load_rig(file, "/Rig/On").given] == ["/Rig/On"]
-    assert [each.path for each in load_rig(file, "/Rig/Hidden/In").given] == ["/Rig/Hidden/In"]
+    assert [rig_light.path for rig_light in load_rig(file, "/Rig/On").given] == ["/Rig/On"]
+    assert [rig_light.path for rig_light in load_rig(file, "/Rig/Hidden/In").given] == ["/Rig/Hidden/In"]
     with pytest.raises(StageError, match="there is no such prim"):
         compose(Composition(file, prim="/Rig/Onn"))
 
@@ -232,7 +232,7 @@ def LightFilter "Unused" {{}}
 def test_without_a_default_prim_all_lights_are_the_rig(tmp_path: Path) -> None:
     file = tmp_path / "rig.usda"
     file.write_text('#usda 1.0\ndef SphereLight "A" {}\ndef Scope "More"\n{\n    def DiskLight "B" {}\n}\n')
-    assert [each.path for each in load_rig(file).given] == ["/A", "/More/B"]
+    assert [rig_light.path for rig_light in load_rig(file).given] == ["/A", "/More/B"]
 
 
 def test_a_light_list_that_a_model_has_is_obeyed(tmp_path: Path) -> None:
@@ -245,14 +245,14 @@ def Xform "Set" (kind = "component")
     token lightList:cacheBehavior = "consumeAndHalt"
 }
 """
-    found = rig(tmp_path, text.replace("consumeAndHalt", "ignore"))
-    assert [each.path for each in found.given] == ["/Rig/Listed", "/Rig/Missed"]
+    result = rig(tmp_path, text.replace("consumeAndHalt", "ignore"))
+    assert [rig_light.path for rig_light in result.given] == ["/Rig/Listed", "/Rig/Missed"]
     file = write_rig(tmp_path / "rig.usda", text)
     file.write_text(file.read_text().replace('def Xform "Rig"', 'def Xform "Rig" (kind = "group")'))
-    found = load_rig(file)
-    assert [each.path for each in found.given] == ["/Rig/Listed"]
-    assert found.notes[0].endswith(": /Rig/Missed: is in no light list of its models, left out")
-    assert len(found.notes) == 1
+    result = load_rig(file)
+    assert [rig_light.path for rig_light in result.given] == ["/Rig/Listed"]
+    assert result.notes[0].endswith(": /Rig/Missed: is in no light list of its models, left out")
+    assert len(result.notes) == 1
 
 
 def test_what_is_animated_is_taken_at_the_start(tmp_path: Path) -> None:
@@ -277,14 +277,14 @@ def test_what_is_animated_is_taken_at_the_start(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_done_about_it_is_noted(tmp_path: Path, kind: str, text: str, note: str) -> None:
-    (found,) = rig(tmp_path, light(kind, text)).notes
-    assert note in found
+    (result,) = rig(tmp_path, light(kind, text)).notes
+    assert note in result
 
 
 def test_a_rig_that_fits_has_no_metres(tmp_path: Path) -> None:
     text = f"custom bool lookdev:fit = true\n{light('SphereLight', translate(0, 3, 0))}"
-    found = rig(tmp_path, text, Y_UP_CM)
-    assert found.fit
-    assert found.lights[0].position == (0.0, 0.0, 3.0)  # type: ignore[attr-defined]
+    result = rig(tmp_path, text, Y_UP_CM)
+    assert result.fit
+    assert result.lights[0].position == (0.0, 0.0, 3.0)  # type: ignore[attr-defined]
     assert load_rig(tmp_path / "rig.usda", "/Rig/Lamp").fit
     assert not rig(tmp_path, text.replace("true", "false", 1), Y_UP_CM).fit

@@ -1,4 +1,4 @@
-"""The rigs that ship: they fit any asset, expose a grey sphere well, and their images are what they say."""
+"""The shipped rigs: they fit any asset, expose a grey sphere well, and have the images that they state."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from lookdev.light.dome.files import read_exr
 from lookdev.light.rig import load_rig
 from lookdev.shipped import shipped_folder
 
-DIRECTIONS = 64  # for each place and light: the mean over 300 places has an error of some percent
+DIRECTIONS = 64  # for each point and light: the mean over 300 points has an error of a few percent
 
 
 def test_every_shipped_file_is_a_built_in_rig() -> None:
@@ -21,19 +21,19 @@ def test_a_grey_sphere_is_well_exposed(name: str) -> None:
     assert rig.fit
     assert rig.notes == ()
     rng = np.random.default_rng(6)
-    place = rng.normal(size=(600, 3))
-    place /= np.linalg.norm(place, axis=-1, keepdims=True)
-    place = place[place[:, 1] < 0.0]  # of the unit sphere, what the camera sees
-    irradiance = np.zeros(len(place))
+    point = rng.normal(size=(600, 3))
+    point /= np.linalg.norm(point, axis=-1, keepdims=True)
+    point = point[point[:, 1] < 0.0]  # the half of the unit sphere that the camera sees
+    irradiance = np.zeros(len(point))
     for light in rig.lights:
         for _ in range(DIRECTIONS):
-            towards = light.sample(place, rng.random((len(place), 2)))
-            pdf, cosine = light.pdf(place, towards), np.maximum((towards * place).sum(axis=-1), 0.0)
-            radiance = light.radiance(place, towards).mean(axis=-1)
+            towards = light.sample(point, rng.random((len(point), 2)))
+            pdf, cosine = light.pdf(point, towards), np.maximum((towards * point).sum(axis=-1), 0.0)
+            radiance = light.radiance(point, towards).mean(axis=-1)
             irradiance += np.where(pdf > 0.0, radiance * cosine / np.where(pdf > 0.0, pdf, 1.0), 0.0) / DIRECTIONS
-    # Of 18 % grey the mean over its picture is within a stop of 18 %, and of white paint little is above 2.
+    # The picture of 18 % grey has a mean within a stop of 18 %, and little of white paint is above 2.
     seen = irradiance / np.pi
-    assert 0.09 < 0.18 * np.average(seen, weights=-place[:, 1]) < 0.36
+    assert 0.09 < 0.18 * np.average(seen, weights=-point[:, 1]) < 0.36
     assert 0.9 * np.quantile(seen, 0.98) < 2.0
 
 

@@ -1,4 +1,4 @@
-"""Assets and looks made by hand, of a few squares."""
+"""Assets of a few squares, and looks for them."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from lookdev.material import Input, Layer, Look
 
 
 def squares(name: str, slots: Sequence[int] = (0,), uvs: Sequence[str] = ("st",), default_uv: str = "") -> Mesh:
-    """Return a row of unit squares in the plane y = 0, one for each entry of `slots`, its slot."""
+    """Return a row of unit squares in the plane y = 0; `slots` has the slot of each square."""
     x = np.repeat(np.arange(len(slots)), 4) + np.tile([0.0, 1.0, 1.0, 0.0], len(slots))
     z = np.tile([0.0, 0.0, 1.0, 1.0], len(slots))
     corners = len(x)

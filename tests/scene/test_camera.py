@@ -1,4 +1,4 @@
-"""Cameras: where they stand, how they orbit, and the rays of shifted frames and thin lenses."""
+"""Cameras: their positions and orbits, and the rays of shifted frames and thin lenses."""
 
 import json
 import math
@@ -16,7 +16,7 @@ GENERAL = replace(PLAIN, azimuth=50.0, roll=25.0, axis=(0.5, 0.7), shift=(0.1, -
 
 
 def project(camera: Camera, point: np.ndarray) -> np.ndarray:
-    """Return the pixel in which a camera at pose 0 shows a point."""
+    """Return the pixel of a point in the frame of a camera at pose 0."""
     right, up, toward = camera.frame @ (point - camera.position)
     width, height = SIZE
     x, y = (np.array([right, up]) / -toward / camera.reach / 2.0 - camera.shift) * width
@@ -24,7 +24,7 @@ def project(camera: Camera, point: np.ndarray) -> np.ndarray:
 
 
 def about(axis: tuple[float, float], degrees: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear part and the offset of a turn about a vertical axis."""
+    """Return the linear part and the offset of a rotation about a vertical axis."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     turn, center = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([*axis, 0.0])
     return turn, center - turn @ center
@@ -75,7 +75,7 @@ def test_rays_of_a_lens_leave_a_disc_and_meet_in_the_plane_of_focus() -> None:
     assert radius.max() <= 0.2
     # Uniform over the disc: the square of the radius is uniform, its mean within four standard errors.
     assert np.mean((radius / 0.2) ** 2) == pytest.approx(0.5, abs=4.0 / math.sqrt(12.0 * 4000))
-    # A pinhole has one origin, as has a lens without a point of it.
+    # A pinhole's rays have one origin, and so have a lens's rays without u.
     np.testing.assert_array_equal(camera_rays(camera, Pose(0.0, 0.0), SIZE, 7.0, 9.0)[1], through)
 
 

@@ -1,4 +1,4 @@
-"""Reference props: published colours, their place in the frame, and cameras that leave room for them."""
+"""Reference props: published colours, their positions in the frame, and cameras that leave space for them."""
 
 import math
 import re
@@ -129,7 +129,7 @@ def test_an_asset_behind_the_camera_leaves_no_place() -> None:
         props_camera(Camera(40.0, 0.0, (0.0, 10.0, 0.0), 1.0, axis=(0.0, 0.0)), (0.0, 0.0, 0.0))
 
 
-# How a frame is filled, and whether there is room for a strip beside the asset.
+# The fill of a frame, and whether there is space for a strip beside the asset.
 FRAMED = {"fill = 0.7": True, "fill = 1.0": False, "margin = 1.05": False, "": True}
 
 

@@ -1,4 +1,4 @@
-"""Framing: the bounding sphere touches the nearer sides at margin 1; what a turned asset covers fills its part."""
+"""Framing: at margin 1 the bounding sphere touches the nearer sides; a turning asset covers its fill of the frame."""
 
 import math
 from functools import cache
@@ -15,7 +15,7 @@ from lookdev.asset.silhouette import outline, turning_axis
 from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
-from lookdev.scene.framing import _touched, _turn
+from lookdev.scene.framing import _farthest_point_function, _rotation_about_z
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ NAMES = (*POINTS, *BUILTINS)
 
 @cache
 def points_of(name: str) -> Floats:
-    """Return points; of a built-in, a thousand of those at the corners of its hull, which alone can be outermost."""
+    """Return points; of a built-in asset, a thousand corners of its hull, because only these can be outermost."""
     if name in POINTS:
         return POINTS[name]
     points = outline(make_sphere(64, 32) if name == "sphere" else load_asset(builtin=name))
@@ -55,7 +55,7 @@ def points_of(name: str) -> Floats:
 
 
 def covered(camera: Camera, points: Floats, angles: Floats, resolution: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest pixel coordinates, from the centre, of points turned by some angles."""
+    """Return the least and the greatest pixel coordinates, from the centre, of points rotated by some angles."""
     pivot = np.array([*camera.pivot, 0.0])
     (x, y, z), angles = (points - pivot).T, np.radians(angles)[:, None]
     turned = [np.cos(angles) * x - np.sin(angles) * y, np.sin(angles) * x + np.cos(angles) * y, z]
@@ -135,9 +135,9 @@ def test_only_the_angles_that_are_shown_count(name: str, arcs: list[tuple[float,
 def test_the_farthest_point_is_one_of_the_turned_asset(direction: tuple[float, ...], arcs: list[Any]) -> None:
     points, w = points_of("angle off centre"), np.array(direction)
     turned = np.concatenate(
-        [points @ _turn(math.radians(start + t)).T for start, sweep in arcs for t in range(sweep + 1)]
+        [points @ _rotation_about_z(math.radians(start + t)).T for start, sweep in arcs for t in range(sweep + 1)]
     )
-    farthest = _touched(points, arcs)(w)
+    farthest = _farthest_point_function(points, arcs)(w)
     assert farthest @ w == pytest.approx((turned @ w).max(), rel=1e-3)
     assert np.linalg.norm(turned - farthest, axis=-1).min() < 0.01 * np.linalg.norm(farthest)
 

@@ -77,7 +77,7 @@ def test_normals_are_those_of_the_displaced_surface(sphere: Asset) -> None:
     slope = a * k * np.cos(k * z)
     expected = unit - slope / (1.0 + a * np.sin(k * z)) * (np.array([0.0, 0.0, 1.0]) - z * unit)
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    # Of rings pi / 256 apart, central differences err by (k pi / 256)^2 / 6 of the slope, and less at the poles.
+    # For rings pi / 256 apart, central differences have an error of (k pi / 256)^2 / 6 of the slope, less at the poles.
     assert np.abs(mesh.normals - expected[mesh.corner_points]).max() < 2.0 * a * k * (k * np.pi / RINGS) ** 2
 
 
@@ -107,7 +107,7 @@ def test_instances_of_one_shape_share_a_mesh() -> None:
 
 def test_hard_edges_stay_closed_and_hard() -> None:
     (mesh,) = displaced(box(), Displacement(0.3)).meshes
-    # At a corner of the cube the mean of three normals of length 0.3.
+    # A corner of the cube moves by the mean of three offsets of length 0.3.
     np.testing.assert_allclose(np.abs(mesh.points), 1.1, rtol=1e-6)
     np.testing.assert_allclose(mesh.normals, box().meshes[0].normals, atol=1e-6)
 
@@ -153,7 +153,7 @@ def test_faults_are_named(sphere: Asset, displacement: Displacement, message: st
 def test_a_refined_polygon_mesh_is_displaced_along_its_own_normals() -> None:
     asset = box()
     up = np.broadcast_to(np.array([0, 0, 1], np.float32), (24, 3))
-    # What refines it gives it normals of its faces; those that it had are carried.
+    # Refinement computes the normals of the faces; a primvar keeps the original ones.
     refined = replace(as_cage(replace(asset.meshes[0], normals=up)), normals=asset.meshes[0].normals, subdivision=None)
     (mesh,) = displaced(replace(asset, meshes=(refined,)), Displacement(0.25)).meshes
     np.testing.assert_allclose(mesh.points - asset.meshes[0].points, np.broadcast_to([0.0, 0.0, 0.25], (8, 3)))

@@ -1,4 +1,4 @@
-"""Who wears what: parts and their paths, patterns, and meshes that are split without copies."""
+"""Assignment to parts: parts and their paths, patterns, and meshes that are split without copies."""
 
 import time
 from collections.abc import Collection, Mapping
@@ -7,7 +7,7 @@ import numpy as np
 from hand_made import asset_of, squares
 
 from lookdev.asset import Asset, Slot, load_asset
-from lookdev.scene.dress import asset_parts, dress, fit_patterns, path_hint
+from lookdev.scene.dress import asset_parts, assign_to_parts, fit_patterns, path_hint
 
 CAR = ["/Car", "/Car/Body", "/Car/Body/red", "/Car/Body/Hood", "/Car/Tires/FL", "/Car/Tires/FR"]
 
@@ -37,39 +37,39 @@ def test_a_part_has_the_path_of_its_instance() -> None:
 def test_a_mesh_that_is_nowhere_has_parts_too() -> None:
     asset = asset_of([squares("/A", [0]), squares("/B", [1])], [(0, "/A")], [Slot("/A"), Slot("/B")])
     assert paths(asset) == ["/A", "/B"]
-    assert dress(asset, asset_parts(asset), lambda part: part.path)[1] == {"/A": "/A", "/B": "/B"}
+    assert assign_to_parts(asset, asset_parts(asset), lambda part: part.path)[1] == {"/A": "/A", "/B": "/B"}
 
 
-def test_instances_that_wear_the_same_stay_one_mesh() -> None:
+def test_instances_with_equal_choices_stay_one_mesh() -> None:
     asset = wheels()
-    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path.rpartition("/")[2])
-    assert dressed is asset
-    assert wears == {"/A/Wheel": "Wheel", "/A/Wheel/rim": "rim", "/Body": "Body"}
+    assigned, choices = assign_to_parts(asset, asset_parts(asset), lambda part: part.path.rpartition("/")[2])
+    assert assigned is asset
+    assert choices == {"/A/Wheel": "Wheel", "/A/Wheel/rim": "rim", "/Body": "Body"}
 
 
 def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_copies() -> None:
     asset = wheels()
     parts = asset_parts(asset)
-    dressed, wears = dress(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
-    assert looks_of_parts(dressed, wears) == dict.fromkeys(paths(asset), "grey") | {"/B/Wheel/rim": "gold"}
-    assert set(wears) == {slot.path for slot in dressed.slots}
-    assert [instance.mesh for instance in dressed.instances] == [0, 1, 2]
-    assert dressed.slots[3:] == (Slot("/B/Wheel", "/A/Rubber"), Slot("/B/Wheel/rim"))
-    wheel, body, split = dressed.meshes
+    assigned, choices = assign_to_parts(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
+    assert looks_of_parts(assigned, choices) == dict.fromkeys(paths(asset), "grey") | {"/B/Wheel/rim": "gold"}
+    assert set(choices) == {slot.path for slot in assigned.slots}
+    assert [instance.mesh for instance in assigned.instances] == [0, 1, 2]
+    assert assigned.slots[3:] == (Slot("/B/Wheel", "/A/Rubber"), Slot("/B/Wheel/rim"))
+    wheel, body, split = assigned.meshes
     assert (wheel, body) == asset.meshes
     np.testing.assert_array_equal(split.face_slots, [3, 4, 4])
     for name in ("points", "corner_points", "face_sizes", "normals", "uvs"):
         assert getattr(split, name) is getattr(wheel, name)
-    assert dressed.digest != asset.digest
-    # Another look that dresses it alike makes the same asset, whatever it wears.
-    assert dress(asset, parts, lambda part: part.path == "/B/Wheel/rim")[0].digest == dressed.digest
+    assert assigned.digest != asset.digest
+    # Other looks that split the parts in the same way give the same asset.
+    assert assign_to_parts(asset, parts, lambda part: part.path == "/B/Wheel/rim")[0].digest == assigned.digest
 
 
-def test_what_wears_the_same_shares_one_split() -> None:
+def test_equal_choices_share_one_split() -> None:
     asset = asset_of([squares("/A/Mesh")], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
-    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
-    assert [instance.mesh for instance in dressed.instances] == [0, 1, 0, 1]
-    assert wears == {"/A/Mesh": False, "/B/Mesh": True}
+    assigned, choices = assign_to_parts(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
+    assert [instance.mesh for instance in assigned.instances] == [0, 1, 0, 1]
+    assert choices == {"/A/Mesh": False, "/B/Mesh": True}
 
 
 PATTERNS: dict[str, Collection[str]] = {
@@ -95,7 +95,7 @@ def test_a_pattern_fits_prims_and_what_is_below_them() -> None:
 def test_the_first_pattern_that_fits_counts() -> None:
     fits = fit_patterns(["/Car/Body/Hood", "/Car/Body", "/Nothing", "/Car/Body/*", "/Car"], CAR)
     assert fits.first == dict(zip(CAR, (4, 1, 1, 0, 4, 4), strict=True))
-    assert fits.unfit == (2,)  # what others take before it, a pattern fits all the same
+    assert fits.unfit == (2,)  # a pattern fits also where an earlier one is first
 
 
 def test_a_collection_fits_its_members_alone() -> None:
@@ -125,15 +125,15 @@ def test_a_hint_is_short() -> None:
 
 
 def test_many_parts_and_patterns_take_little_time() -> None:
-    """5,000 parts take an eighth of a second, and are given ten times that; quadratic work would take many seconds."""
+    """5,000 parts take an eighth of a second; the limit is ten times that. Quadratic work would take many seconds."""
     paths = [f"/World/Group{number // 25}/Mesh{number}" for number in range(5_000)]
     meshes = [squares(path, [slot]) for slot, path in enumerate(paths)]
     asset = asset_of(meshes, list(enumerate(paths)), [Slot(path) for path in paths])
     start = time.thread_time()
     parts = asset_parts(asset)
     first = fit_patterns([f"/World/Group{number}?" for number in range(0, 50)], paths).first
-    dressed, wears = dress(asset, parts, lambda part: first.get(part.path))
+    assigned, choices = assign_to_parts(asset, parts, lambda part: first.get(part.path))
     assert time.thread_time() - start < 1.5
     assert len(first) == 4_750  # all but the groups 0 to 9
-    assert len(wears) == 5_000
-    assert dressed is asset
+    assert len(choices) == 5_000
+    assert assigned is asset

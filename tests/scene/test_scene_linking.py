@@ -1,4 +1,4 @@
-"""A scene: the look of every part, which lights light it, and where a mesh is split for them."""
+"""A scene: the look of every part, its lights, and the split of a mesh for links."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def test_meshes_are_split_where_instances_are_lit_differently(
 
 @pytest.mark.parametrize("kind", LIGHT_KINDS)
 def test_lights_of_every_kind_are_linked(kind: str) -> None:
-    # Domes whose samples are not prepared take a thousandth of the time.
+    # Without sampling tables, domes take a thousandth of the time.
     white = prepare_light(load_environment(builtin="white"), sampled=False)
     domes = {"dome": white, "local_dome": LocalDome(dome=white, position=(0.5, 0.0, 0.5), radius=3.0)}
     other = domes.get(kind) or LIGHT_KINDS[kind].example()
@@ -65,9 +65,9 @@ def test_lights_of_every_kind_are_linked(kind: str) -> None:
 
 
 def test_without_links_all_is_as_given() -> None:
-    asset, wears, lights = three(), {"/a/one": GREY}, (light(linked=False),)
-    linked = link_lights(asset, wears, lights)
-    assert (linked.asset, linked.wears, linked.lights) == (asset, wears, lights)
+    asset, look_of_part, lights = three(), {"/a/one": GREY}, (light(linked=False),)
+    linked = link_lights(asset, look_of_part, lights)
+    assert (linked.asset, linked.wears, linked.lights) == (asset, look_of_part, lights)
     assert not linked.lit
     assert not linked.groups
 
@@ -107,7 +107,7 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
 
 
 def test_each_light_that_reaches_nothing_has_the_layer_of_its_group() -> None:
-    """Digests of frames have this list, a group as often as lights of it: it is as in frames that are on disk."""
+    """Digests of frames include this list, a group once for each of its lights: rendered frames depend on it."""
     key, black = (
         replace(RectLight.example(), position=(0.0, 0.0, 3.0), emission=Emission(color, group=group))
         for color, group in (((1.0, 1.0, 1.0), "key"), ((0.0, 0.0, 0.0), "fill"))
@@ -129,7 +129,7 @@ def test_looks_are_in_the_order_of_the_slots() -> None:
 
 
 def test_a_light_is_kept_that_reaches_the_asset_in_any_pose() -> None:
-    """At 180 degrees about an axis 3 m beside it, the asset is where the light shines, of which it has the back now."""
+    """Turned by 180 degrees about an axis 3 m aside, the asset is in front of a light that faced away from it."""
     asset = load_asset(builtin="sphere")
     facing_x = ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))
     lights = (light(linked=False), RectLight(width=0.1, height=0.1, position=(4.0, 0.0, 0.0), axes=facing_x))

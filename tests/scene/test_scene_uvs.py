@@ -1,4 +1,4 @@
-"""UV sets that looks ask for, and what is read where a mesh has another one, or none."""
+"""UV sets that looks read, and their replacement where a mesh has another set, or none."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -65,18 +65,18 @@ def test_a_set_that_nothing_can_stand_for_stays_missing(sets: tuple[str, ...]) -
 
 
 def test_the_assets_own_look_reads_zero_on_a_mesh_without_any() -> None:
-    result, notes = with_uvs(one(squares("/A", uvs=())), {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
+    result, notes = with_uvs(one(squares("/A", uvs=())), {"/A": look("x", baseColor=texture("st"))}, bound=["/A"])
     assert notes == ("/A has no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)",)
     np.testing.assert_array_equal(result.meshes[0].uvs["st"], np.zeros((4, 2), np.float32))
     candidates = one(squares("/A", uvs=("map1", "map2")))
-    assert with_uvs(candidates, {"/A": look("x", baseColor=texture("st"))}, own=["/A"]) == (candidates, ())
+    assert with_uvs(candidates, {"/A": look("x", baseColor=texture("st"))}, bound=["/A"]) == (candidates, ())
 
 
 def test_a_look_of_the_job_beside_it_is_not_given_zero() -> None:
     asset = asset_of([squares("/A", [0, 1], uvs=())], [(0, "/A")], [Slot("/A"), Slot("/A/part")])
     asking, plain = look("x", baseColor=texture("st")), look("y", roughness=0.25)
-    assert with_uvs(asset, {"/A": asking, "/A/part": asking}, own=["/A"]) == (asset, ())
-    assert with_uvs(asset, {"/A": asking, "/A/part": plain}, own=["/A"])[1]
+    assert with_uvs(asset, {"/A": asking, "/A/part": asking}, bound=["/A"]) == (asset, ())
+    assert with_uvs(asset, {"/A": asking, "/A/part": plain}, bound=["/A"])[1]
 
 
 def test_primvars_that_meshes_lack_are_noted_once() -> None:

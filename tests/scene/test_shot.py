@@ -1,4 +1,4 @@
-"""Cameras of shots: they see what USD's own frustum sees, and orbit the axis of the asset."""
+"""Cameras of shots: their view is that of USD's own frustum, and they orbit the axis of the asset."""
 
 import math
 from dataclasses import replace

@@ -1,14 +1,14 @@
-"""Dome light: an environment map at infinity, whose radiance is the same at every place.
+"""Dome light: an environment map at infinity, whose radiance is the same at every shading point.
 
 Radiance is looked up bilinearly (`warp.lookup`). `Dome.sample` draws directions in proportion to it. The shader samples
-radiance times the widened cosine of the shading normal's bin (`bins`): it chooses a slot of the bin (`slots`), then a
+radiance times the widened cosine of the shading normal's bin (`bins`): it draws a slot of the bin (`slots`), then a
 point of the slot (`points`). Slots and bins are array parameters of the shader, because a look-up in a texture costs
-ten times as much (CPU, Blender 4.5). The points are too many for an array, and the radiance needs interpolation: both
-are textures.
+ten times as much (CPU, Blender 4.5). The points and the radiance are textures: the points are too many for an array,
+and the radiance needs interpolation.
 
-The shader numbers slots by reversed bits: any aligned block of 2^k sample numbers is spread evenly along the curve of
-the points, hence over the light. A converged picture is a quadrature with N points. Its expectation over the choice of
-the points is the integral; docs/accuracy.md states the error of one set of points.
+The shader reverses the bits of a slot's number, so that any aligned block of 2^k sample numbers is spread evenly along
+the curve of the points, hence over the light. A converged picture is a quadrature with N points. Its expectation over
+the random choice of the points is the integral; docs/accuracy.md states the error of one set of points.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from lookdev.space import Space
 Floats = NDArray[np.float64]
 
 TABLE_VERSION = 4
-"""Part of the digest: raised with any change to the content of the tables."""
+"""Part of the digest. Raise it with any change to the content of the tables."""
 
 
 @dataclass(frozen=True)
 class Dome(CodedLight):
-    """A `lookdev.light.Light` by the files that the shader reads: of its radiance, and of the tables if it samples.
+    """A dome light, with the files that the shader reads: its radiance, and tables if the shader samples it.
 
     `width` and `height` are those of the map, `map_digest` names it and its tables. The map is in the frame of `axes`,
-    and its radiance is multiplied by the emission's colour. `sample` is in proportion to the mean of the channels of
-    the map, uniform if black.
+    and the emission's colour multiplies its radiance. `sample` is in proportion to the mean of the map's channels;
+    uniform if the map is black.
     """
 
     kind = "dome"
@@ -69,10 +69,10 @@ class Dome(CodedLight):
 
     @property
     def digest(self) -> str:
-        as_it_is = (self.axes, self.emission.unnamed)
-        if as_it_is == (WORLD_AXES, WHITE):
+        axes_and_emission = (self.axes, self.emission.without_names)
+        if axes_and_emission == (WORLD_AXES, WHITE):
             return self.map_digest
-        return hashlib.sha256(f"{self.map_digest} {as_it_is!r}".encode()).hexdigest()
+        return hashlib.sha256(f"{self.map_digest} {axes_and_emission!r}".encode()).hexdigest()
 
     @property
     def map_dome(self) -> Dome:
@@ -85,17 +85,17 @@ class Dome(CodedLight):
         r, g, b = self.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist()
         return r, g, b
 
-    def _converted(self, space: Space) -> Dome:
-        return self.converted_map(space, local=False)
+    def _convert(self, space: Space) -> Dome:
+        return self.convert_map(space, local=False)
 
-    def converted_map(self, space: Space, *, local: bool) -> Dome:
-        """Return the dome in a space, where its colour is in its map; `local` as for `prepare_light`."""
+    def convert_map(self, space: Space, *, local: bool) -> Dome:
+        """Return the dome in a space, with the emission's colour moved into the map; `local` as for `prepare_light`."""
         converted = map_in_space(self.table, self.emission.color, self.map_digest, space)
         emission = replace(self.emission.in_space(space), color=WHITE.color)
         return replace(prepare_light(converted, local=local), axes=self.axes, emission=emission)
 
     def native_gap(self) -> str | None:
-        return native.gap(self.emission, "camera")
+        return native.missing_features(self.emission, "camera")
 
     @property
     def native_images(self) -> tuple[Content, ...]:
@@ -103,24 +103,24 @@ class Dome(CodedLight):
 
     @cached_property
     def table(self) -> Floats:
-        """Radiance (H, W, 3), row 0 at the zenith; an EnvironmentMapError if its file is missing or broken."""
+        """Radiance (H, W, 3), row 0 at the zenith; raises EnvironmentMapError if its file is missing or broken."""
         return read_exr(self.radiance_file.path, "RGB").astype(np.float64)
 
     @cached_property
     def _warp(self) -> BilinearWarp:
         return BilinearWarp(self.table.mean(axis=-1))
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
         return np.asarray(lookup_towards(self.table, to_local(self.axes, direction)) * np.array(self.emission.color))
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         return self._warp.pdf(to_local(self.axes, direction))
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, self._warp.directions(u))
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        return to_world(self.axes, self._warp.draw_directions(u))
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
 
     def code(self, *, sampled: bool) -> LightCode:
         constants = {"WIDTH": self.width, "HEIGHT": self.height}
@@ -130,7 +130,7 @@ class Dome(CodedLight):
 
     @staticmethod
     def table_constants() -> tuple[str, ...]:
-        """Return the preprocessor lines of all domes, by which the tables are read."""
+        """Return the preprocessor lines with the sizes of the tables, which all domes share."""
         constants = {
             "SLOTS": slots.SLOTS,
             "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),
@@ -148,7 +148,7 @@ class Dome(CodedLight):
         return tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
 
     def files(self, name: str, *, sampled: bool) -> tuple[dict[str, Content], dict[str, Content]]:
-        """Return the files that a shader reads as textures and as arrays, by parameters that begin with `name`."""
+        """Return the files that a shader reads as textures and as arrays, by parameter; names begin with `name`."""
         textures, arrays = {f"{name}_radiance": self.radiance_file}, {}
         if sampled:
             assert self.points_file and self.slots_file and self.bins_file  # noqa: PT018
@@ -158,10 +158,10 @@ class Dome(CodedLight):
 
 
 def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = False) -> Dome:
-    """Write the files of a map's dome light to the cache, unless they are there.
+    """Return the dome light of a map, and write its files to the cache unless it has them.
 
-    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world need none, nor
-    does a constant map, unless its dome is `local`: that is not the same all around where it is seen from.
+    Without `sampled`, the tables with which a shader draws directions are not made: NumPy and Cycles' world need none.
+    A constant map needs none either, unless its dome is `local`, whose radiance varies with the position in it.
 
     Raises
     ------
@@ -171,42 +171,42 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
     height, width = env.radiance.shape[:2]
 
-    def written_radiance() -> tuple[Content, ...]:
+    def write_radiance() -> tuple[Content, ...]:
         return (Content.written(".exr", lambda path: write_exr(path, "RGB", env.radiance)),)
 
-    def written_table(table: NDArray[np.int32] | NDArray[np.float32]) -> Content:
+    def write_table(table: NDArray[np.int32] | NDArray[np.float32]) -> Content:
         data = io.BytesIO()
         np.save(data, table)
         return Content.holding(data.getvalue(), ".npy")
 
-    def written_tables() -> tuple[Content, ...]:
+    def write_tables() -> tuple[Content, ...]:
         radiance = env.radiance.astype(np.float64)
         warp = BilinearWarp(radiance.mean(axis=-1))
-        drawn, towards = points.draw_points(radiance, warp, points.SIDE)
-        ranges, numbers = slots.cut_slots(towards, warp.integral)
-        # Compression saves a quarter of 16 MB, and costs every start 0.1 s.
-        texture = drawn.reshape(points.SIDE, points.SIDE, 4)
+        pixels, directions = points.draw_points(radiance, warp, points.SIDE)
+        slot_table, bin_table = slots.cut_slots(directions, warp.integral)
+        # Compression would save a quarter of 16 MB, and cost every start 0.1 s.
+        texture = pixels.reshape(points.SIDE, points.SIDE, 4)
         return (
             Content.written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False)),
-            written_table(ranges),
-            written_table(numbers),
+            write_table(slot_table),
+            write_table(bin_table),
         )
 
-    (radiance_file,) = derived("ibl", f"{digest}.radiance", written_radiance)
-    drawn_from = cut = weights = None
+    (radiance_file,) = derived("ibl", f"{digest}.radiance", write_radiance)
+    points_file = slots_file = bins_file = None
     if sampled and (local or not env.is_constant):
-        drawn_from, cut, weights = derived("ibl", f"{digest}.tables", written_tables)
-    return Dome(radiance_file, drawn_from, cut, weights, width, height, digest, env.is_constant)
+        points_file, slots_file, bins_file = derived("ibl", f"{digest}.tables", write_tables)
+    return Dome(radiance_file, points_file, slots_file, bins_file, width, height, digest, env.is_constant)
 
 
-def known_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
-    """Return the dome that `prepare_light` made, by its `map_digest`; None where a file of it is missing."""
+def load_cached_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
+    """Return the dome of a `map_digest` that `prepare_light` has written; None if one of its files is missing."""
     radiance = known("ibl", f"{digest}.radiance")
     tables = () if constant or not sampled else known("ibl", f"{digest}.tables")
     if radiance is None or tables is None:
         return None
-    drawn_from, cut, weights = tables or (None, None, None)
-    return Dome(radiance[0], drawn_from, cut, weights, width, height, digest, constant)
+    points_file, slots_file, bins_file = tables or (None, None, None)
+    return Dome(radiance[0], points_file, slots_file, bins_file, width, height, digest, constant)
 
 
 def example_map() -> EnvironmentMap:

@@ -1,8 +1,9 @@
 """Bins of shading normals, a few degrees wide: each has its own sampling distribution of a dome light (`slots`).
 
 Bins are cells of nearly equal width in rows of latitude of equal height, as in `lookdev/shaders/dome.osl.h`. The weight
-of a direction is the bin's `widened` cosine, the largest one to the normals of a cone about the bin's axis. The cone
-contains the bin: wherever a normal of the bin has a positive cosine, the weight is positive.
+of a direction is the bin's `widened_cosine`: the largest cosine between the direction and the normals of a cone about
+the bin's axis. The cone contains the bin, so that the weight is positive wherever a normal of the bin has a positive
+cosine.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ CELLS = tuple(round(19.6 * float(np.sin(np.pi * (row + 0.5) / ROWS))) for row in
 """Cells of each row, from the zenith down."""
 
 FIRST = tuple(int(sum(CELLS[:row])) for row in range(ROWS))
-"""Number of each row's first bin."""
+"""The number of each row's first bin."""
 
 COUNT = sum(CELLS)
 
-# Radians beyond the farthest corner of a bin: the shader's arc tangents are accurate to 1e-5 only.
+# Radians beyond the farthest corner of a bin; the shader's arc tangents are only accurate to 1e-5.
 _MARGIN = 1e-3
 
 
@@ -33,8 +34,8 @@ def _direction(theta: float, phi: float) -> tuple[float, float, float]:
     return float(np.sin(theta) * np.cos(phi)), float(np.sin(theta) * np.sin(phi)), float(np.cos(theta))
 
 
-def _radius() -> float:
-    """Return the largest angle between a bin's axis and its corners, the points farthest from it."""
+def _cone_radius() -> float:
+    """Return the largest angle between a bin's axis and its corners, which are its farthest points."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
         axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))
@@ -43,17 +44,17 @@ def _radius() -> float:
     return farthest
 
 
-_PLACES = [(row, cell) for row, cells in enumerate(CELLS) for cell in range(cells)]
-AXES = np.array([_direction(np.pi * (r + 0.5) / ROWS, 2.0 * np.pi * (c + 0.5) / CELLS[r]) for r, c in _PLACES])
-"""Axis of each bin, (COUNT, 3), in the light's frame."""
+_CELL_INDICES = [(row, cell) for row, cells in enumerate(CELLS) for cell in range(cells)]
+AXES = np.array([_direction(np.pi * (r + 0.5) / ROWS, 2.0 * np.pi * (c + 0.5) / CELLS[r]) for r, c in _CELL_INDICES])
+"""The axis of each bin, (COUNT, 3), in the light's frame."""
 
-RADIUS = _radius() + _MARGIN
-"""Radians: half the opening angle of a bin's cone of normals."""
+RADIUS = _cone_radius() + _MARGIN
+"""Half the opening angle of a bin's cone of normals, in radians."""
 
 
-def widened(cosine: NDArray[AnyFloat]) -> NDArray[AnyFloat]:
-    """Return the widened cosines of a bin, at least 0, from the cosines between directions and the bin's axis."""
-    near, far = math.cos(RADIUS), math.sin(RADIUS)
+def widened_cosine(cosine: NDArray[AnyFloat]) -> NDArray[AnyFloat]:
+    """Return the widened cosines of a bin, at least 0, for the cosines between directions and the bin's axis."""
+    cosine_radius, sine_radius = math.cos(RADIUS), math.sin(RADIUS)
     # cos(max(0, angle - radius)).
-    turned = near * cosine + far * np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
-    return np.where(cosine > near, cosine.dtype.type(1.0), np.maximum(turned, 0.0))
+    rotated = cosine_radius * cosine + sine_radius * np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+    return np.where(cosine > cosine_radius, cosine.dtype.type(1.0), np.maximum(rotated, 0.0))

@@ -1,7 +1,7 @@
-"""Environment maps: read, repaired, and named by their content.
+"""Environment maps: reading, repair, and digest of the content.
 
-A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are used as they are, as Cycles does: an
-EXR's ``chromaticities`` have no effect.
+A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are not converted, as in Cycles: an EXR's
+``chromaticities`` have no effect.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 )  # fmt: skip
 """The eight CC0 Poly Haven maps that the bpy wheel ships, and ``white``: radiance 1 from everywhere."""
 
-# Of an HDR: how its rows and columns run (Ward, "Real Pixels", Graphics Gems II).
+# The resolution line of an HDR, with the order of its rows and columns (Ward, "Real Pixels", Graphics Gems II).
 _RESOLUTION = re.compile(rb"\n([+-][XY]) [0-9]+ ([+-][XY]) [0-9]+\n")
-_HEADER = 1 << 16  # bytes in which it is
+_HEADER = 1 << 16  # bytes of a file that are searched for it
 
-LEAST, MOST = 1e-18, 1e18
-"""Of the largest radiance of a map, unless it is 0."""
+LEAST_PEAK, GREATEST_PEAK = 1e-18, 1e18
+"""The limits of a map's largest radiance, unless it is 0: shaders compute in float32."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +52,16 @@ class Repairs:
 
     def __str__(self) -> str:
         kinds = (("negative", self.negative), ("NaN", self.nan), ("infinite", self.infinite))
-        found = [f"{count} {kind}" for kind, count in kinds if count]
-        return f"{' and '.join(found) or 'no'} texels repaired"
+        repairs = [f"{count} {kind}" for kind, count in kinds if count]
+        return f"{' and '.join(repairs) or 'no'} texels repaired"
 
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
     """An image of radiance (H, W, 3), row 0 at the zenith, linear Rec.709, finite and not negative, and its digest.
 
-    `where` is its file, or its name."""
+    `where` is its file, or its name.
+    """
 
     name: str
     radiance: Floats
@@ -69,7 +70,7 @@ class EnvironmentMap:
     where: str
 
     def check_exposed(self, exposure: float = 0.0) -> None:
-        """Raise EnvironmentMapError where shaders, in float32, cannot compute with the radiance times 2^exposure."""
+        """Raise EnvironmentMapError if shaders, in float32, cannot compute with the radiance times 2^exposure."""
         check_exposed(float(self.radiance.max()), exposure, self.where)
 
     @property
@@ -78,34 +79,36 @@ class EnvironmentMap:
         return bool((self.radiance == self.radiance[0, 0]).all())
 
 
-def check_exposed(largest: float, exposure: float, where: str) -> None:
-    """Raise EnvironmentMapError where shaders cannot compute with the `largest` radiance of a map times 2^exposure."""
-    largest *= 2.0**exposure
-    if largest and not LEAST <= largest <= MOST:
+def check_exposed(peak: float, exposure: float, where: str) -> None:
+    """Raise EnvironmentMapError if shaders cannot compute with `peak`, a map's largest radiance, times 2^exposure."""
+    peak *= 2.0**exposure
+    if peak and not LEAST_PEAK <= peak <= GREATEST_PEAK:
         exposed = f" times 2^{exposure:g}" if exposure else ""
         raise EnvironmentMapError(
-            f"{where}: its largest radiance{exposed} is {largest:g}; from {LEAST:g} to {MOST:g} would be right"
+            f"{where}: its largest radiance{exposed} is {peak:g}; "
+            f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right"
         )
 
 
 def map_in_space(
     radiance: NDArray[np.float64], color: tuple[float, float, float], digest: str, space: Space
 ) -> EnvironmentMap:
-    """Return a map (H, W, 3) of linear Rec.709 times a colour, in a space; its digest is of what it is made of."""
+    """Return a map (H, W, 3) of linear Rec.709 times a colour, in a space; its digest is that of the arguments."""
     name = hashlib.sha256(f"{digest} {color!r} {space}".encode()).hexdigest()
     pixels = to_space(radiance * np.array(color), space).astype(np.float32)
     return EnvironmentMap(space, pixels, Repairs(), name, space)
 
 
 def load_environment(file: Path | None = None, builtin: str | None = None) -> EnvironmentMap:
-    """Load a lat-long map from an EXR or HDR file, or one of `BUILTIN_LIGHTS`; exactly one of both is given.
+    """Load a lat-long map, either from an EXR or HDR file or from `BUILTIN_LIGHTS`.
 
-    Maps may have any aspect: the whole image is the whole sphere.
+    Maps may have any aspect ratio: the whole image is the whole sphere.
 
     Raises
     ------
     EnvironmentMapError
-        The file is missing, no EXR or HDR image, or has no finite value; the name is unknown; bpy is not installed.
+        The file is missing, is not an EXR or HDR image, or has no finite value; the name is unknown; bpy is not
+        installed.
     """
     if file is not None and builtin is None:
         return make_environment(file.stem, read_pixels(file), str(file))
@@ -117,7 +120,7 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
 
 
 def builtin_file(name: str) -> Path:
-    """Return the file of a built-in map but ``white``; errors as `load_environment`."""
+    """Return the file of a built-in map other than ``white``; errors as `load_environment`."""
     if name not in BUILTIN_LIGHTS:
         raise EnvironmentMapError(f"no built-in light '{name}' ({nearest_hint(name, BUILTIN_LIGHTS)})")
     spec = importlib.util.find_spec("bpy")  # finds the package without importing Blender
@@ -130,7 +133,7 @@ def builtin_file(name: str) -> Path:
 
 
 def read_pixels(file: Path) -> Floats:
-    """Read R, G, B (or Y alone, a grey map) from the first part that has them."""
+    """Read R, G, B (or Y alone, for a grey map) from the first part that has them."""
     kinds = {".exr": "openexr", ".hdr": "hdr"}
     if file.suffix.lower() not in kinds:
         raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
@@ -142,41 +145,41 @@ def read_pixels(file: Path) -> Floats:
         while image.seek_subimage(number, 0):
             spec = image.spec()
             names += spec.channelnames
-            # RY and BY beside Y are luminance-chroma: Y alone would be a grey picture of a coloured one.
-            wanted = _wanted(spec.channelnames)
-            if wanted:
+            # RY and BY beside Y are a luminance-chroma image; Y alone would lose its colour.
+            channels = _color_channels(spec.channelnames)
+            if channels:
                 check_size(file, spec, EnvironmentMapError)
-                return _oriented(_pixels(image, file, wanted), file)
+                return _orient(_read_channels(image, file, channels), file)
             number += 1
     raise EnvironmentMapError(f"{file}: needs channels R, G, B (or Y), has channels {', '.join(names[:20])}")
 
 
-def _wanted(names: Sequence[str]) -> tuple[str, ...]:
+def _color_channels(names: Sequence[str]) -> tuple[str, ...]:
     if {"R", "G", "B"} <= set(names):
         return "R", "G", "B"
     return ("Y", "Y", "Y") if "Y" in names and "RY" not in names else ()
 
 
-def _pixels(image: oiio.ImageInput, file: Path, wanted: Sequence[str]) -> Floats:
+def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) -> Floats:
     spec = image.spec()
     if (spec.x, spec.y, spec.width, spec.height) != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
         raise EnvironmentMapError(f"{file}: data and display window differ; save the map uncropped")
-    numbers = [list(spec.channelnames).index(name) for name in wanted]
+    numbers = [list(spec.channelnames).index(name) for name in channels]
     first, last = min(numbers), max(numbers)
     pixels = whole_image(image, file, range(first, last + 1), EnvironmentMapError)
-    kept = [number - first for number in numbers]
-    return pixels if kept == list(range(pixels.shape[-1])) else np.ascontiguousarray(pixels[..., kept])
+    order = [number - first for number in numbers]
+    return pixels if order == list(range(pixels.shape[-1])) else np.ascontiguousarray(pixels[..., order])
 
 
-def _oriented(pixels: Floats, file: Path) -> Floats:
-    """Return an image with rows from the top, each from the left; an HDR may have another order, or columns."""
+def _orient(pixels: Floats, file: Path) -> Floats:
+    """Return an image with rows from the top and columns from the left; an HDR may be flipped or transposed."""
     if file.suffix.lower() != ".hdr":
         return pixels
     with file.open("rb") as stream:
-        found = _RESOLUTION.search(stream.read(_HEADER))
-    if found is None:
+        resolution = _RESOLUTION.search(stream.read(_HEADER))
+    if resolution is None:
         raise EnvironmentMapError(f"{file}: has no resolution, such as '-Y 512 +X 1024', in its first {_HEADER} bytes")
-    slow, fast = found.groups()
+    slow, fast = resolution.groups()
     pixels = pixels[:: 1 if slow in (b"-Y", b"+X") else -1, :: 1 if fast in (b"-Y", b"+X") else -1]
     return np.ascontiguousarray(pixels if slow.endswith(b"Y") else pixels.transpose(1, 0, 2))
 
@@ -185,8 +188,13 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
     """Make a map of radiance (H, W, 3), row 0 at the zenith, repaired.
 
     Negative values become 0, infinite ones the largest finite value of the map, and NaN the mean of the neighbours that
-    are not NaN, or 0. If no value is finite, or the largest is not within `LEAST` and `MOST`, an EnvironmentMapError
-    names the map by `where`, or by its name.
+    are not NaN, or 0.
+
+    Raises
+    ------
+    EnvironmentMapError
+        No value is finite, or the largest is not within `LEAST_PEAK` and `GREATEST_PEAK`. The message names the map by
+        `where`, or by its name.
     """
     radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
     environment = EnvironmentMap(name, radiance, repairs, _digest(radiance), where or name)
@@ -201,7 +209,7 @@ def _digest(radiance: Floats) -> str:
 
 
 def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
-    if 0.0 <= pixels.min() <= pixels.max() < np.inf:  # false where one is NaN
+    if 0.0 <= pixels.min() <= pixels.max() < np.inf:  # false if a value is NaN
         return np.ascontiguousarray(pixels), Repairs()
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0.0
     repairs = Repairs(*(int(bad.any(axis=-1).sum()) for bad in (negative, nan, infinite)))
@@ -216,15 +224,15 @@ def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
 
 
 def _neighbour_mean(radiance: Floats, nan: NDArray[np.bool_]) -> Floats:
-    """Return the mean of the 3 x 3 texels around each, periodic in u and clamped in v, without those that are NaN."""
+    """Return the mean of the 3 x 3 texels around each that are not NaN, periodic in u and clamped in v."""
 
-    def around(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        # Not at the top: as in `lookdev.metrics`.
+    def sum_of_neighbours(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        # SciPy is imported here for the reason that `lookdev.metrics` states.
         from scipy.ndimage import convolve1d
 
         columns = convolve1d(values, np.ones(3), axis=0, mode="nearest")
         return np.asarray(convolve1d(columns, np.ones(3), axis=1, mode="wrap"))
 
-    total = around(np.where(nan, 0.0, radiance.astype(np.float64)))
-    count = around((~nan).astype(np.float64))
+    total = sum_of_neighbours(np.where(nan, 0.0, radiance.astype(np.float64)))
+    count = sum_of_neighbours((~nan).astype(np.float64))
     return np.asarray(total / np.maximum(count, 1.0), dtype=np.float32)

@@ -17,8 +17,8 @@ _TILE_SIDE = 4096
 def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compressed: bool = True) -> None:
     """Write an image (H, W, C) as an EXR of a single tile.
 
-    OpenImageIO, by which Blender 4.5 evaluates texture(), divides an image without tiles into tiles of 64 x 64. A
-    thread caches two tiles, and changing the tile costs more than the look-up.
+    Blender 4.5 evaluates texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64. A
+    thread caches two tiles, and a change of the tile costs more than the look-up.
     """
     planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
     tile = OpenEXR.TileDescription()
@@ -31,7 +31,7 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compres
 
 
 def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
-    """Read an image (H, W, C)."""
+    """Read an image (H, W, C) of some channels; raise EnvironmentMapError if that fails."""
     try:
         with OpenEXR.File(str(path), separate_channels=True) as exr:
             return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)

@@ -1,8 +1,8 @@
-"""A dome light of finite size, for a part of a scene: not physical, nor part of UsdLux.
+"""A dome light of finite size, for a part of a scene: neither physical nor part of UsdLux.
 
-Burley, "Physically Based Shading at Disney", 2012, section 6.2, has image-based lights as a local fill. What a place
-sees in a direction is the image where that ray meets the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with
-Parallax-Corrected Cubemaps", 2012).
+Burley, "Physically Based Shading at Disney", 2012, section 6.2, uses image-based lights as a local fill. The radiance
+at a point from a direction is that of the image where the ray leaves the sphere (Lagarde, Zanuttini, "Local Image-Based
+Lighting with Parallax-Corrected Cubemaps", 2012).
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ _VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class LocalDome(Light):
-    """A dome light whose image is on a sphere about `position` of a `radius`, in metres, which it lights from inside.
+    """A dome light whose image is on a sphere of `radius` about `position`, in metres; it illuminates the inside.
 
-    Places see it from where they are, and what is beyond the sphere casts no shadow of it. Its light fades over the
-    outer part `edge` (0: none, 1: all) of the radius, and none arrives outside. Axes and emission are those of `dome`.
+    Parallax applies: a point sees the image from its own position. Objects beyond the sphere cast no shadow of it. Its
+    light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and none arrives
+    outside. Axes and emission are those of `dome`.
     """
 
     kind = "local_dome"
@@ -79,14 +80,14 @@ class LocalDome(Light):
 
     def scaled(self, scale: float, origin: Vector) -> LocalDome:
         position = vector(scale * np.array(self.position) + np.array(origin))
-        light = self.with_emission(self.emission.scaled(scale))
+        light = self.with_emission(self.emission.scale_lengths(scale))
         return replace(light, position=position, radius=scale * self.radius)
 
-    def _converted(self, space: Space) -> LocalDome:
-        return replace(self, dome=self.dome.converted_map(space, local=True))
+    def _convert(self, space: Space) -> LocalDome:
+        return replace(self, dome=self.dome.convert_map(space, local=True))
 
     def native_gap(self) -> str:
-        return "a place and a radius of its image"
+        return "a position and a radius of its image"
 
     @property
     def digest(self) -> str:
@@ -95,64 +96,73 @@ class LocalDome(Light):
 
     @property
     def start(self) -> float:
-        """Metres from the middle at which the light begins to fade."""
+        """The distance from the centre, in metres, at which the light begins to fade."""
         return self.radius * (1.0 - self.edge)
 
-    def radiance(self, place: Floats, direction: Floats) -> Floats:
-        local = place - np.array(self.position)
-        met, distance, _ = meet_ball(local, direction, self.radius)
-        onto = local + distance[..., None] * direction
-        seen = self.dome.radiance(place, np.where(met[..., None], onto, direction))
-        return np.where(met[..., None], share_within(local, self.start, self.radius)[..., None] * seen, 0.0)
+    def radiance(self, point: Floats, direction: Floats) -> Floats:
+        local = point - np.array(self.position)
+        inside, distance, _ = meet_ball(local, direction, self.radius)
+        exit_point = local + distance[..., None] * direction
+        radiance = self.dome.radiance(point, np.where(inside[..., None], exit_point, direction))
+        return np.where(inside[..., None], share_within(local, self.start, self.radius)[..., None] * radiance, 0.0)
 
-    def pdf(self, place: Floats, direction: Floats) -> Floats:
-        local = place - np.array(self.position)
-        met, distance, around = meet_ball(local, direction, self.radius)
-        onto = np.where(met[..., None], local + distance[..., None] * direction, direction)
-        return np.where(met, self.dome.pdf(place, onto) * around, 0.0)
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
+        local = point - np.array(self.position)
+        inside, distance, solid_angle_ratio = meet_ball(local, direction, self.radius)
+        map_direction = np.where(inside[..., None], local + distance[..., None] * direction, direction)
+        return np.where(inside, self.dome.pdf(point, map_direction) * solid_angle_ratio, 0.0)
 
-    def sample(self, place: Floats, u: Floats) -> Floats:
-        local = place - np.array(self.position)
-        return np.asarray(towards_ball(local, self.dome.sample(place, u), self.radius))
+    def sample(self, point: Floats, u: Floats) -> Floats:
+        local = point - np.array(self.position)
+        return np.asarray(towards_ball(local, self.dome.sample(point, u), self.radius))
 
-    def distance(self, place: Floats, direction: Floats) -> Floats:
-        met, distance, _ = meet_ball(place - np.array(self.position), direction, self.radius)
-        return np.where(met, distance, np.inf)
-
-
-# Generated code follows these functions, whose arrays may be symbolic.
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        inside, distance, _ = meet_ball(point - np.array(self.position), direction, self.radius)
+        return np.where(inside, distance, np.inf)
 
 
-def share_within(place: Any, start: Any, radius: Any) -> Any:
-    """Return the share (...) of a dome's light that arrives at places (..., 3) about its middle."""
+# Generated code is traced from these functions; their arrays may be symbolic.
+
+
+def share_within(point: Any, start: Any, radius: Any) -> Any:
+    """Return the share (...) of a dome's light that arrives at points (..., 3), relative to its centre."""
     rise: Any = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
-    return 1.0 - smooth_step(np.sqrt((place * place).sum(axis=-1)), start, rise)
+    return 1.0 - smooth_step(np.sqrt((point * point).sum(axis=-1)), start, rise)
 
 
-def meet_ball(place: Any, direction: Any, radius: Any) -> tuple[Any, Any, Any]:
-    """Return whether places (..., 3) are inside a ball, (...), and where a direction (..., 3) leads out of it.
+def meet_ball(point: Any, direction: Any, radius: Any) -> tuple[Any, Any, Any]:
+    """Return where rays from points (..., 3) in directions (..., 3) leave a ball about the origin.
 
-    That is the distance, and the solid angle at the middle over that at the place, 0 where neither is.
+    Returns
+    -------
+    inside : (...)
+        Whether the point is in the ball.
+    distance : (...)
+        The distance to the ball's surface, 0 from outside.
+    ratio : (...)
+        The solid angle of a piece of the surface at the centre, over that at the point; 0 from outside.
     """
-    along = (place * direction).sum(axis=-1)
-    left = radius * radius - (place * place).sum(axis=-1)
-    # R times the cosine at which it is met.
-    rise = np.sqrt(np.maximum(along * along + left, 0.0))
-    # Of the two forms of the root the one without cancellation.
-    distance = np.where(along < 0.0, rise - along, left / np.where(rise + along > 0.0, rise + along, 1.0))
-    met = left > 0.0
-    distance = np.where(met, distance, 0.0)
+    along = (point * direction).sum(axis=-1)
+    margin = radius * radius - (point * point).sum(axis=-1)
+    # R times the cosine between the direction and the surface normal at the exit.
+    exit_cosine = np.sqrt(np.maximum(along * along + margin, 0.0))
+    # The form of the root that has no cancellation.
+    distance = np.where(
+        along < 0.0, exit_cosine - along, margin / np.where(exit_cosine + along > 0.0, exit_cosine + along, 1.0)
+    )
+    inside = margin > 0.0
+    distance = np.where(inside, distance, 0.0)
     # d^2 / (R^2 cos).
-    return met, distance, distance * distance / (radius * np.where(met & (rise > 0.0), rise, 1.0))
+    return inside, distance, distance * distance / (radius * np.where(inside & (exit_cosine > 0.0), exit_cosine, 1.0))
 
 
-def towards_ball(place: Any, onto: Any, radius: Any) -> Any:
-    """Return directions (..., 3) from places to where directions (..., 3) from the middle of a ball meet it."""
-    towards = radius * onto - place
+def towards_ball(point: Any, map_direction: Any, radius: Any) -> Any:
+    """Return directions (..., 3) from points to where directions (..., 3) from a ball's centre meet its surface."""
+    towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
     return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), ZENITH)
 
 
 def example_local_dome() -> LocalDome:
-    """Return the example of a dome light on a sphere of three metres."""
+    """Return an example: a dome light on a sphere with a radius of three metres."""
     return LocalDome(dome=example_dome(), position=(0.5, 0.0, 0.5), radius=3.0, edge=0.5)

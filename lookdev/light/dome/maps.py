@@ -1,4 +1,4 @@
-"""Domes of maps that were read before: what is known of a file by its content, so that no pixel is read again."""
+"""Domes of files, cached by the digest of the file's content, so that its pixels are read once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from lookdev.cache import code_digest, file_digest, keep, kept
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import check_file
-from lookdev.light.dome import Dome, known_dome, prepare_light
+from lookdev.light.dome import Dome, load_cached_dome, prepare_light
 from lookdev.light.dome.environment import Repairs, builtin_file, check_exposed, load_environment
 
 _ROOM = "maps"
@@ -25,30 +25,34 @@ class KnownMap:
     where: str
 
     def check_exposed(self, exposure: float) -> None:
-        """Raise EnvironmentMapError as `EnvironmentMap.check_exposed`."""
+        """Raise EnvironmentMapError in the cases of `EnvironmentMap.check_exposed`."""
         check_exposed(self.largest, exposure, self.where)
 
 
 def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: bool = True) -> KnownMap:
-    """Load a map as `load_environment`, and its dome as `prepare_light`; errors as both.
+    """Load a map as `load_environment` does, and its dome as `prepare_light` does; errors as both.
 
-    The pixels of a content that was read before are not read while the cache has the dome's files.
+    The pixels are not read if the cache has the files of the dome of the same content.
     """
     if builtin == "white" or (file is None) == (builtin is None):
         return _read(file, builtin, sampled)
     source = builtin_file(builtin or "") if file is None else file
     check_file(source, EnvironmentMapError)
-    # The name says how its content is read.
-    named = f"{code_digest('light')} {source.suffix.lower()} {file_digest(source)}"
-    key = hashlib.sha256(named.encode()).hexdigest()
+    # The suffix determines how the content is read.
+    description = f"{code_digest('light')} {source.suffix.lower()} {file_digest(source)}"
+    key = hashlib.sha256(description.encode()).hexdigest()
     match kept(_ROOM, key):
         case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
-            if dome := known_dome(digest, width, height, constant, sampled):
+            if dome := load_cached_dome(digest, width, height, constant, sampled):
                 return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
-    found = _read(file, builtin, sampled)
-    dome = found.dome
-    keep(_ROOM, key, [dome.map_digest, dome.width, dome.height, dome.constant, found.largest, asdict(found.repairs)])
-    return found
+    dome_map = _read(file, builtin, sampled)
+    dome = dome_map.dome
+    keep(
+        _ROOM,
+        key,
+        [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)],
+    )
+    return dome_map
 
 
 def _read(file: Path | None, builtin: str | None, sampled: bool) -> KnownMap:

@@ -2,17 +2,17 @@
 
 For a diffuse surface, the best pdf is in proportion to radiance times cosine. The points (`points`) are in proportion
 to the radiance. For each bin of normals (`bins`) their curve is cut into M *slots*, ranges of points with nearly the
-same sum of g, the bin's widened cosine. A sample chooses a slot uniformly, then one of its points uniformly: the
+same sum of g, the bin's widened cosine. A sample draws a slot uniformly, then one of its points uniformly: the
 probability p of a point is 1 / (M c), c being the number of points in its slot. A point that outweighs a slot fills
 several.
 
 That is nearly the pdf q = m g / integral, which needs no table, m being the mean of the channels of the radiance. q
 enters the weight of multiple importance sampling; the ratio q / p = g M c / sum(g), close to 1, corrects it to p.
 
-One more bin, the last, is of all directions: its g is 1.
+The last bin is an additional one, for all directions: its g is 1.
 
-``*.slots.npy``: slot n of bin b is integer b M + n, `packed`.
-``*.bins.npy``: two numbers for each bin, 1 / integral, 0 where no light reaches it, and M / sum(g).
+``*.slots.npy``: slot n of bin b is integer b M + n, in the format of `pack_ranges`.
+``*.bins.npy``: two numbers for each bin: 1 / integral, or 0 where no light reaches it, and M / sum(g).
 """
 
 from __future__ import annotations
@@ -28,98 +28,98 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SLOTS = 2**12
-"""Slots of each bin, M."""
+"""The number of slots of each bin, M."""
 
 MOST_POINTS = 3583
-"""The largest count of a slot that `packed` has a code for."""
+"""The largest count of a slot that `pack_ranges` has a code for."""
 
 CODE_BITS = 12
-"""Bits of the code in a packed slot; the bits above are its first point."""
+"""The number of bits of the code in a packed slot; the bits above are its first point."""
 
 _MOST_TIMES = 2**CODE_BITS - MOST_POINTS
-# The weight of a point is at least the sum of a slot over this, so that no slot has more than `MOST_POINTS`.
+# The weight of a point is at least the sum of a slot divided by this, so that no slot has more than `MOST_POINTS`.
 _FEW_POINTS = 2300
 
 
-def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Cut the curve of the points into the slots of each bin: the content of the files.
+def cut_slots(directions: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Cut the curve of the points into the slots of each bin; return the content of both files.
 
     Parameters
     ----------
-    towards : (N, 3)
+    directions : (N, 3)
         The directions of the points. N is at most 387 M, so that no slot has more than `MOST_POINTS`.
     integral
-        Over the sphere, of the mean of the channels of the radiance.
+        The integral over the sphere of the mean of the radiance's channels.
     """
-    from concurrent.futures import ThreadPoolExecutor  # not at the top: the render worker starts sooner
+    from concurrent.futures import ThreadPoolExecutor  # imported here, so that the render worker starts sooner
 
     slots, numbers = np.zeros((bins.COUNT + 1, SLOTS), np.int32), np.zeros((bins.COUNT + 1, 2), np.float32)
-    # In float32, as in the shader: g is only a weight.
-    x, y, z = (np.ascontiguousarray(column, np.float32) for column in towards.T)
+    # float32, as in the shader, is enough: g is only a weight.
+    x, y, z = (np.ascontiguousarray(column, np.float32) for column in directions.T)
 
     def fill(number: int) -> None:
         if number == bins.COUNT:
-            seen = np.ones_like(x)
+            weights = np.ones_like(x)
         else:
             a, b, c = bins.AXES[number].astype(np.float32)
-            seen = bins.widened(a * x + b * y + c * z)
-        total = float(seen.sum(dtype=np.float64))
+            weights = bins.widened_cosine(a * x + b * y + c * z)
+        total = float(weights.sum(dtype=np.float64))
         if total > 0.0:
-            slots[number] = packed(*cut(seen, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
-            numbers[number] = len(towards) / (integral * total), SLOTS / total
+            slots[number] = pack_ranges(*cut(weights, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
+            numbers[number] = len(directions) / (integral * total), SLOTS / total
 
-    # NumPy releases the interpreter's lock.
+    # Threads run in parallel: NumPy releases the interpreter's lock.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(fill, range(bins.COUNT + 1)))
     return slots, numbers
 
 
-def packed(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
-    """Pack ranges of `cut` into integers: 20 bits of the first point, 12 of a code.
+def pack_ranges(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
+    """Pack ranges of `cut` into integers: 20 bits for the first point, 12 for a code.
 
-    A code up to `MOST_POINTS` is the count of points; a greater one is a single point that fills
-    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot, such as those of a point that fill more than the largest code.
+    A code up to `MOST_POINTS` is the count of points. A greater code stands for a single point that fills
+    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot, such as those of a point that exceed the largest code.
     """
     # Slots of one point are consecutive.
-    place = np.arange(len(first)) - np.searchsorted(first, first)
+    repetition = np.arange(len(first)) - np.searchsorted(first, first)
     code = np.where(times > 1, MOST_POINTS - 1 + np.minimum(times, _MOST_TIMES), count)
-    return np.where(place < _MOST_TIMES, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
+    return np.where(repetition < _MOST_TIMES, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
 
 
 def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
     """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
 
     Values below `least` count as `least`, which limits the length of a range. A range ends where the values are zero
-    for longer than an average range: points without weight would be drawn to no use.
+    for longer than an average range, because samples of points without weight are wasted.
 
     Returns
     -------
     three arrays (number,)
-        First place and count of each range, and how many of the ranges are equal to it; equal ranges have count 1.
-        Together they contain every value above zero once.
+        First index and count of each range, and the number of ranges that are equal to it, itself included. Equal
+        ranges have count 1. Together the ranges contain every value above zero once.
     """
-    kept, weights = np.flatnonzero(values > 0.0), np.maximum(values, least)
-    reached = np.cumsum(weights, dtype=np.float64)
-    longest = max(1, len(kept) // number)
-    while (parted := np.flatnonzero(np.diff(kept) > longest)).size > number // 4:
+    nonzero, weights = np.flatnonzero(values > 0.0), np.maximum(values, least)
+    cumulative = np.cumsum(weights, dtype=np.float64)
+    longest = max(1, len(nonzero) // number)
+    while (parted := np.flatnonzero(np.diff(nonzero) > longest)).size > number // 4:
         longest *= 2
-    begin, end = kept[np.append(0, parted + 1)], kept[np.append(parted, len(kept) - 1)] + 1
-    before = reached[begin] - weights[begin]
-    mass = reached[end - 1] - before
-    # Each stretch between zeros has at least one range; the heaviest get those that rounding down leaves over.
+    begin, end = nonzero[np.append(0, parted + 1)], nonzero[np.append(parted, len(nonzero) - 1)] + 1
+    before = cumulative[begin] - weights[begin]
+    mass = cumulative[end - 1] - before
+    # Each stretch between zeros has at least one range; the heaviest get the ranges that rounding down leaves over.
     shares = 1 + np.floor((number - len(mass)) * mass / mass.sum()).astype(np.int64)
     shares[np.argsort(-mass, kind="stable")[: number - shares.sum()]] += 1
     stretch = np.repeat(np.arange(len(mass)), shares)
     within = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
-    wanted = before[stretch] + mass[stretch] * within / shares[stretch]
-    first = np.clip(np.searchsorted(reached, wanted, side="right"), begin[stretch], end[stretch] - 1)
+    targets = before[stretch] + mass[stretch] * within / shares[stretch]
+    first = np.clip(np.searchsorted(cumulative, targets, side="right"), begin[stretch], end[stretch] - 1)
     # A value can be too small to change the sum.
     first = np.where(within == 0, begin[stretch], first)
-    # A value that outweighs a range fills all ranges that begin with it, but the last if other values follow in that.
+    # A value that outweighs a range fills all ranges that begin with it, except the last if it has other values, too.
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
     times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first
-    followers = np.searchsorted(kept, first + count) - np.searchsorted(kept, first, side="right")
+    followers = np.searchsorted(nonzero, first + count) - np.searchsorted(nonzero, first, side="right")
     parted_off = (times > 1) & (followers > 0)
     rest = parted_off & np.append(np.diff(group) > 0, True)
     count = np.where(rest, count - 1, np.where(times > 1, 1, count))

@@ -1,4 +1,4 @@
-"""Domes of UsdLux, far or local, and their records."""
+"""Domes of UsdLux, infinitely far or local, and their records."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 DOME_Y: Floats = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 DOME_Z: Floats = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Where a dome's own space has x, y and z, the columns, of the frame of its map (`lookdev.light.mapping`).
+"""The axes of a map's frame (`lookdev.light.mapping`) in the dome's own space: x, y and z are the columns.
 
 UsdLuxDomeLight: "Latitude 0, longitude 0 points into positive z direction; and latitude 0, longitude pi/2 points into
 positive x direction", the pole being +y. UsdLuxDomeLight_1, with the pole +z: "latitude 0, longitude 0 will instead
@@ -36,8 +36,8 @@ def _read(prim: PlacedPrim) -> LightShape:
 
 def _read_version_1(prim: PlacedPrim) -> LightShape:
     axis = prim.light.text("poleAxis", "scene", ("scene", "Y", "Z"))
-    up = "Y" if prim.y_up else "Z"
-    return _read_dome(prim, DOME_Y if (up if axis == "scene" else axis) == "Y" else DOME_Z)
+    stage_axis = "Y" if prim.y_up else "Z"
+    return _read_dome(prim, DOME_Y if (stage_axis if axis == "scene" else axis) == "Y" else DOME_Z)
 
 
 def _read_dome(prim: PlacedPrim, pole: Floats) -> LightShape:
@@ -53,10 +53,10 @@ def _read_dome(prim: PlacedPrim, pole: Floats) -> LightShape:
         light.fault("lookdev:local:edge", "has no effect without a radius", f"'{local}' is missing")
     if light.prim.GetRelationship("portals").HasAuthoredTargets():
         light.note("portals", "has no effect: portals guide the sampling of other renderers")
-    # Without an image it is the same all around.
+    # Without an image, the dome is constant and its pole has no effect.
     if image and not prim.y_up and abs(axes[2][2]) < 0.5 and prim.kind == "DomeLight":
-        what = "is +y, and horizontal here, though z is up in the stage; a DomeLight_1 has one that is up"
-        light.note("", f"the pole of a DomeLight {what}")
+        problem = "is +y, and horizontal here, though z is up in the stage; a DomeLight_1 has one that is up"
+        light.note("", f"the pole of a DomeLight {problem}")
     for axis in (1, 2):
         prim.check_scales(0, axis)
 

@@ -1,4 +1,4 @@
-"""Bilinear look-ups of a lat-long map, and directions drawn in proportion to them, by exact inversion."""
+"""Bilinear look-ups in a lat-long map, and directions drawn in proportion to them by exact inversion."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from lookdev.light.mapping import direction_to_uv, uv_to_direction
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEWTON = 3  # steps: the first guess neglects the curvature of the sine over a row, a step squares the relative error
+_NEWTON = 3  # steps; the first guess neglects the curvature of the sine over a row, a step squares the relative error
 
 
 class BilinearWarp:
     """Map from the unit square to the lat-long square: uniform points become directions with a given pdf.
 
-    Over solid angle the pdf is the `lookup` of a map (H, W), not negative, over its `integral` over the sphere. A map
-    of zeros has a uniform pdf. The cumulative distribution, which contains the cosine of the latitude, is inverted over
-    the rows first, then along a row.
+    The pdf per steradian is the `lookup` of a map (H, W), not negative, divided by its `integral` over the sphere. A
+    map of zeros has a uniform pdf. The cumulative distribution, which contains the cosine of the latitude, is inverted
+    over the rows first, then along a row.
     """
 
     def __init__(self, values: Floats) -> None:
@@ -29,48 +29,50 @@ class BilinearWarp:
         # Strip k is between the centres of rows k - 1 and k; beyond the first and the last row values are constant.
         self._rows = np.concatenate([values[:1], values, values[-1:]])
         middle = 0.5 * (self._rows + np.roll(self._rows, -1, axis=1))
-        self._along = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
-        self._row_sums = self._along[:, -1].copy()
+        self._row_cumulative = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
+        self._row_sums = self._row_cumulative[:, -1].copy()
         strips = np.arange(height + 1)
         first, last = np.where(strips == 0, 0.5, 0.0), np.where(strips == height, 0.5, 1.0)
         self._start = self._primitive(strips, first)
         mass = self._primitive(strips, last) - self._start
-        self._down = np.concatenate([[0.0], np.cumsum(np.maximum(mass, 0.0))])
+        self._strip_cumulative = np.concatenate([[0.0], np.cumsum(np.maximum(mass, 0.0))])
         self._first, self._last = first, last
         # d omega = sin(theta) d theta d phi, theta = pi y / H, phi = 2 pi u.
-        self.integral = float(2.0 * np.pi**2 / height * self._down[-1])
+        self.integral = float(2.0 * np.pi**2 / height * self._strip_cumulative[-1])
 
     def pdf(self, direction: ArrayLike) -> Floats:
         """Return the density (...) per steradian of directions (..., 3)."""
         return np.asarray(lookup_towards(self._values[..., None], direction)[..., 0] / self.integral)
 
-    def directions(self, u: ArrayLike) -> Floats:
+    def draw_directions(self, u: ArrayLike) -> Floats:
         """Map points (N, 2) of the unit square to unit directions (N, 3)."""
-        return place_directions(self.places(u))
+        return coordinates_to_directions(self.coordinates(u))
 
-    def places(self, u: ArrayLike) -> Floats:
-        """Map points (N, 2) of the unit square to places (N, 2) in the map: x along a row, y from the top, to 1."""
+    def coordinates(self, u: ArrayLike) -> Floats:
+        """Map points (N, 2) of the unit square to map coordinates (N, 2): x along a row, y from the top, both to 1."""
         u1, u2 = np.moveaxis(np.asarray(u, np.float64), -1, 0)
         height, width = len(self._rows) - 2, self._rows.shape[1]
-        wanted = u2 * self._down[-1]
-        strip = np.clip(np.searchsorted(self._down, wanted, side="right") - 1, 0, height)
-        t = self._invert_strip(strip, wanted - self._down[strip])
+        target = u2 * self._strip_cumulative[-1]
+        strip = np.clip(np.searchsorted(self._strip_cumulative, target, side="right") - 1, 0, height)
+        t = self._invert_strip(strip, target - self._strip_cumulative[strip])
         y = (strip - 0.5 + t) / height
 
-        def along(column: Ints) -> Floats:
-            return np.asarray((1.0 - t) * self._along[strip, column] + t * self._along[strip + 1, column])
+        def row_cumulative(column: Ints) -> Floats:
+            return np.asarray(
+                (1.0 - t) * self._row_cumulative[strip, column] + t * self._row_cumulative[strip + 1, column]
+            )
 
-        rest = u1 * along(np.full(len(t), width))
+        rest = u1 * row_cumulative(np.full(len(t), width))
         low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
         for _ in range(int(width).bit_length()):
             half = (low + high) // 2
-            beyond = along(half) <= rest
+            beyond = row_cumulative(half) <= rest
             low, high = np.where(beyond, half, low), np.where(beyond, high, half)
         low = np.minimum(low, width - 1)
         left = (1.0 - t) * self._rows[strip, low] + t * self._rows[strip + 1, low]
         after = (low + 1) % width
         right = (1.0 - t) * self._rows[strip, after] + t * self._rows[strip + 1, after]
-        x = (low + 0.5 + _invert_line(left, right, (rest - along(low)) * width)) / width
+        x = (low + 0.5 + _invert_line(left, right, (rest - row_cumulative(low)) * width)) / width
         return np.stack([x % 1.0, np.clip(y, 0.0, 1.0)], axis=-1)
 
     def _primitive(self, strip: Ints, t: Floats) -> Floats:
@@ -81,11 +83,13 @@ class BilinearWarp:
         return np.asarray((slope / step * np.sin(theta) - (a + slope * t) * np.cos(theta)) / step)
 
     def _invert_strip(self, strip: Ints, mass: Floats) -> Floats:
-        """Return t in [0, 1], the place in its strip at which each mass is reached."""
+        """Return t in [0, 1], the position in its strip at which each mass is reached."""
         a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
         step = np.pi / (len(self._rows) - 2)
         first, last = self._first[strip], self._last[strip]
-        share = mass / np.maximum(self._down[strip + 1] - self._down[strip], np.finfo(np.float64).tiny)
+        share = mass / np.maximum(
+            self._strip_cumulative[strip + 1] - self._strip_cumulative[strip], np.finfo(np.float64).tiny
+        )
         begin, end = ((a + slope * t) * np.sin(step * (strip - 0.5 + t)) for t in (first, last))
         total = 0.5 * (np.maximum(begin, 0.0) + np.maximum(end, 0.0))
         t = first + (last - first) * _invert_line(np.maximum(begin, 0.0), np.maximum(end, 0.0), share * total)
@@ -102,13 +106,13 @@ def _invert_line(left: Floats, right: Floats, mass: Floats) -> Floats:
     return np.asarray(np.clip(2.0 * mass / np.maximum(left + root, np.finfo(np.float64).tiny), 0.0, 1.0))
 
 
-def place_directions(places: Floats) -> Floats:
-    """Return the unit directions (N, 3) of places (N, 2) in a map, as `BilinearWarp.places` returns them."""
-    return uv_to_direction(np.stack([places[:, 0], 1.0 - places[:, 1]], axis=-1))
+def coordinates_to_directions(coordinates: Floats) -> Floats:
+    """Return the unit directions (N, 3) of map coordinates (N, 2), which `BilinearWarp.coordinates` returns."""
+    return uv_to_direction(np.stack([coordinates[:, 0], 1.0 - coordinates[:, 1]], axis=-1))
 
 
 def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:
-    """Look up a lat-long table (H, W, C), row 0 at v = 1, at uv (..., 2) bilinearly, periodic in u and clamped in v."""
+    """Look up a lat-long table (H, W, C), row 0 at v = 1, at uv (..., 2): bilinear, periodic in u, clamped in v."""
     table = np.asarray(table)
     height, width = table.shape[:2]
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)

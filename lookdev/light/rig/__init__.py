@@ -1,12 +1,12 @@
 """Rigs: the lights of a USD stage.
 
-`find` says which prims are lights, each kind of light reads its own (`lookdev.light.usd`), `emission` reads what all
-share, `attributes` is
-the door through which values come. All faults of a rig are reported together, each at its prim.
+`find` finds the prims that are lights, each kind of light reads its own prims (`lookdev.light.usd`), `emission` reads
+the part that all kinds share, `attributes` reads and checks single values. All faults of a rig are reported together,
+each with its prim.
 
-A rig whose root carries ``custom bool lookdev:fit = true`` is made for an asset of any size: its unit is the radius of
-the asset's bounding sphere, about whose centre it stands. Its lights are read with a unit of 1 m, for
-`lookdev.light.Light.scaled`.
+A rig whose root has ``custom bool lookdev:fit = true`` fits an asset of any size: its unit is the radius of the asset's
+bounding sphere, and its origin the centre of that sphere. Its lights are read with a unit of 1 m;
+`lookdev.light.Light.scaled` converts them.
 """
 
 from lookdev.light.rig.read import Rig, RigLight, holds_only_lights, load_rig, read_rig

@@ -1,7 +1,7 @@
-"""Values of the attributes of a light: of the type and the range that is asked for, else a fault names the attribute.
+"""Values of a light's attributes. A value of a wrong type or range is a fault, which names the attribute.
 
-Values are those at the time of the rig, an animated one is noted. Names that are not known are faults, because a
-misspelt attribute has no effect that a picture would show as wrong.
+Values are those at the time of the rig; animated ones are noted. Unknown names are faults, because a picture does not
+show that a misspelt attribute has no effect.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pxr import Ar, Gf, Sdf, Usd, UsdLux
 
 from lookdev.errors import close_hint, nearest_hint
 from lookdev.light.emission import Color
-from lookdev.light.rig.report import Report
+from lookdev.light.rig.report import RigReport
 from lookdev.stage import shown
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 from lookdev.stage.packages import unpacked
@@ -34,21 +34,21 @@ OURS: Mapping[str, str] = {
     "local:radius": "float",
     "local:edge": "float",
 }
-"""The attributes of lights that are not UsdLux's, below ``lookdev:``, and their types."""
+"""Lights' attributes that this program adds to UsdLux's, below ``lookdev:``, and their types."""
 
 _VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)
 
 
 @cache
 def schema_names(schema: str) -> tuple[str, ...]:
-    """Return the attributes of an applied schema."""
+    """Return the attributes of an applied API schema."""
     return tuple(Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(schema).GetPropertyNames())
 
 
 class LightPrim:
-    """Reads the attributes of a light at a time."""
+    """Reads the attributes of a light at a time code."""
 
-    def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, report: Report) -> None:
+    def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> None:
         self.prim = prim
         self.path = prim.GetPath()
         self._time = time
@@ -60,20 +60,20 @@ class LightPrim:
         return bool(self.prim.IsA(UsdLux.DomeLight) or self.prim.IsA(UsdLux.DomeLight_1))
 
     def has(self, name: str) -> bool:
-        """Return whether an attribute has a value, be it the default of its schema."""
+        """Return whether an attribute has a value, which may be the default of its schema."""
         attribute = self.prim.GetAttribute(name)
         return bool(attribute) and attribute.HasValue()
 
-    def fault(self, name: str, what: str, hint: str = "") -> None:
+    def fault(self, name: str, problem: str, hint: str = "") -> None:
         """Add a fault of an attribute."""
-        self._report.fault(self.path.AppendProperty(name), what, hint)
+        self._report.fault(self.path.AppendProperty(name), problem, hint)
 
-    def note(self, name: str, what: str) -> None:
+    def note(self, name: str, text: str) -> None:
         """Add a note on an attribute, or on the light if the name is empty."""
-        self._report.note(self.path.AppendProperty(name) if name else self.path, what)
+        self._report.note(self.path.AppendProperty(name) if name else self.path, text)
 
     def number(self, name: str, *, least: float = -math.inf, above: float = -math.inf, default: float = 0.0) -> float:
-        """Return a finite number, at least `least` and more than `above`; where it is not, a fault, and `default`."""
+        """Return a finite number, at least `least` and more than `above`; otherwise add a fault, return `default`."""
         value = self._value(name, (float, int), "float")
         if value is None:
             return default
@@ -88,13 +88,13 @@ class LightPrim:
         value = self._value(name, (bool,), "bool")
         return default if value is None else bool(value)
 
-    def text(self, name: str, default: str = "", known: Sequence[str] = ()) -> str:
-        """Return a token or a string, one of `known` if there are any."""
+    def text(self, name: str, default: str = "", allowed: Sequence[str] = ()) -> str:
+        """Return a token or a string; if `allowed` has any, it must be one of them."""
         value = self._value(name, (str,), "token")
         if value is None:
             return default
-        if known and value not in known:
-            self.fault(name, f"is {shown(value)}", nearest_hint(value, known))
+        if allowed and value not in allowed:
+            self.fault(name, f"is {shown(value)}", nearest_hint(value, allowed))
             return default
         return str(value)
 
@@ -103,91 +103,93 @@ class LightPrim:
         value = self._value(name, _VECTORS, "color3f")
         if value is None:
             return 1.0, 1.0, 1.0
-        given = [float(channel) for channel in value]
-        if not all(math.isfinite(channel) and channel >= 0.0 for channel in given):
-            stated = ", ".join(f"{channel:g}" for channel in given)
-            self.fault(name, f"is ({stated})", "finite channels, none negative, would be right")
+        channels = [float(channel) for channel in value]
+        if not all(math.isfinite(channel) and channel >= 0.0 for channel in channels):
+            text = ", ".join(f"{channel:g}" for channel in channels)
+            self.fault(name, f"is ({text})", "finite channels, none negative, would be right")
             return 1.0, 1.0, 1.0
         space = self.space(name)
-        r, g, b = to_linear_rec709(given, space or "raw").tolist()
+        r, g, b = to_linear_rec709(channels, space or "raw").tolist()
         if min(r, g, b) < 0.0:
             self.note(name, f"lies outside of Rec.709 by {-min(r, g, b):.2g}, which is left out")
         return max(r, 0.0), max(g, 0.0), max(b, 0.0)
 
     def space(self, name: str) -> str:
-        """Return the colour space of an attribute as `to_linear_rec709` has it; "" where none is stated."""
-        given = colorspace_of(self.prim.GetAttribute(name))
-        if not given:
+        """Return the colour space of an attribute, as a name for `to_linear_rec709`; "" if none is stated."""
+        stated = colorspace_of(self.prim.GetAttribute(name))
+        if not stated:
             return ""
-        known = colorspace_named(given)
-        if known is None:
+        canonical = colorspace_named(stated)
+        if canonical is None:
             self.fault(
-                name, f"is of the colour space {shown(given)}, which is not known", "'lin_rec709' would be right"
+                name, f"is of the colour space {shown(stated)}, which is not known", "'lin_rec709' would be right"
             )
-        return known or ""
+        return canonical or ""
 
     def file(self, name: str) -> Path | None:
-        """Return the file that an attribute names; None where it names none, or, with a fault, none that is there."""
+        """Return the file that an attribute names; None without a name, or, with a fault, if there is no such file."""
         asset = self._value(name, (Sdf.AssetPath,), "asset")
         if asset is None or not asset.path:
             return None
         if not asset.resolvedPath:
             self.fault(name, f"there is no file {shown(asset.path)}", "paths are relative to the layer that names them")
             return None
-        with self._report.collected(self.path.AppendProperty(name)):
+        with self._report.collect(self.path.AppendProperty(name)):
             if Ar.IsPackageRelativePath(asset.resolvedPath):
                 return unpacked([asset.resolvedPath])
         return Path(asset.resolvedPath)
 
-    def check_names(self, ours: Sequence[str]) -> None:
-        """Add a fault for each attribute that a light does not have; `ours` are its own below ``lookdev:``."""
-        own = set(self.prim.GetPrimDefinition().GetPropertyNames())
+    def check_names(self, extra_names: Sequence[str]) -> None:
+        """Add a fault for each attribute that the light's type lacks; `extra_names` are those below ``lookdev:``."""
+        defined = set(self.prim.GetPrimDefinition().GetPropertyNames())
         applied = {name: schema for schema in (SHAPING, SHADOW) for name in schema_names(schema)}
-        inputs = [name.removeprefix("inputs:") for name in (*own, *applied) if name.startswith("inputs:")]
+        inputs = [name.removeprefix("inputs:") for name in (*defined, *applied) if name.startswith("inputs:")]
         for attribute in self.prim.GetAuthoredAttributes():
             name = attribute.GetName()
             space, _, rest = name.partition(":")
-            if name in own:
+            if name in defined:
                 continue
             if space == "lookdev":
-                if rest not in ours:
-                    self.fault(name, f"a {self.prim.GetTypeName()} has no such attribute", nearest_hint(rest, ours))
+                if rest not in extra_names:
+                    self.fault(
+                        name, f"a {self.prim.GetTypeName()} has no such attribute", nearest_hint(rest, extra_names)
+                    )
             elif name in applied:
                 schema = applied[name]
                 hint = f'prepend apiSchemas = ["{schema}"] would be right'
                 self.fault(name, f"has no effect: {schema} is not applied to the light", hint)
             elif space == "inputs":
-                known = {each.partition(":")[0] for each in inputs}
+                input_groups = {input_name.partition(":")[0] for input_name in inputs}
                 first, nested, _ = rest.partition(":")
-                if first == "texture" and first not in known:
-                    what = f"has no effect: a {self.prim.GetTypeName()} has no texture"
-                    self.fault(name, what, "a RectLight or a dome light has one")
-                elif nested and not close_hint(first, sorted(known)):
+                if first == "texture" and first not in input_groups:
+                    problem = f"has no effect: a {self.prim.GetTypeName()} has no texture"
+                    self.fault(name, problem, "a RectLight or a dome light has one")
+                elif nested and not close_hint(first, sorted(input_groups)):
                     self.note(name, "is of another renderer, and has no effect")
                 else:
-                    what = f"a {self.prim.GetTypeName()} has no such input"
-                    self.fault(name, what, nearest_hint(rest, sorted(inputs)))
+                    problem = f"a {self.prim.GetTypeName()} has no such input"
+                    self.fault(name, problem, nearest_hint(rest, sorted(inputs)))
             elif name in inputs and not self.prim.GetAttribute(f"inputs:{name}").HasAuthoredValue():
                 self.fault(name, "is of UsdLux before 21.02, and has no effect", f"'inputs:{name}' would be right")
 
-    def _value(self, name: str, types: tuple[type, ...], needed: str) -> Any:
-        """Return the value of an attribute; None where it has none, or, with a fault, none of these types."""
+    def _value(self, name: str, types: tuple[type, ...], expected: str) -> Any:
+        """Return the value of an attribute; None without a value, or, with a fault, if it is of another type."""
         attribute = self.prim.GetAttribute(name)
         if not attribute:
             return None
         if attribute.HasAuthoredConnections():
-            source = attribute.GetConnections()
-            self.fault(name, f"is connected to {', '.join(map(str, source))}", "a value of its own would be right")
+            sources = attribute.GetConnections()
+            self.fault(name, f"is connected to {', '.join(map(str, sources))}", "a value of its own would be right")
             return None
         if attribute.ValueMightBeTimeVarying():
-            self.note(name, f"is animated, and taken at {stated_time(self._time)}")
+            self.note(name, f"is animated, and taken at {time_label(self._time)}")
         value = attribute.Get(self._time)
         if value is None or (isinstance(value, types) and isinstance(value, bool) == (bool in types)):
             return value
-        self.fault(name, f"has a value of type {type(value).__name__}", f"{needed} would be right")
+        self.fault(name, f"has a value of type {type(value).__name__}", f"{expected} would be right")
         return None
 
 
-def stated_time(time: Usd.TimeCode) -> str:
+def time_label(time: Usd.TimeCode) -> str:
     """Return a time for a note."""
     return "its first sample" if time.IsEarliestTime() else f"time {time.GetValue():g}"

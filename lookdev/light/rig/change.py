@@ -1,4 +1,4 @@
-"""Other values of the lights of a rig: what a wedge varies."""
+"""Changes of the values of a rig's lights, for wedges."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from lookdev.errors import Fault, RigError, nearest_hint
 from lookdev.light.rig.find import ALL_PRIMS, is_light
 from lookdev.stage import Composed
 
-Value = float | tuple[float, float, float] | str
+LightValue = float | tuple[float, float, float] | str
 
 
-def change_values(composed: Composed, values: Mapping[str, Value]) -> None:
-    """Set values of lights on a stage, in its session: ``"Key.intensity"``, ``"/Rig/Key.shaping:cone:angle"``.
+def change_values(composed: Composed, values: Mapping[str, LightValue]) -> None:
+    """Set values of lights in the session layer of a stage: ``"Key.intensity"``, ``"/Rig/Key.shaping:cone:angle"``.
 
-    A light is named by its path, or by its prim's name where that is one light's alone. Raises RigError where there is
-    no such light or input, or the value is not of its type.
+    A light is named by its path, or by its prim's name if no other light has that name. Raises RigError if there is no
+    such light or input, or the value is not of its type.
     """
     stage = composed.stage
     lights = [prim for prim in Usd.PrimRange(stage.GetPseudoRoot(), ALL_PRIMS) if is_light(prim)]
@@ -25,39 +25,41 @@ def change_values(composed: Composed, values: Mapping[str, Value]) -> None:
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for parameter, value in values.items():
             name, _, key = parameter.rpartition(".")
-            found = [prim for prim in lights if name in (prim.GetName(), str(prim.GetPath()))]
-            what, hint = "", ""
-            if not found:
-                known = [*(prim.GetName() for prim in lights), *(str(prim.GetPath()) for prim in lights)]
-                what, hint = f"has no light '{name}'", nearest_hint(name, known)
-            elif len(found) > 1:
-                paths = " or ".join(str(prim.GetPath()) for prim in found)
-                what, hint = f"several lights are called '{name}'", f"write {paths}"
+            matches = [prim for prim in lights if name in (prim.GetName(), str(prim.GetPath()))]
+            problem, hint = "", ""
+            if not matches:
+                names = [*(prim.GetName() for prim in lights), *(str(prim.GetPath()) for prim in lights)]
+                problem, hint = f"has no light '{name}'", nearest_hint(name, names)
+            elif len(matches) > 1:
+                paths = " or ".join(str(prim.GetPath()) for prim in matches)
+                problem, hint = f"several lights are called '{name}'", f"write {paths}"
             else:
-                what, hint = _set(found[0], key, value)
-            if what:
-                faults.append(Fault(str(composed.composition.file), f"light:{parameter}", what, hint))
+                problem, hint = _set(matches[0], key, value)
+            if problem:
+                faults.append(Fault(str(composed.composition.file), f"light:{parameter}", problem, hint))
     if faults:
         raise RigError(faults)
 
 
-def _set(light: Usd.Prim, key: str, value: Value) -> tuple[str, str]:
-    """Set a value; return what is wrong, and what would be right."""
-    keys = [each.GetName() for each in light.GetAttributes() if each.GetName().startswith(("inputs:", "lookdev:"))]
+def _set(light: Usd.Prim, key: str, value: LightValue) -> tuple[str, str]:
+    """Set the value of a light's attribute; return the problem and a hint, both "" on success."""
+    keys = [
+        name for name in map(Usd.Attribute.GetName, light.GetAttributes()) if name.startswith(("inputs:", "lookdev:"))
+    ]
     attribute = light.GetAttribute(key if key in keys else f"inputs:{key}")
     if not attribute:
-        known = [each.removeprefix("inputs:") for each in keys]
-        return f"{light.GetPath()} has no input '{key}'", nearest_hint(key, known)
-    kind = attribute.GetTypeName()
-    if kind == Sdf.ValueTypeNames.Bool and isinstance(value, float | int) and value in (0, 1):
-        given: object = bool(value)
+        names = [name.removeprefix("inputs:") for name in keys]
+        return f"{light.GetPath()} has no input '{key}'", nearest_hint(key, names)
+    type_name = attribute.GetTypeName()
+    if type_name == Sdf.ValueTypeNames.Bool and isinstance(value, float | int) and value in (0, 1):
+        usd_value: object = bool(value)
     elif isinstance(value, tuple):
-        given = Gf.Vec3f(*value)
+        usd_value = Gf.Vec3f(*value)
     else:
-        given = value
+        usd_value = value
     try:
-        if attribute.Set(given):
+        if attribute.Set(usd_value):
             return "", ""
     except (Tf.ErrorException, TypeError):
         pass
-    return f"{attribute.GetPath()} cannot be {value!r}", f"it is a {kind}"
+    return f"{attribute.GetPath()} cannot be {value!r}", f"it is a {type_name}"

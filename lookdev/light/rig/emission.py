@@ -8,7 +8,7 @@ from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_c
 from lookdev.light.ies import load_profile
 from lookdev.light.link import Link
 from lookdev.light.rig.attributes import SHAPING, LightPrim, schema_names
-from lookdev.light.rig.report import Report
+from lookdev.light.rig.report import RigReport
 from lookdev.stage import usd_words
 
 COLDEST, HOTTEST = 1000.0, 10000.0
@@ -17,11 +17,11 @@ COLDEST, HOTTEST = 1000.0, 10000.0
 _FALLOFF = ("virtualDistance", "exponent", "start", "end")
 
 
-def read_emission(light: LightPrim, size: float, unit: float, report: Report) -> Emission:
-    """Return what a light sends out.
+def read_emission(light: LightPrim, size: float, unit: float, report: RigReport) -> Emission:
+    """Return the emission of a light.
 
-    `size` is what UsdLux divides by where the power is normalized, `unit` is that of distances in metres. Raises
-    EnvironmentMapError where values contradict each other.
+    `size` is UsdLux's divisor of the radiance where the power is normalized, `unit` the length of a unit in metres.
+    Raises EnvironmentMapError if values contradict each other.
     """
     color = light.color("inputs:color")
     scale = {"intensity": light.number("inputs:intensity", least=0.0), "exposure": light.number("inputs:exposure")}
@@ -33,7 +33,7 @@ def read_emission(light: LightPrim, size: float, unit: float, report: Report) ->
         specular=light.number("inputs:specular", least=0.0),
         shaping=_shaping(light, report) if _is_shaped(light) else None,
         shadow=_shadow(light, unit) if light.prim.HasAPI(UsdLux.ShadowAPI) else Shadow(),
-        falloff=_falloff(light, unit) if any(light.has(f"lookdev:falloff:{each}") for each in _FALLOFF) else None,
+        falloff=_falloff(light, unit) if any(light.has(f"lookdev:falloff:{name}") for name in _FALLOFF) else None,
         turns=light.flag("lookdev:turns", default=True),
         camera=light.flag("lookdev:camera"),
         group=light.text("lookdev:lightGroup", default=light.prim.GetName()),
@@ -46,10 +46,10 @@ def read_emission(light: LightPrim, size: float, unit: float, report: Report) ->
 def _temperature(light: LightPrim) -> tuple[float, ...]:
     """Return the colour of a black body, as UsdLux computes it; its function crashes on NaN."""
     kelvin = light.number("inputs:colorTemperature", above=0.0, default=COLDEST)
-    taken = min(max(kelvin, COLDEST), HOTTEST)
-    if taken != kelvin:
-        light.note("inputs:colorTemperature", f"is {kelvin:g}, taken as {taken:g}, the nearest that UsdLux defines")
-    return black_body(taken)
+    clamped = min(max(kelvin, COLDEST), HOTTEST)
+    if clamped != kelvin:
+        light.note("inputs:colorTemperature", f"is {kelvin:g}, taken as {clamped:g}, the nearest that UsdLux defines")
+    return black_body(clamped)
 
 
 def black_body(kelvin: float) -> tuple[float, ...]:
@@ -58,7 +58,7 @@ def black_body(kelvin: float) -> tuple[float, ...]:
 
 
 def _is_shaped(light: LightPrim) -> bool:
-    """Return whether a light has a beam. Programs apply the schema to domes too, which have none, unused."""
+    """Return whether a light has a beam. Programs apply the schema to domes, too, which have no beam."""
     if not light.prim.HasAPI(UsdLux.ShapingAPI):
         return False
     for name in schema_names(SHAPING) if light.is_dome else ():
@@ -67,12 +67,12 @@ def _is_shaped(light: LightPrim) -> bool:
     return not light.is_dome
 
 
-def _shaping(light: LightPrim, report: Report) -> Shaping:
+def _shaping(light: LightPrim, report: RigReport) -> Shaping:
     space, profile = "inputs:shaping:", None
     name, scale = f"{space}ies:file", light.number(f"{space}ies:angleScale")
     normalize = light.flag(f"{space}ies:normalize")
     if (file := light.file(name)) is not None:
-        with report.collected(light.path.AppendProperty(name)):
+        with report.collect(light.path.AppendProperty(name)):
             profile = load_profile(file, angle_scale=scale, normalize=normalize)
     return Shaping(
         cone_angle=light.number(f"{space}cone:angle", least=0.0),
@@ -105,25 +105,31 @@ def _falloff(light: LightPrim, unit: float) -> Falloff:
 
 
 def _link(light: LightPrim, name: str) -> Link | None:
-    """Return the rules of a collection of a light by USD's own query; None where it includes everything."""
-    place = f"collection:{name}"
+    """Return the rules of a light's collection, from USD's own query; None if it includes everything."""
+    collection_name = f"collection:{name}"
     collection = Usd.CollectionAPI(light.prim, name)
-    if (expression := light.prim.GetAttribute(f"{place}:membershipExpression")) and expression.HasAuthoredValue():
-        light.fault(f"{place}:membershipExpression", "is not supported", f"'{place}:includes' would be right")
+    if (
+        expression := light.prim.GetAttribute(f"{collection_name}:membershipExpression")
+    ) and expression.HasAuthoredValue():
+        light.fault(
+            f"{collection_name}:membershipExpression",
+            "is not supported",
+            f"'{collection_name}:includes' would be right",
+        )
         return None
     valid, reason = collection.Validate()
     if not valid:
-        light.fault(place, f"is not a valid collection: {usd_words(reason)}")
+        light.fault(collection_name, f"is not a valid collection: {usd_words(reason)}")
         return None
-    found = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
-    # Properties are no parts of an asset; with them or without, prims are included alike.
+    rule_map = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
+    # Parts of an asset are prims, so that "expandPrimsAndProperties" includes the same parts as "expandPrims".
     rules = {
         str(path): "expandPrims" if rule == Usd.Tokens.expandPrimsAndProperties else str(rule)
-        for path, rule in found.items()
+        for path, rule in rule_map.items()
         if path.IsAbsoluteRootOrPrimPath()
     }
     if rules == {"/": "expandPrims"}:
         return None
     if "expandPrims" not in rules.values() and "explicitOnly" not in rules.values():
-        light.note(place, "includes nothing")
+        light.note(collection_name, "includes nothing")
     return Link(tuple(sorted(rules.items())))

@@ -1,4 +1,4 @@
-"""Which prims of a stage are the lights of a rig."""
+"""The prims of a stage that are the lights of a rig."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 from lookdev.errors import close_hint
 from lookdev.light.kinds import LIGHT_KINDS
 from lookdev.light.rig.attributes import OURS, LightPrim
-from lookdev.light.rig.report import Report
+from lookdev.light.rig.report import RigReport
 from lookdev.stage import relationship_targets
 
 USD_LIGHTS = {name: reader for kind in LIGHT_KINDS.values() for name, reader in kind.usd.items()}
-"""The types of prims that are lights here, by their names in UsdLux."""
+"""The supported types of light prims, by their names in UsdLux."""
 
 UNSUPPORTED = {
     "PortalLight": "a portal guides the sampling of other renderers, and is not needed here: deactivate it",
     "GeometryLight": "lights of a shape: a RectLight, DiskLight, SphereLight or CylinderLight would be right",
     "PluginLight": "a light of UsdLux would be right",
 }
-"""The types that are not, and what would be right."""
+"""The unsupported types, and a hint for each."""
 
 ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-_SHOWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-_CONSULTED = ("consumeAndHalt", "consumeAndContinue")
+_RENDERED_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+_CONSULTING = ("consumeAndHalt", "consumeAndContinue")
 
 
 def is_light(prim: Usd.Prim) -> bool:
-    """Return whether a prim is a light, or seems to be one of a type that is not known."""
-    return prim.HasAPI(UsdLux.LightAPI) or _is_foreign(prim)
+    """Return whether a prim is a light, or seems to be a light of an unknown type."""
+    return prim.HasAPI(UsdLux.LightAPI) or _is_unknown_light(prim)
 
 
-def check_places(root: Usd.Prim, report: Report) -> None:
-    """Add a fault for each attribute of lights, or of a root, that another prim carries: it has no effect there."""
+def check_attribute_owners(root: Usd.Prim, report: RigReport) -> None:
+    """Add a fault for each attribute of lights, or of the root, that another prim has: it has no effect there."""
     for prim in Usd.PrimRange(root, ALL_PRIMS):
         for attribute in () if is_light(prim) else prim.GetAuthoredPropertiesInNamespace("lookdev"):
             name = attribute.GetName().removeprefix("lookdev:")
@@ -44,67 +44,67 @@ def check_places(root: Usd.Prim, report: Report) -> None:
                 report.fault(attribute.GetPath(), "has no effect here", hint)
 
 
-def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.Prim]:
-    """Return the lights at and below a prim that shine, in the order of the stage.
+def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[Usd.Prim]:
+    """Return the visible lights at and below a prim, sorted by path.
 
-    Those that are hidden, or of a purpose that is not rendered, are noted. A light of no type in
-    `USD_LIGHTS` is a fault. Hidden ancestors of the root hide nothing.
+    A light that is hidden, or whose purpose is not rendered, is noted. A light whose type is not in `USD_LIGHTS` is a
+    fault. Hidden ancestors of the root have no effect.
     """
     stage = root.GetStage()
     lights: list[Usd.Prim] = []
-    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_foreign(prim)]
-    for path in sorted({*_listed(root, report), *(prim.GetPath() for prim in foreign)}):
+    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_unknown_light(prim)]
+    for path in sorted({*_light_list_paths(root, report), *(prim.GetPath() for prim in foreign)}):
         prim = stage.GetPrimAtPath(path)
         if not prim:
             report.fault(path, "a light list names it, but there is no such prim")
         elif prim.IsA(UsdLux.LightFilter):
-            continue  # it has an effect through a light that names it
-        elif left_out := _left_out(prim, root, time, report):
-            report.note(path, f"{left_out}, left out")
-        elif fault := _refused(prim):
+            continue  # the light that names it reports it
+        elif reason := _reason_left_out(prim, root, time, report):
+            report.note(path, f"{reason}, left out")
+        elif fault := _type_fault(prim):
             report.fault(path, *fault)
         else:
             lights.append(prim)
     return lights
 
 
-def _listed(root: Usd.Prim, report: Report) -> list[Sdf.Path]:
-    """Return the paths of lights and filters by `UsdLuxLightListAPI`.
+def _light_list_paths(root: Usd.Prim, report: RigReport) -> list[Sdf.Path]:
+    """Return the paths of lights and filters, from `UsdLuxLightListAPI`.
 
-    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": with the
-    caches it finds no light outside of models, so it is asked for them only where there is a cache to consult.
+    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": in this mode
+    it does not find lights outside of models, so that it is used only where a prim has a cache to consult.
     """
     api = UsdLux.LightListAPI(root)
-    every = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))
+    all_paths = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))
     if not any(_is_cache(prim) for prim in Usd.PrimRange(root, ALL_PRIMS)):
-        return every
+        return all_paths
     listed = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeConsultModelHierarchyCache))
-    for path in sorted(set(every) - set(listed)):
+    for path in sorted(set(all_paths) - set(listed)):
         report.note(path, "is in no light list of its models, left out")
     return listed
 
 
 def _is_cache(prim: Usd.Prim) -> bool:
     attribute = prim.GetAttribute("lightList:cacheBehavior")
-    return bool(attribute) and attribute.Get() in _CONSULTED
+    return bool(attribute) and attribute.Get() in _CONSULTING
 
 
-def _is_foreign(prim: Usd.Prim) -> bool:
-    """Return whether a prim seems to be a light of a type that USD does not know."""
+def _is_unknown_light(prim: Usd.Prim) -> bool:
+    """Return whether a prim seems to be a light of a type that USD lacks."""
     name = str(prim.GetTypeName())
     unknown = bool(name) and not prim.IsA(Usd.Typed)
     return unknown and ("light" in name.lower() or bool(close_hint(name, list(USD_LIGHTS))))
 
 
-def _left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode, report: Report) -> str:
-    """Return why a light does not shine; "" where it does."""
-    each = prim
-    while each and each != root.GetParent() and not each.IsPseudoRoot():
-        if each.IsA(UsdGeom.Imageable) and _is_hidden(LightPrim(each, time, report)):
-            return "is hidden" if each == prim else f"is hidden by {each.GetPath()}"
-        each = each.GetParent()
-    purpose = UsdGeom.Imageable(prim).ComputePurpose() if prim.IsA(UsdGeom.Imageable) else _SHOWN[0]
-    return "" if purpose in _SHOWN else f"is of purpose {purpose}"
+def _reason_left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> str:
+    """Return the reason why a light is left out; "" if it is rendered."""
+    ancestor = prim
+    while ancestor and ancestor != root.GetParent() and not ancestor.IsPseudoRoot():
+        if ancestor.IsA(UsdGeom.Imageable) and _is_hidden(LightPrim(ancestor, time, report)):
+            return "is hidden" if ancestor == prim else f"is hidden by {ancestor.GetPath()}"
+        ancestor = ancestor.GetParent()
+    purpose = UsdGeom.Imageable(prim).ComputePurpose() if prim.IsA(UsdGeom.Imageable) else _RENDERED_PURPOSES[0]
+    return "" if purpose in _RENDERED_PURPOSES else f"is of purpose {purpose}"
 
 
 def _is_hidden(prim: LightPrim) -> bool:
@@ -112,24 +112,26 @@ def _is_hidden(prim: LightPrim) -> bool:
     return bool(prim.text("visibility", inherited, (inherited, invisible)) == invisible)
 
 
-def _refused(prim: Usd.Prim) -> tuple[str, str] | None:
-    """Return what is wrong with a light before it is read, and what would be right."""
+def _type_fault(prim: Usd.Prim) -> tuple[str, str] | None:
+    """Return the problem of an unsupported light and a hint; None if it is supported."""
     kind = str(prim.GetTypeName())
-    if _is_foreign(prim):
-        known = close_hint(kind, [*USD_LIGHTS, *UNSUPPORTED], 0.6)
-        return f"{kind} is no type of USD's lights", known or f"known: {', '.join(USD_LIGHTS)}"
+    if _is_unknown_light(prim):
+        hint = close_hint(kind, [*USD_LIGHTS, *UNSUPPORTED], 0.6)
+        return f"{kind} is not a type of USD's lights", hint or f"known: {', '.join(USD_LIGHTS)}"
     if kind not in USD_LIGHTS:
         right = UNSUPPORTED.get(kind, UNSUPPORTED["GeometryLight"])
-        what = f"a light of type {kind}" if kind in UNSUPPORTED else f"a {kind or 'prim'} that is a light by LightAPI"
-        return f"{what} is not supported", right
+        problem = (
+            f"a light of type {kind}" if kind in UNSUPPORTED else f"a {kind or 'prim'} that is a light by LightAPI"
+        )
+        return f"{problem} is not supported", right
     if filters := relationship_targets(prim.GetRelationship("light:filters")):
         return f"light filters are not supported: it has {', '.join(map(str, filters))}", "remove 'light:filters'"
-    for above in _above(prim):
-        if above.IsA(UsdGeom.PointInstancer):
-            return f"is in the PointInstancer {above.GetPath()}", "lights of point instances are not supported"
+    for ancestor in _ancestors(prim):
+        if ancestor.IsA(UsdGeom.PointInstancer):
+            return f"is in the PointInstancer {ancestor.GetPath()}", "lights of point instances are not supported"
     return None
 
 
-def _above(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+def _ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
     while prim := prim.GetParent():
         yield prim

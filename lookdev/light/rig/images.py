@@ -1,9 +1,9 @@
-"""The images of lights: read into linear Rec.709, and those of a mirrored ball turned into lat-long maps.
+"""The images of lights: read into linear Rec.709; images of a mirrored ball are converted to lat-long maps.
 
-A ball shows the environment by its reflection in a sphere: the middle is what lies behind the camera, +z of a dome
-whose pole is +y, the right edge is +x, and the rim is what lies behind the sphere. UsdLux says no more of
-``mirroredBall`` and ``angular`` than that the radius of the latter is linear in the angle; these directions are those
-of Blender's mirror ball and of the light probes of Debevec, "Rendering Synthetic Objects into Real Scenes", 1998.
+A ball shows the environment's reflection in a sphere. Its middle is the direction behind the camera, +z of a dome whose
+pole is +y; its right edge is +x, and its rim is the direction behind the sphere. UsdLux states of ``mirroredBall`` and
+``angular`` only that the radius of the latter is linear in the angle. The directions here are those of Blender's mirror
+ball and of the light probes of Debevec, "Rendering Synthetic Objects into Real Scenes", 1998.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from lookdev.stage.colorspaces import to_linear_rec709
 Floats = NDArray[np.float64]
 
 LINEAR = (".exr", ".hdr")
-"""Files whose numbers are light; others are pictures, sRGB unless a colour space is stated."""
+"""Suffixes of files with linear values; other files are sRGB unless a colour space is stated."""
 
 _VERSION = 1
-_STRIP = 1 << 18  # directions that are looked up at once
+_STRIP = 1 << 18  # directions looked up at once
 
 
 def read_light_image(file: Path, space: str) -> EnvironmentMap:
-    """Read an image, repaired, as linear Rec.709; `space` is its colour space if one is stated, else "".
+    """Read an image as linear Rec.709, repaired; `space` is its stated colour space, or "".
 
-    Raises EnvironmentMapError where it cannot be read.
+    Raises EnvironmentMapError if it cannot be read.
     """
     if file.suffix.lower() in LINEAR:
         pixels = read_pixels(file)
@@ -53,10 +53,10 @@ def read_light_image(file: Path, space: str) -> EnvironmentMap:
     return make_environment(file.stem, pixels, str(file))
 
 
-def stated_format(environment: EnvironmentMap) -> str:
-    """Return the format of a dome's image that is ``automatic``: what its file states, else by its aspect.
+def format_of_image(environment: EnvironmentMap) -> str:
+    """Return the format of a dome's image of format ``automatic``: the file's statement, else by the aspect ratio.
 
-    Raises EnvironmentMapError where neither tells.
+    Raises EnvironmentMapError if neither determines it.
     """
     with open_image(Path(environment.where), EnvironmentMapError) as image:
         stated = image.spec().get_string_attribute("textureformat")
@@ -75,9 +75,10 @@ def stated_format(environment: EnvironmentMap) -> str:
 
 @dataclass(frozen=True, eq=False)
 class LightImage:
-    """The image of a light, a lat-long map if it is of a dome; `mean` is over its area, or the sphere.
+    """The image of a light; a dome's is a lat-long map.
 
-    `error` is the relative error of the power of a map that was made of a ball.
+    `mean` is the mean over the image, or over the sphere for a dome. `error` is the relative error of the power of a
+    map that was converted from a ball; None for other images.
     """
 
     environment: EnvironmentMap
@@ -90,29 +91,29 @@ class LightImage:
         return float(self.environment.radiance.max())
 
 
-def light_image(file: Path, space: str, kind: str) -> LightImage:
-    """Read the image of a light, `kind` being the format of a dome's, else "".
+def load_light_image(file: Path, space: str, kind: str) -> LightImage:
+    """Read the image of a light; `kind` is the format of a dome's image, "" for other lights.
 
-    Raises EnvironmentMapError where it cannot be read, or is of no format that is supported.
+    Raises EnvironmentMapError if it cannot be read, or its format is not supported.
     """
     image, error = read_light_image(file, space), None
     if not kind:
         return LightImage(image, tuple(image.radiance.mean(axis=(0, 1), dtype=np.float64).tolist()))
-    kind = stated_format(image) if kind == "automatic" else kind
+    kind = format_of_image(image) if kind == "automatic" else kind
     if kind == "cubeMapVerticalCross":
         raise EnvironmentMapError(
             f"{file}: is a cube map, of format {kind}, which is not supported; a lat-long map would be right"
         )
     if kind in BALLS:
-        repairs, (image, error) = image.repairs, unrolled(image, kind)
+        repairs, (image, error) = image.repairs, unroll_ball(image, kind)
         image = replace(image, repairs=repairs)
     edges = np.cos(np.pi * np.arange(len(image.radiance) + 1) / len(image.radiance))
     mean = image.radiance.mean(axis=1, dtype=np.float64).T @ -np.diff(edges) / 2.0
     return LightImage(image, tuple(mean.tolist()), error)
 
 
-def unrolled(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]:
-    """Return the lat-long map that shows what a ball shows, of as many rows, and the relative error of its power.
+def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]:
+    """Return the lat-long map of a ball's environment, with the same number of rows, and its power's relative error.
 
     Each texel is the mean of 2 x 2 bilinear look-ups. Raises EnvironmentMapError unless the image is a square.
     """
@@ -120,19 +121,19 @@ def unrolled(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]:
     if height != width:
         raise EnvironmentMapError(f"{ball.where}: is {width} x {height} pixels large; of format {kind}, it is a square")
 
-    def written() -> tuple[Content, ...]:
-        made = _unroll(ball.radiance.astype(np.float64), kind).astype(np.float32)
-        return (Content.written(".exr", lambda path: write_exr(path, "RGB", made)),)
+    def write() -> tuple[Content, ...]:
+        pixels = _unroll_pixels(ball.radiance.astype(np.float64), kind).astype(np.float32)
+        return (Content.written(".exr", lambda path: write_exr(path, "RGB", pixels)),)
 
     key = hashlib.sha256(f"{ball.digest} {kind} {_VERSION}".encode()).hexdigest()
-    (content,) = derived("balls", key, written)
+    (content,) = derived("balls", key, write)
     environment = make_environment(ball.name, read_exr(content.path, "RGB"), ball.where)
     before, after = ball_power(ball.radiance, kind), _power(environment.radiance)
     return environment, abs(after - before) / before if before else 0.0
 
 
 def ball_point(direction: Floats, kind: str) -> Floats:
-    """Return where a ball, a disk of radius 1, shows directions (..., 3) of a dome whose pole is +y: x, y (..., 2)."""
+    """Return the points (..., 2) of a ball, a disk of radius 1, for directions (..., 3) of a dome with the pole +y."""
     x, y, z = np.moveaxis(direction, -1, 0)
     across = np.hypot(x, y)
     angle = np.arctan2(across, z)
@@ -146,10 +147,10 @@ def ball_power(radiance: NDArray[np.float32], kind: str) -> float:
     count = len(radiance)
     middles = (np.arange(count) + 0.5) * 2.0 / count - 1.0
     radius = np.hypot(middles[:, None], middles)
-    # Steradians for each unit of area: that of a mirrored ball is constant.
+    # Steradians per unit of area, which are constant for a mirrored ball.
     angular = np.pi * np.pi * np.sinc(np.minimum(radius, 1.0))
     solid = np.where(radius < 1.0, angular if kind == "angular" else 4.0, 0.0)
-    # Sums of the texels that the rim cuts, off by their count, are corrected by the sphere's own.
+    # The rim cuts texels, so that the sum is slightly wrong; it is normalized to the solid angle of the sphere.
     solid *= 4.0 * np.pi / solid.sum()
     return float((radiance.mean(axis=-1, dtype=np.float64) * solid).sum())
 
@@ -160,22 +161,22 @@ def _power(radiance: NDArray[np.float32]) -> float:
     return float((radiance.mean(axis=(1, 2), dtype=np.float64) * -np.diff(edges)).sum() * 2.0 * np.pi)
 
 
-def _unroll(ball: Floats, kind: str) -> Floats:
+def _unroll_pixels(ball: Floats, kind: str) -> Floats:
     rows = len(ball)
     fine = 2 * rows
-    made = np.empty((rows, 2 * rows, 3))
+    pixels = np.empty((rows, 2 * rows, 3))
     step = max(1, _STRIP // (4 * fine))
     u = (np.arange(2 * fine) + 0.5) / (2 * fine)
-    # Within this radius, bilinear look-ups meet no texel beyond the rim.
+    # Within this radius, bilinear look-ups read no texel beyond the rim.
     inside = 1.0 - 2.0 * np.sqrt(2.0) / rows
     for first in range(0, rows, step):
         last = min(first + step, rows)
         v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine
         towards = uv_to_direction(np.stack(np.broadcast_arrays(u, v[:, None]), axis=-1))
-        # The map's x, y and z are the dome's z, x and y: `kinds.DOME_Y`.
+        # The map's x, y and z are the dome's z, x and y: `lookdev.light.dome.usd.DOME_Y`.
         point = ball_point(towards[..., (1, 2, 0)], kind)
         radius = np.hypot(point[..., 0], point[..., 1])[..., None]
         point *= np.minimum(1.0, inside / np.maximum(radius, inside))
         texels = look_up(ball, (1.0 + point[..., 0]) / 2.0, (1.0 - point[..., 1]) / 2.0)
-        made[first:last] = texels.reshape(last - first, 2, 2 * rows, 2, 3).mean(axis=(1, 3))
-    return made
+        pixels[first:last] = texels.reshape(last - first, 2, 2 * rows, 2, 3).mean(axis=(1, 3))
+    return pixels

@@ -1,4 +1,4 @@
-"""From a composed stage to the lights of a rig: prims first, then their images, then what shaders need of them."""
+"""From a composed stage to the lights of a rig: first the prims, then their images, then the files for shaders."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pxr import Tf, Usd, UsdGeom, Vt
 
 from lookdev.errors import Fault, RigError
 from lookdev.light.base import Light
-from lookdev.light.dome.environment import LEAST, MOST
+from lookdev.light.dome.environment import GREATEST_PEAK, LEAST_PEAK
 from lookdev.light.emission import Emission
 from lookdev.light.placement import checked_axes, placement, vector
-from lookdev.light.rig.attributes import LightPrim, stated_time
-from lookdev.light.rig.change import Value, change_values
+from lookdev.light.rig.attributes import LightPrim, time_label
+from lookdev.light.rig.change import LightValue, change_values
 from lookdev.light.rig.emission import read_emission
-from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_places, find_lights, is_light
-from lookdev.light.rig.images import LightImage, light_image
-from lookdev.light.rig.report import Report
+from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners, find_lights, is_light
+from lookdev.light.rig.images import LightImage, load_light_image
+from lookdev.light.rig.report import RigReport
 from lookdev.light.usd import LightShape, PlacedPrim
 from lookdev.stage import Composed, Composition, compose, error_words, reading, shown, units
 from lookdev.stage.units import Z_UP
@@ -28,7 +28,7 @@ from lookdev.stage.units import Z_UP
 Floats = NDArray[np.float64]
 
 _SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
-_FARTHEST = 1e15  # units of the stage
+_FARTHEST = 1e15  # units of the stage, in a matrix
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class RigLight:
 
 @dataclass(frozen=True)
 class Rig:
-    """The lights of a rig, in metres and with z up, or of unit 1 if `fit`; notes are for the user."""
+    """The lights of a rig with z up, in metres, or in units of the asset's radius if `fit`; notes are for the user."""
 
     file: str
     given: tuple[RigLight, ...]
@@ -54,27 +54,27 @@ class Rig:
     @property
     def lights(self) -> tuple[Light, ...]:
         """The lights, in the order of their paths."""
-        return tuple(each.light for each in self.given)
+        return tuple(rig_light.light for rig_light in self.given)
 
     def check_exposed(self, exposure: float = 0.0) -> None:
-        """Raise RigError where shaders, in float32, cannot compute with the radiance of a light times 2^exposure."""
-        report = Report(self.file)
-        for each in self.given:
-            peak = each.peak * 2.0**exposure
-            if peak and not LEAST <= peak <= MOST:
+        """Raise RigError if shaders, in float32, cannot compute with the radiance of a light times 2^exposure."""
+        report = RigReport(self.file)
+        for rig_light in self.given:
+            peak = rig_light.peak * 2.0**exposure
+            if peak and not LEAST_PEAK <= peak <= GREATEST_PEAK:
                 exposed = f" times 2^{exposure:g}" if exposure else ""
-                what = f"its largest radiance{exposed} is {peak:g}"
-                report.fault(each.path, what, f"from {LEAST:g} to {MOST:g} would be right")
+                problem = f"its largest radiance{exposed} is {peak:g}"
+                report.fault(rig_light.path, problem, f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right")
         if report.faults:
             raise RigError(report.faults)
 
 
 def load_rig(
-    file: Path, prim: str | None = None, values: Mapping[str, Value] | None = None, *, sampled: bool = True
+    file: Path, prim: str | None = None, values: Mapping[str, LightValue] | None = None, *, sampled: bool = True
 ) -> Rig:
-    """Compose a USD file and read its lights, as `read_rig`, with other values as `change_values` sets them.
+    """Compose a USD file, set values with `change_values`, and read its lights with `read_rig`.
 
-    Raises StageError where it cannot be composed, and RigError as both.
+    Raises StageError if the file cannot be composed, and RigError as these two functions.
     """
     composed = compose(Composition(file, prim=prim))
     if values:
@@ -83,47 +83,48 @@ def load_rig(
 
 
 def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
-    """Read the lights at and below a prim of a stage: its composition's, else the default prim, else all.
+    """Read the lights at and below a prim of a stage: the composition's prim, else the default prim, else all lights.
 
-    Values are taken at the stage's startTimeCode, else at the earliest time. The ancestors of the prim place it.
-    Without `sampled`, domes have no tables by which shaders draw directions.
+    Values are those at the stage's startTimeCode, else at the earliest time. Transforms of the prim's ancestors apply.
+    Without `sampled`, domes have no tables with which shaders draw directions.
 
     Raises
     ------
     RigError
-        Every fault: what is no light that can be rendered, values and files that are not right, or no light at all.
+        With every fault: unsupported lights, wrong values and files, or no light at all.
     OutputError
         The cache cannot be written.
     """
-    file, report = composed.composition.file, Report(str(composed.composition.file))
+    file, report = composed.composition.file, RigReport(str(composed.composition.file))
     with reading(file) as warnings:
         fit, pending = _Reader(composed, sampled, report).read()
-    # Images are checked as they are read; what is made of them takes longer than reading the stage may.
+    # Images are read and checked outside of `reading`, because making a dome's tables takes longer than it allows.
     images: dict[tuple[object, ...], LightImage] = {}
-    for each in pending:
-        _read_image(each, images, report)
+    for pending_light in pending:
+        _read_image(pending_light, images, report)
     if report.faults:
         raise RigError(report.faults)
-    given = tuple(light for each in pending if (light := _made(each, images, report)) is not None)
-    if not given:
-        raise RigError([_no_light(report, composed.composition.prim or "", "")])
-    notes = (*composed.notes, *report.notes, *(f"{file}: {each}" for each in warnings))
-    rig = Rig(report.file, given, fit, notes)
+    made_lights = (_make_light(pending_light, images, report) for pending_light in pending)
+    rig_lights = tuple(light for light in made_lights if light is not None)
+    if not rig_lights:
+        raise RigError([_no_light_fault(report, composed.composition.prim or "", "")])
+    notes = (*composed.notes, *report.notes, *(f"{file}: {warning}" for warning in warnings))
+    rig = Rig(report.file, rig_lights, fit, notes)
     rig.check_exposed()
     return rig
 
 
 def holds_only_lights(composed: Composed) -> bool:
-    """Return whether there are lights at and below the prim of a composition, by default anywhere, and no geometry."""
+    """Return whether a stage has lights and no geometry, at and below the composition's prim if it has one."""
     with reading(composed.composition.file):
         prims = Usd.PrimRange(composed.stage.GetPrimAtPath(composed.composition.prim or "/"), ALL_PRIMS)
-        found = [is_light(prim) for prim in prims if is_light(prim) or prim.IsA(UsdGeom.Gprim)]
-    return bool(found) and all(found)
+        is_light_flags = [is_light(prim) for prim in prims if is_light(prim) or prim.IsA(UsdGeom.Gprim)]
+    return bool(is_light_flags) and all(is_light_flags)
 
 
 @dataclass(frozen=True)
 class _Pending:
-    """A light that is made when all are read."""
+    """A light whose prim is read, and whose image is not."""
 
     path: str
     shape: LightShape
@@ -131,14 +132,14 @@ class _Pending:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What its image is known by."""
+        """The key of its image."""
         return self.shape.image, self.shape.space, self.shape.format
 
 
 class _Reader:
     """Reads the prims of a stage."""
 
-    def __init__(self, composed: Composed, sampled: bool, report: Report) -> None:
+    def __init__(self, composed: Composed, sampled: bool, report: RigReport) -> None:
         stage, path = composed.stage, composed.composition.prim
         self._stage = stage
         self._sampled = sampled
@@ -149,25 +150,25 @@ class _Reader:
         self._transforms = UsdGeom.XformCache(self._time)
 
     def read(self) -> tuple[bool, list[_Pending]]:
-        """Return whether the rig fits its asset, and its lights; raises RigError where the stage has no unit."""
+        """Return whether the rig fits its asset, and its lights; raise RigError if the stage has no valid unit."""
         report, stage = self._report, self._stage
-        fit = self._fit()
+        fit = self._fit_flag()
         unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), units.is_y_up(stage)
-        for what, right in units.faults(stage, unit):
-            report.fault("", what, f"{right} would be right")
+        for problem, right in units.faults(stage, unit):
+            report.fault("", problem, f"{right} would be right")
         if report.faults:
             raise RigError(report.faults)
-        check_places(self._root, report)
+        check_attribute_owners(self._root, report)
         pending = []
         for prim in find_lights(self._root, self._time, report):
-            with report.collected(prim.GetPath()):
+            with report.collect(prim.GetPath()):
                 if (light := self._read(prim, unit, y_up)) is not None:
                     pending.append(light)
         if not pending and not report.faults:
-            raise RigError([_no_light(report, str(self._root.GetPath()), self._elsewhere())])
+            raise RigError([_no_light_fault(report, str(self._root.GetPath()), self._other_lights_hint())])
         return fit, pending
 
-    def _fit(self) -> bool:
+    def _fit_flag(self) -> bool:
         """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
         prim = self._root
         while prim and not prim.IsPseudoRoot():
@@ -176,14 +177,14 @@ class _Reader:
             prim = prim.GetParent()
         return False
 
-    def _elsewhere(self) -> str:
-        """Return where else in the stage there are lights."""
-        lights = find_lights(self._stage.GetPseudoRoot(), self._time, Report(""))
+    def _other_lights_hint(self) -> str:
+        """Return a hint with the paths of other lights of the stage; "" without any."""
+        lights = find_lights(self._stage.GetPseudoRoot(), self._time, RigReport(""))
         paths = ", ".join(str(prim.GetPath()) for prim in lights[:3])
         return f"there are lights at {paths}" if paths else ""
 
     def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _Pending | None:
-        """Return a light; None, with a fault, where it has no place or shape."""
+        """Return a light; None, with a fault, if its transform or its shape is wrong."""
         report, path = self._report, prim.GetPath()
         light, kind = LightPrim(prim, self._time, report), USD_LIGHTS[str(prim.GetTypeName())]
         light.check_names((*kind.attributes, "fit") if prim == self._root else kind.attributes)
@@ -191,28 +192,28 @@ class _Reader:
         if matrix is None:
             return None
         position, axes, scale = placement(Z_UP @ matrix if y_up else matrix)
-        # Rounded, so that a turn by a right angle is exact.
+        # Rounded, so that a rotation by a right angle is exact.
         axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
         metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
         if (away := max(map(abs, metres))) > _LARGEST:
             report.fault(path, f"it is {away:.3g} m away", f"at most {_LARGEST:g} m would be right")
         shape = None
-        with report.collected(path):
+        with report.collect(path):
             shape = kind.read(PlacedPrim(light, metres, axes, sizes, y_up, self._sampled))
         for length in shape.lengths if shape else ():
             if not _SMALLEST <= length <= _LARGEST:
                 right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
                 report.fault(path, f"a side or radius of it is {length:.3g} m", right)
-        emission = read_emission(light, _size(shape, unit), unit, report)
+        emission = read_emission(light, _size_in_units(shape, unit), unit, report)
         return _Pending(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
-        """Return the matrix (4, 4), for column vectors, that places a light in the stage; None, with a fault."""
-        each = prim
-        while each and not each.IsPseudoRoot():
-            if not self._has_operations(each):
+        """Return a light's matrix (4, 4) to the stage, for column vectors; None, with a fault, if it is wrong."""
+        ancestor = prim
+        while ancestor and not ancestor.IsPseudoRoot():
+            if not self._has_operations(ancestor):
                 return None
-            each = each.GetParent()
+            ancestor = ancestor.GetParent()
         try:
             matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
         except Tf.ErrorException as error:
@@ -225,50 +226,52 @@ class _Reader:
         return matrix
 
     def _has_operations(self, prim: Usd.Prim) -> bool:
-        """Return whether all operations of a prim's transform are there: USD leaves out those that are not."""
-        xform, place = UsdGeom.Xformable(prim), prim.GetPath().AppendProperty("xformOpOrder")
+        """Return whether all operations of a prim's transform exist; USD ignores missing ones without a message."""
+        xform, path = UsdGeom.Xformable(prim), prim.GetPath().AppendProperty("xformOpOrder")
         order = prim.GetAttribute("xformOpOrder").Get() if xform else None
         if not isinstance(order, Vt.TokenArray | None):
-            self._report.fault(place, f"has a value of type {type(order).__name__}", "token[] would be right")
+            self._report.fault(path, f"has a value of type {type(order).__name__}", "token[] would be right")
             return False
         for name in order or ():
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
-                self._report.fault(place, f"names {shown(name)}, which is not there")
+                self._report.fault(path, f"names {shown(name)}, which is not there")
                 return False
         if xform and xform.TransformMightBeTimeVarying():
-            self._report.note(prim.GetPath(), f"its transform is animated, and taken at {stated_time(self._time)}")
+            self._report.note(prim.GetPath(), f"its transform is animated, and taken at {time_label(self._time)}")
         return True
 
 
-def _size(shape: LightShape | None, unit: float) -> float:
-    """Return what radiance is divided by where the power is normalized: areas are those "in world space", in units."""
+def _size_in_units(shape: LightShape | None, unit: float) -> float:
+    """Return the divisor of the radiance where the power is normalized; areas are "in world space", in stage units."""
     if shape is None:
         return 1.0
     return shape.size if shape.area is None else shape.area / (unit * unit)
 
 
-def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage], report: Report) -> None:
-    """Read the image of a light, unless another light has it too."""
-    shape, place = pending.shape, f"{pending.path}.inputs:texture:file"
+def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage], report: RigReport) -> None:
+    """Read the image of a light, unless `images` has it from another light."""
+    shape, path = pending.shape, f"{pending.path}.inputs:texture:file"
     if shape.image is None:
         return
-    with report.collected(place):
+    with report.collect(path):
         if pending.key not in images:
-            images[pending.key] = light_image(shape.image, shape.space, shape.format)
+            images[pending.key] = load_light_image(shape.image, shape.space, shape.format)
         image = images[pending.key]
         if image.environment.repairs:
-            report.note(place, f"{shape.image}: {image.environment.repairs}")
+            report.note(path, f"{shape.image}: {image.environment.repairs}")
         if image.error is not None:
             height, width = image.environment.radiance.shape[:2]
             size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
             report.note(
-                place, f"{shape.image}: turned from a ball into a lat-long map of {size}, its power off by {off}"
+                path, f"{shape.image}: turned from a ball into a lat-long map of {size}, its power off by {off}"
             )
 
 
-def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], report: Report) -> RigLight | None:
-    """Return a light; None, with a note, where it sends none."""
+def _make_light(
+    pending: _Pending, images: Mapping[tuple[object, ...], LightImage], report: RigReport
+) -> RigLight | None:
+    """Return a light; None, with a note, if it is black."""
     image = images.get(pending.key)
     largest, mean = (image.largest, image.mean) if image else (1.0, (1.0, 1.0, 1.0))
     peak = largest * max(pending.emission.color)
@@ -276,11 +279,11 @@ def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], re
     if peak == 0.0 or (profile and profile.largest == 0.0):
         report.note(pending.path, "sends no light, left out")
         return None
-    made = pending.shape.make(image.environment if image else None).with_emission(pending.emission)
-    return RigLight(pending.path, made, peak, mean, str(pending.shape.image or ""))
+    light = pending.shape.make(image.environment if image else None).with_emission(pending.emission)
+    return RigLight(pending.path, light, peak, mean, str(pending.shape.image or ""))
 
 
-def _no_light(report: Report, place: str, elsewhere: str) -> Fault:
+def _no_light_fault(report: RigReport, path: str, elsewhere: str) -> Fault:
     left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
     hint = elsewhere or left_out or f"a light is one of {', '.join(USD_LIGHTS)}"
-    return Fault(report.file, place, "has no light that shines", hint)
+    return Fault(report.file, path, "has no light that shines", hint)

@@ -1,4 +1,4 @@
-"""What is wrong with a rig, and what the user should know of it, collected while it is read."""
+"""Faults and notes of a rig, collected while it is read."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from lookdev.errors import EnvironmentMapError, Fault, FaultsError, TextureError
 
 
 @dataclass(eq=False)
-class Report:
-    """Faults and notes of the rig in `file`, in the order in which they are found."""
+class RigReport:
+    """Faults and notes of the rig in `file`, in the order in which they occur."""
 
     file: str
     faults: list[Fault] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
 
-    def fault(self, place: Sdf.Path | str, what: str, hint: str = "") -> None:
-        self.faults.append(Fault(self.file, str(place), what, hint))
+    def fault(self, path: Sdf.Path | str, problem: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.file, str(path), problem, hint))
 
-    def note(self, place: Sdf.Path | str, what: str) -> None:
-        self.notes[f"{self.file}: {place}: {what}"] = None
+    def note(self, path: Sdf.Path | str, text: str) -> None:
+        self.notes[f"{self.file}: {path}: {text}"] = None
 
     @contextmanager
-    def collected(self, place: Sdf.Path | str) -> Iterator[None]:
-        """Turn an error of a light, of its image or of its profile into a fault at its place."""
+    def collect(self, path: Sdf.Path | str) -> Iterator[None]:
+        """Turn an error of a light, of its image or of its profile into a fault of a path."""
         try:
             yield
         except FaultsError as error:
-            for each in error.faults:
-                self.fault(place, f"{each.file}: {each.where + ': ' if each.where else ''}{each.what}", each.hint)
+            for fault in error.faults:
+                self.fault(path, f"{fault.file}: {fault.where + ': ' if fault.where else ''}{fault.what}", fault.hint)
         except (EnvironmentMapError, TextureError) as error:
-            self.fault(place, str(error))
+            self.fault(path, str(error))

@@ -1,6 +1,6 @@
-"""Reference props beside the asset: a chrome ball, a grey ball and a colour chart, a scene of their own.
+"""Reference props beside the asset: a chrome ball, a grey ball and a colour chart, in a separate scene.
 
-`colorchecker` has the chart's published colours, `props` where the props are in the frame, and their scene.
+`colorchecker` has the chart's published colours, `props` the positions of the props in the frame, and their scene.
 """
 
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors

@@ -1,9 +1,9 @@
-"""The 24 patches of the ColorChecker Classic: published colours, and what they are in linear Rec.709.
+"""The 24 patches of the ColorChecker Classic: published colours, and reflectances in linear Rec.709.
 
-The published numbers are CIE 1976 L*a*b* under illuminant D50, of charts made after November 2014. Reflectances follow
-by the definition of L*a*b*, adaptation of the white from D50 to D65 (Bradford), and the primaries of Rec.709, so that a
-chart under white light of radiance 1 shows them as they are. Cyan lies outside Rec.709: its red, -0.0439, is 0 here, as
-no surface reflects less than nothing.
+The published numbers are CIE 1976 L*a*b* under illuminant D50, of charts made after November 2014. The definition of
+L*a*b*, the adaptation of the white from D50 to D65 (Bradford) and the primaries of Rec.709 give the reflectances: the
+pixel values of a chart under white light of radiance 1. Cyan lies outside Rec.709: its red, -0.0439, is 0 here, because
+a reflectance is not negative.
 
 References
 ----------
@@ -48,7 +48,7 @@ PATCHES: dict[str, tuple[float, float, float]] = {
 """L*, a*, b* under D50 of each patch, in four rows of six, from the upper left."""
 
 GREY = 0.18
-"""Reflectance of the grey ball."""
+"""The reflectance of the grey ball."""
 
 _D50, _D65 = np.array([0.34567, 0.35850]), np.array([0.31270, 0.32900])  # x, y
 _REC709 = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])  # ITU-R BT.709-6, item 1.3
@@ -66,19 +66,19 @@ def patch_xyz() -> Floats:
     y = (lightness + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     linear = 3.0 * (6.0 / 29.0) ** 2 * (f - 4.0 / 29.0)
-    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * _white(_D50))
+    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * _chromaticity_xyz(_D50))
 
 
 def _to_rec709() -> Floats:
     """Return the matrix (3, 3) from X, Y, Z under D50 to linear Rec.709."""
-    cones = _BRADFORD @ np.stack([_white(_D50), _white(_D65)], axis=-1)
+    cones = _BRADFORD @ np.stack([_chromaticity_xyz(_D50), _chromaticity_xyz(_D65)], axis=-1)
     adapted = np.linalg.inv(_BRADFORD) @ np.diag(cones[:, 1] / cones[:, 0]) @ _BRADFORD
-    primaries = np.array([_white(each) for each in _REC709]).T
-    to_xyz = primaries * np.linalg.solve(primaries, _white(_D65))
+    primaries = np.array([_chromaticity_xyz(chromaticity) for chromaticity in _REC709]).T
+    to_xyz = primaries * np.linalg.solve(primaries, _chromaticity_xyz(_D65))
     return np.asarray(np.linalg.inv(to_xyz) @ adapted)
 
 
-def _white(chromaticity: Floats) -> Floats:
+def _chromaticity_xyz(chromaticity: Floats) -> Floats:
     """Return X, Y, Z of a chromaticity x, y at Y = 1."""
     x, y = chromaticity
     return np.array([x / y, 1.0, (1.0 - x - y) / y])

@@ -1,8 +1,8 @@
-"""Where reference props are in a frame, and their scene: it is lit by the rig of the asset, which is not in it.
+"""The positions of reference props in a frame, and their scene, which has the asset's rig but not the asset.
 
-The props stand side by side on the plane through the middle of the asset that faces the camera, where the frame shows
-them, and are seen through a long lens, so that balls are round in the corner of a wide picture. They are one convex
-asset: nothing of it shadows, or is reflected in, anything else.
+The props are side by side in the plane through the middle of the asset that faces the camera, at their positions in the
+frame. The camera has a long lens, so that balls are round in the corner of a wide picture. They are one convex asset:
+no part of it shadows another, or is reflected in another.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ Place = Literal["bottom", "top", "left", "right"]
 PLACES: tuple[Place, ...] = ("bottom", "top", "left", "right")
 
 FOLDER = "charts"
-"""The name of the frames of props beside those of looks."""
+"""The folder of the frames of props, beside those of looks."""
 
 STRIP = "charts.strip"
-"""The entry of the headers of such frames that has the `Strip.label`."""
+"""The entry in the headers of such frames that has the `Strip.label`."""
 
-_LENS = 2.0  # degrees: the view differs by 1 degree at most over the frame
-_PADDING, _GAP = 0.08, 0.2  # of the strip's thickness, at each side; between props
+_LENS = 2.0  # degrees: the direction of view differs by 1 degree at most over the frame
+_PADDING, _GAP = 0.08, 0.2  # in thicknesses of the strip: at each side, and between props
 _ROWS, _COLUMNS = 4, 6
-_SEAM = 0.12  # of a patch's cell, between it and the border
+_SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
 _BORDER = 0.03  # reflectance
-_OF_BALL, _OF_CELL = 0.5, 0.72  # the square that is measured, of a diameter and of a cell: free of edges
+_BALL_PART, _CELL_PART = 0.5, 0.72  # side of the measured square, in a diameter or a cell: free of edges
 _SEGMENTS = 256  # of a ball
-_FEWEST = 2.0  # pixels along the side of a measured square, whole ones
+_FEWEST = 2.0  # whole pixels along the side of a measured square
 
 MATTE = Look("matte", (Layer("Matte", "lambert", {"reflectance": Primvar("reflectance", (GREY, GREY, GREY))}),))
 CHROME = Look("chrome", (Layer("Chrome", "mirror", {"metal": "chromium"}),))
@@ -66,7 +66,7 @@ class Box:
         return self.left + 0.5 * self.width, self.top + 0.5 * self.height
 
     def inner(self, part: float) -> Box:
-        """Return the square about its centre with a part of its shorter side."""
+        """Return the square about its centre whose side is a fraction of its shorter side."""
         side = part * min(self.width, self.height)
         x, y = self.middle
         return Box(x - 0.5 * side, y - 0.5 * side, side, side)
@@ -74,7 +74,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of a frame that has the props: along its edge `place`, `size` of the frame's height or width thick."""
+    """The strip of a frame that has the props, along the edge `place`; `size` is its part of the height or width."""
 
     place: Place
     size: float
@@ -93,23 +93,23 @@ class Strip:
 
     @property
     def upright(self) -> bool:
-        """Whether props stand above one another."""
+        """Whether the props are above one another."""
         return self.place in ("left", "right")
 
     @property
     def thickness(self) -> float:
-        """Its pixels across."""
+        """Its thickness in pixels."""
         return self.size * self.resolution[0 if self.upright else 1]
 
     @property
     def rest(self) -> tuple[float, float]:
-        """Width and height of the frame without it, in pixels."""
+        """Width and height of the frame without the strip, in pixels."""
         width, height = self.resolution
         return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
 
     @property
     def shift(self) -> tuple[float, float]:
-        """The `Camera.shift` by which the whole frame shows, beside the strip, what the rest of it shows centred."""
+        """The `Camera.shift` that centres the picture in the part of the frame beside the strip."""
         half = 0.5 * self.thickness / self.resolution[0]
         sides = {"bottom": (0.0, -half), "top": (0.0, half), "left": (-half, 0.0), "right": (half, 0.0)}
         return sides[self.place]
@@ -134,41 +134,41 @@ class Strip:
         x, y = box.middle
         lengths = [size[self.upright] for size in sizes]
         along = (y if self.upright else x) - 0.5 * (sum(lengths) + 2.0 * gap)
-        found = []
+        boxes = []
         for width, height in sizes:
-            found.append(
+            boxes.append(
                 Box(x - 0.5 * width, along, width, height)
                 if self.upright
                 else Box(along, y - 0.5 * height, width, height)
             )
             along += (height if self.upright else width) + gap
-        chrome, grey, chart = found
+        chrome, grey, chart = boxes
         return chrome, grey, chart
 
     @property
     def measured(self) -> dict[str, Box]:
-        """The squares whose means are measured, by name: the middle of the grey ball and of each patch."""
+        """The squares whose means are measured, by name: in the middle of the grey ball and of each patch."""
         _, grey, chart = self.props
         cell = chart.width / _COLUMNS
         cells = {
             name: Box(chart.left + (i % _COLUMNS) * cell, chart.top + (i // _COLUMNS) * cell, cell, cell)
             for i, name in enumerate(PATCHES)
         }
-        return {"grey ball": grey.inner(_OF_BALL), **{name: each.inner(_OF_CELL) for name, each in cells.items()}}
+        return {"grey ball": grey.inner(_BALL_PART), **{name: box.inner(_CELL_PART) for name, box in cells.items()}}
 
     def misfit(self) -> tuple[str, str]:
-        """Return why the props do not fit into the strip, and what would be right; "" where they do."""
+        """Return the reason why the props do not fit into the strip, and a hint; both "" if they fit."""
         chrome, _, chart = self.props
         length = self.resolution[1 if self.upright else 0]
         used = chart.top + chart.height - chrome.top if self.upright else chart.left + chart.width - chrome.left
         if used > length:
             most = math.floor(1e3 * self.size * length / used) / 1e3
-            what = f"the props need {math.ceil(used)} pixels along the {self.place} edge, the frame has {length}"
-            return what, f"size = {most:g} at most, or another place"
+            problem = f"the props need {math.ceil(used)} pixels along the {self.place} edge, the frame has {length}"
+            return problem, f"size = {most:g} at most, or another place"
         return "", ""
 
     def too_small(self) -> str:
-        """Return why patches cannot be measured, and what would be right; "" where they can."""
+        """Return the reason why patches cannot be measured, with a hint; "" if they can."""
         side = self.measured["black 2"].width
         if side >= _FEWEST + 1.0:
             return ""
@@ -180,16 +180,16 @@ class Strip:
 
 
 def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
-    """Return the camera that sees the props of a frame of `camera`, whose asset turns about its axis at `center`.
+    """Return the camera of the props for a frame of `camera`, whose asset has its middle at `center`.
 
-    It looks the same way from afar. Raises AssetError where the asset's middle is not before the camera.
+    It has the same direction of view, from afar. Raises AssetError if the asset's middle is not in front of the camera.
     """
     right, up, back = camera.frame
     middle = np.array([*camera.pivot, center[2]])
     depth = float((camera.position - middle) @ back)
     if depth <= 0.0:
         raise AssetError("the middle of the asset is behind the camera, so there is no place for the props of [charts]")
-    shift_x, shift_y = (2.0 * each * camera.reach for each in camera.shift)
+    shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
     digits = 9 - math.floor(math.log10(distance))
@@ -203,24 +203,24 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
 def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Space = REC709) -> Scene:
     """Return the scene of props that a `props_camera` sees, under the lights of a rig.
 
-    A light lights them whose ``lightLink`` includes the path ``/charts``.
+    A light illuminates the props if its ``lightLink`` includes the path ``/charts``.
     """
     asset = asset_of_props(strip, camera)
-    wears = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
-    seen = [light.with_emission(replace(light.emission, camera=False, shadow_link=None)) for light in lights]
-    linked = link_lights(asset, wears, seen)
+    look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
+    unseen_lights = [light.with_emission(replace(light.emission, camera=False, shadow_link=None)) for light in lights]
+    linked = link_lights(asset, look_of_part, unseen_lights)
     return Scene(
         linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups
     )
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
-    """Return the props that a `props_camera` sees, or only some of them, as one asset."""
+    """Return the props that a `props_camera` sees, or some of them, as one asset."""
     meshes: list[Mesh] = []
     instances: list[Instance] = []
     slots: list[Slot] = []
     for name in names:
-        mesh, matrix = _placed(name, strip, camera)
+        mesh, matrix = _place_prop(name, strip, camera)
         slots.append(Slot(f"/{FOLDER}/{name}"))
         instances.append(Instance(len(meshes), matrix, slots[-1].path))
         meshes.append(replace(mesh, name=slots[-1].path, face_slots=np.full_like(mesh.face_slots, len(meshes))))
@@ -228,7 +228,7 @@ def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome
 
 
 def cropped(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
-    """Return the camera whose frame is a square of another's, of a resolution."""
+    """Return the camera whose frame is the square `box` of the frame of `camera`, which has a resolution."""
     width, height = resolution
     x, y = box.middle
     part = box.width / width
@@ -237,7 +237,7 @@ def cropped(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
     return replace(camera, fov=fov, shift=(shift[0] / part, shift[1] / part))
 
 
-def _placed(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
+def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     """Return a prop and its matrix."""
     chrome, grey, chart = strip.props
     box = {"chrome": chrome, "grey": grey, "chart": chart}[name]
@@ -245,11 +245,11 @@ def _placed(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     pixel = 2.0 * camera.reach * camera.distance / width
     right, up, back = camera.frame
     x, y = box.middle
-    place = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)
+    position = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)
     matrix = np.eye(4)
-    # An upright card looks along -y, its right is +x.
+    # An upright card faces -y, its right is +x.
     matrix[:3, :3] = pixel * np.stack([right, -back, up], axis=-1)
-    matrix[:3, 3] = place
+    matrix[:3, 3] = position
     if name == "chart":
         return _chart(box.width, box.height), matrix
     ball = make_sphere(_SEGMENTS, _SEGMENTS // 2)
@@ -260,16 +260,16 @@ def _placed(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
 
 
 def _chart(width: float, height: float) -> Mesh:
-    """Return a card of the patches between borders, which looks along -y, about the origin."""
+    """Return a card of the patches between borders, which faces -y, about the origin."""
     xs, zs = (list(_edges(size, count)) for size, count in ((width, _COLUMNS), (height, _ROWS)))
     colors = patch_colors().reshape(_ROWS, _COLUMNS, 3)
-    points, shown = [], []
+    points, face_colors = [], []
     for row, (low, high) in enumerate(pairwise(zs)):
         for column, (left, right) in enumerate(pairwise(xs)):
             points += [(left, 0.0, low), (right, 0.0, low), (right, 0.0, high), (left, 0.0, high)]
             is_patch = row % 2 == 1 and column % 2 == 1
             # Rows of patches are counted from the top, z from the bottom.
-            shown.append(colors[_ROWS - 1 - row // 2, column // 2] if is_patch else np.full(3, _BORDER))
+            face_colors.append(colors[_ROWS - 1 - row // 2, column // 2] if is_patch else np.full(3, _BORDER))
     count = len(points)
     return Mesh(
         name="chart",
@@ -280,12 +280,12 @@ def _chart(width: float, height: float) -> Mesh:
         normals=np.tile(np.array([0, -1, 0], np.float32), (count, 1)),
         tangents=np.tile(np.array([1, 0, 0], np.float32), (count, 1)),
         uvs={},
-        primvars={"reflectance": np.repeat(np.array(shown, np.float32), 4, axis=0)},
+        primvars={"reflectance": np.repeat(np.array(face_colors, np.float32), 4, axis=0)},
     )
 
 
 def _edges(size: float, cells: int) -> Iterator[float]:
-    """Yield where borders and patches of a side begin and end, about 0."""
+    """Yield the coordinates of the edges between borders and patches along a side, centred at 0."""
     cell = size / cells
     yield -0.5 * size
     for number in range(cells):
