@@ -1,4 +1,4 @@
-"""The values that a shader reads at a point, as symbols: look-ups of textures, primvars, UV sets."""
+"""The values that a shader reads at a point of a surface, as symbols: look-ups of textures, primvars, UV sets."""
 
 from __future__ import annotations
 
@@ -19,10 +19,18 @@ from lookdev.material.textures import resolved, udim_tiles
 
 @dataclass(frozen=True)
 class LookUp:
-    """A look-up of an image, or of the slopes of its heights.
+    """A look-up of an image, or of the slopes of a height map.
 
-    `texture` has the addressing, by the UV set of the attribute `uv`; `files` are by the number of a UDIM tile, or 0
-    for a single image.
+    Attributes
+    ----------
+    texture
+        Has the addressing: wrapping, transform, UV set.
+    slopes
+        Whether the files have slopes of heights.
+    uv
+        Name of the attribute with the coordinates.
+    files
+        By the number of a UDIM tile, or 0 for a single image.
     """
 
     texture: Texture
@@ -33,10 +41,11 @@ class LookUp:
 
 @dataclass
 class Inputs:
-    """The points of a surface at which code runs, as a `lookdev.material.values.Surface`: its values are symbols.
+    """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
 
-    One texture read twice with the same addressing is one look-up. No image is opened before `look_up`, hence none that
-    folding removes. `resolve` turns a texture into its linear EXR, a height map into that of its slopes.
+    A texture that is read twice with the same addressing is one look-up. Only `look_up` opens images, so images that
+    folding removes are never opened. `resolve` returns the linear EXR file of a texture, or that of the slopes of a
+    height map.
     """
 
     graph: Graph
@@ -46,18 +55,18 @@ class Inputs:
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
+    def attributes_read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
         """Return the attributes, by name, that the values of these symbols depend on."""
         needed = self._needed(symbols)
         return [binding for name, binding in sorted(self.attributes.items()) if name in needed]
 
-    def looked_up_by(self, symbols: Iterable[str]) -> list[str]:
+    def look_ups_read_by(self, symbols: Iterable[str]) -> list[str]:
         """Return the names of the look-ups that the values of these symbols depend on."""
         needed = self._needed(symbols)
         return [name for name in self._images if name in needed]
 
     def _needed(self, symbols: Iterable[str]) -> set[str]:
-        # Directions and random numbers are symbols too, without a source.
+        # Directions and random numbers are also symbols, but have no source.
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
     def look_up(self, name: str) -> LookUp:
@@ -103,7 +112,7 @@ class Inputs:
         return symbol(self.graph, WO[2])
 
     def look_up_of(self, symbol: str) -> str | None:
-        """Return the name of the look-up that a symbol is a part of, if it is of one."""
+        """Return the name of the look-up that a symbol is a channel of, or None."""
         source = self._sources.get(symbol, ("",))[0]
         return source if source in self._images else None
 
@@ -124,7 +133,7 @@ class Inputs:
         return symbol(self.graph, name)
 
     def _symbols(self, source: str, names: list[str]) -> SymbolicArray:
-        """Return symbols, recording their source: an attribute, or a look-up and its UV set."""
+        """Return symbols, and record what they depend on: an attribute, or a look-up and its UV set."""
         image = self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image
         self._sources |= dict.fromkeys(names, (source, self._uv(texture.st)) if texture else (source,))

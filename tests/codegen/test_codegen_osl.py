@@ -386,7 +386,7 @@ def test_the_diffuse_part_is_summed_by_itself_on_request() -> None:
     graph = Graph()
     lobes = present_lobes(graph, MODELS["disney"].bsdf(complete_parameters("disney", {"clearcoat": 1.0})))
     traced = trace_lobes(graph, lobes)
-    assert [lobe.name for lobe in traced.lobes if lobe.diffuse] == ["diffuse"]
+    assert [lobe.name for lobe in traced.lobes if lobe.is_diffuse] == ["diffuse"]
     assert "f_diffuse" not in "\n".join(emit_brdf(traced).evaluate)
     split = emit_brdf(traced, by_group=True).evaluate
     assert sum("f_diffuse += own_f;" in line for line in split) == 1

@@ -148,8 +148,8 @@ def ball_operations() -> Functions:
     ``share``
         The share of its light that arrives at p.
     ``meet``
-        Whether a direction w from p meets the dome, the distance, and the solid angle seen from p per solid angle seen
-        from the dome's centre.
+        Whether a direction w from p meets the dome, the distance, and the solid angle at the dome's centre over the
+        solid angle at p.
     ``draw``
         The direction from p to the point where the direction `onto` from the centre meets the dome.
     """
