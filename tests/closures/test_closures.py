@@ -1,4 +1,4 @@
-"""Closures of Cycles: their formulas against closed forms, and their albedo against that of the lobes."""
+"""Closures of Cycles: their formulas against closed forms, and their albedos against those of the lobes."""
 
 from dataclasses import replace
 from itertools import cycle
@@ -46,7 +46,7 @@ class Anywhere:
 
 
 def bsdfs_of(look: Look, points: int) -> list[Bsdf]:
-    """Return the constant surfaces of a look at random points, or the one where nothing varies."""
+    """Return the constant surfaces of a look at random points, or the only one if nothing varies."""
     looks = constant_looks(look, points, np.random.default_rng(0))
     return [look_bsdf(constant, Anywhere()) for constant in looks]
 
@@ -245,15 +245,15 @@ def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, s
     parameters |= {"anisotropic": np.zeros(count)} if model == "disney" else {}
     if "ior" in parameters:
         parameters["ior"] = np.clip(parameters["ior"], 1.0, 2.5)
-        # As of metals. Without absorption, total reflection begins at a single angle.
+        # As for metals. Without absorption, total reflection begins at a single angle.
         parameters["k"] = np.maximum(parameters["k"], 2.0)
     deviations = []
     for index in range(count):
         point = {name: value if isinstance(value, str) else value[index] for name, value in parameters.items()}
         deviations.append(max(deviation(MODELS[model].bsdf(point), view(angle)) for angle in (20.0, 70.0, 85.0)))
-    # Of Pixar's exact metals, the error is 1.6 % at 85 degrees.
+    # The error of Pixar's exact metals is 1.6 % at 85 degrees.
     most = 0.016 if model == "pixar" and tokens["fresnel"] == CONDUCTOR else TOLERANCE
-    # The error of wide cones of a bent view is 2 %.
+    # The error of wide cones in a refracted view is 2 %.
     assert np.sum(np.array(deviations) > most) <= 1
     assert max(deviations) <= 0.03
 

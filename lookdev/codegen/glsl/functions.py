@@ -24,7 +24,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
-"""Texels of a row of a table's texture, R32F: numbers follow each other over all rows."""
+"""Texels in a row of the texture with a table's numbers, R32F: they continue from row to row."""
 
 PRELUDE = """
 float look_expm1(float x) {

@@ -49,7 +49,7 @@ _WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
 
 @dataclass(frozen=True)
 class LookFunctions:
-    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and what they read.
+    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and the values that they read.
 
     Globals are set before a call: the attributes, by the names of their parameters; ``mesh_normal``, ``mesh_tangent``,
     ``mesh_facet`` and ``viewer`` in world space, and ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above

@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import lay_out_nodes
-from lookdev.codegen.nodes.match import depth_of, match
+from lookdev.codegen.nodes.match import depth_of, match_operation
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
 from lookdev.codegen.trace.graph import Node, Scalar
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
@@ -208,7 +208,7 @@ class TreeBuilder:
         dot = match_dot(node)
         if dot and all(self._is_vector(factor) for factor in dot):
             return _vector_math("DOT_PRODUCT", [_term(factor) for factor in dot], "Value")
-        operation, *operands = match(node, self._links)
+        operation, *operands = match_operation(node, self._links)
         if operation == "MIX":
             a, b, factor = operands
             return _mix("Float", a, b, factor)
@@ -246,7 +246,7 @@ class TreeBuilder:
         factors = match_cross(triple)
         if factors:
             return _vector_math("CROSS_PRODUCT", [_term(factor) for factor in factors])
-        matches = [match(node, self._links) for node in nodes]
+        matches = [match_operation(node, self._links) for node in nodes]
         operation = matches[0][0]
         if operation not in _VECTOR_OPERATIONS or any(other[0] != operation for other in matches):
             return None

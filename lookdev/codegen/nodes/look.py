@@ -76,7 +76,7 @@ class _Material:
     def source(self) -> NodeSource:
         stack = look_layers(self._look, self._inputs)
         names = _unique_names(layer.name for layer in stack)
-        # This raises if layers do not fit together, also if these vanish.
+        # This raises if layers do not fit together, even if they fold to nothing.
         presence = stack_bsdf(stack).presence
         first, *others = runs(stack)
         if not others:
@@ -213,7 +213,7 @@ class _Material:
 def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     """Add the frame and closures of a BSDF to a group; return the closures' sum and whether light passes through."""
     frame = add_frame(group.builder)
-    # Names of parameters and layers have no dot.
+    # No other symbol has such a name, as names of parameters and layers do not contain dots.
     axes = {"frame.tangent": frame.tangent, "frame.bitangent": frame.bitangent, "frame.normal": frame.normal}
     bases = [bind_symbols(group.graph, group.builder, name, link, vector=True) for name, link in axes.items()]
     return shade(group.graph, group.builder, bsdf, np.stack(bases))

@@ -43,7 +43,7 @@ _OPERATIONS: dict[str, str] = {
 _E = 2.718281828459045
 
 
-def match(node: Node, computed: Container[Any] = ()) -> Match:
+def match_operation(node: Node, computed: Container[Any] = ()) -> Match:
     """Return the operation that computes a node, and its operands.
 
     A summand that is a product becomes part of the addition, unless it is in `computed`: nodes that exist anyway.

@@ -163,7 +163,7 @@ def _parts(term: Term) -> Iterator[tuple[str, tuple[Scalar, ...]]]:
     for group, evaluate in term.lobe.parts.items():
         f = scale(evaluate(term.directions), term.lobe.weight)
         part = tuple(elements_of(replace(term, f=f).value))
-        if any(isinstance(each, Node) or each > 0.0 for each in part):
+        if any(isinstance(value, Node) or value > 0.0 for value in part):
             yield group, part
 
 

@@ -106,7 +106,7 @@ def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> 
 
 
 def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
-    # "#" begins the lines of the preprocessor, too.
+    # A "#" at the beginning of a line is one of the preprocessor's.
     begin = len(line) - len(line.lstrip("#"))
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
@@ -177,7 +177,10 @@ def _weight_function(kind: str, shaped: bool, falling: bool) -> Lines:
 
 @cache
 def _picture_functions() -> Lines:
-    """Return functions of the square parts of a rectangle, which begin at s, t (`lookdev.light.picture`)."""
+    """Return functions of a part of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`).
+
+    s, t and the size are fractions of the rectangle's sides.
+    """
     trace = _Tracer()
     width, height = trace.fields("a", "b")
     p, w = trace.vector("p"), trace.vector("w")

@@ -54,9 +54,14 @@ _LEAST_DENSITY = 0.01
 
 
 def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
-    """Fill a template, a file of `lookdev/shaders`; an unknown section is a CodegenError.
+    """Fill a template, a file of `lookdev/shaders`.
 
     A line ``//@ NAME`` is replaced by the lines of that section, ``//@ include FILE`` by that file.
+
+    Raises
+    ------
+    CodegenError
+        The template has a section that `sections` lacks.
     """
     lines: list[str] = []
     for line in (files("lookdev") / "shaders" / name).read_text(encoding="utf-8").splitlines():
@@ -96,7 +101,7 @@ def generate_surface(
     constant = all(light.constant for light in lights)
     samples_light = sampling.ibl_samples != 0 and not constant
     counts = direction_counts(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
-    # A single direction is never one for light from behind.
+    # If only one direction is drawn, it is not for light from behind.
     from_behind = min(counts.ibl, counts.ibl_onward) > 1
     if samples_light:
         share = _BROAD_SHARES[bounces > 0]

@@ -107,7 +107,7 @@ def shadow_operations() -> Functions:
 
 @cache
 def part_operations() -> Functions:
-    """Return the functions of a square part of a picture: it begins at fractions part_s and part_t and has a ``size``.
+    """Return the functions of a part of a picture: from fractions part_s and part_t of its sides on, of a size in both.
 
     ``angle``
         Roughly the solid angle of the part from p (`lookdev.light.picture`).
