@@ -136,6 +136,7 @@ class TreeBuilder:
         return NodeTree(self.name, nodes, tuple(socket for socket in inputs if socket.name in read), tuple(outputs))
 
     def _term_value(self, term: Term) -> Link:
+        """Return the output that has the value of a term, adding the nodes that compute it."""
         self._plan([term])
         stack = [term]
         while stack:
@@ -196,6 +197,7 @@ class TreeBuilder:
         return link is not None
 
     def _scalar_recipe(self, node: Node) -> _Recipe:
+        """Return the recipe of a number: a component of a vector, a group, a dot product, or an operation."""
         if node in self._components:
             triple, index = self._components[node]
             return _Recipe("SeparateXYZ", {"Vector": triple}, _AXES[index])
@@ -215,6 +217,7 @@ class TreeBuilder:
         return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:
+        """Return the recipe of a vector; if one node computes it, its components are separated from that node."""
         recipe = self._single_recipe(triple)
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")

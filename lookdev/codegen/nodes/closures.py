@@ -37,7 +37,7 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
     for closure, label in closures:
-        total = add_shaders(builder, total, _add(graph, builder, closure, frame, label))
+        total = add_shaders(builder, total, _add_closure(graph, builder, closure, frame, label))
     return total, any(closure.transmits for closure, _ in closures)
 
 
@@ -90,7 +90,8 @@ def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]
     return list(merged.values())
 
 
-def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
+def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
+    """Add the node of a closure, and return its output."""
     inputs: dict[str, Any] = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
     color = add_value(builder, closure.weight)
@@ -101,7 +102,7 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
             return _add_sheen(builder, color, label, inputs)
         case "rough_diffuse":
             inputs |= {"Color": add_value(builder, closure.f0), "Roughness": add_value(builder, closure.roughness)}
-            return _weight(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
+            return _multiply_weight(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
         case "diffuse":
             kind = "BsdfDiffuse"
             inputs["Roughness"] = 0.0
@@ -131,10 +132,10 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
         inputs |= {"Base Color": add_value(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
-    return _weight(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
+    return _multiply_weight(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
 
 
-def _weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
+def _multiply_weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
     """Multiply the shader of a node without a socket for weights by the closure's: mix it with an empty shader."""
     shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
     if same(weight, 1.0):

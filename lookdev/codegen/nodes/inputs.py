@@ -56,6 +56,7 @@ def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding
 
 
 def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
+    """Add the node of an attribute, and bind the symbols of its components."""
     name = binding.parameter
     components = [f"{name}[{i}]" for i in range(3)]
     if binding.kind == "uv":
@@ -69,6 +70,7 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
 
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp) -> None:
+    """Add the nodes of a look-up, and bind the symbols of its channels."""
     texture = look_up.texture
     uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
     a, b, c, d, e, f = texture.transform

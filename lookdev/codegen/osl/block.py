@@ -192,6 +192,7 @@ class Block:
         return f"{cell}[{channel or 0}]"
 
     def _define(self, node: Node, code: str) -> None:
+        """Write a variable that has the value of a node."""
         name = self._preset_names.get(node, f"{self._prefix}{len(self.variables)}")
         kind = "int" if node.op in _BOOLEAN else "float"
         self.write(f"{kind} {name} = {strip_parentheses(code)};")

@@ -41,6 +41,8 @@ def bind_tables(tables: Iterable[Table]) -> BoundTables:
 
 
 def _store_table(table: Table) -> Content:
+    """Put the values of a table into the store, as the array or the texture that a shader reads."""
+
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 

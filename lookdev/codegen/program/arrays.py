@@ -129,6 +129,7 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
 
 
 def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
+    """Return the steps of a program: those that depend on a direction run for each pair, the others once."""
     varying: set[int] = set()
     constants: dict[int, Any] = {}
     names: dict[str, int] = {}

@@ -252,6 +252,8 @@ def _image_binding(inputs: Inputs, name: str) -> ImageBinding:
 
 
 def _store_table(table: Table) -> Content:
+    """Put the values of a table into the store, as an array of float32."""
+
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 
