@@ -32,13 +32,13 @@ ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
 PRESETS = sorted([*(MATERIALS / "presets").glob("*.usda"), *(MATERIALS / "metals").glob("*.usda")])
 LOOKS = sorted(MATERIALS.glob("*.usda"))
-STOOD_IN = dict.fromkeys(model for model, _ in STAND_INS)
+MODELS_WITH_STAND_INS = dict.fromkeys(model for model, _ in STAND_INS)
 # 1 %, and 0.001 of albedos below 0.1. The errors of the quadratures are a twentieth of that.
 TOLERANCE = 0.01
 CELLS = (48, 32)
 
 
-class Anywhere:
+class ConstantSurface:
     """Points of constant surfaces."""
 
     def handedness(self) -> Floats:
@@ -48,7 +48,7 @@ class Anywhere:
 def bsdfs_of(look: Look, points: int) -> list[Bsdf]:
     """Return the constant surfaces of a look at random points, or the only one if nothing varies."""
     looks = constant_looks(look, points, np.random.default_rng(0))
-    return [look_bsdf(constant, Anywhere()) for constant in looks]
+    return [look_bsdf(constant, ConstantSurface()) for constant in looks]
 
 
 def view(angle: float, azimuth: float = 0.35) -> Floats:
@@ -235,7 +235,7 @@ def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float) -> 
     assert {name: value for name, value in deviations.items() if value > TOLERANCE} == {}
 
 
-ISOTROPIC = [variant for variant in VARIANTS if variant[0] in STOOD_IN and "options" not in variant[1]]
+ISOTROPIC = [variant for variant in VARIANTS if variant[0] in MODELS_WITH_STAND_INS and "options" not in variant[1]]
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.proof)])
@@ -260,7 +260,7 @@ def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, s
 
 def test_weights_stay_bounded_however_a_view_grazes() -> None:
     rng = np.random.default_rng(5)
-    for model in STOOD_IN:
+    for model in MODELS_WITH_STAND_INS:
         parameters = random_parameters(rng, model, {}, 50)
         if model == "pixar":
             parameters |= {name: np.ones(50) for name in parameters if name.endswith("Scale") and "Cone" not in name}

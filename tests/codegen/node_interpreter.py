@@ -13,7 +13,7 @@ F = np.float32
 
 
 @dataclass(frozen=True)
-class Carried:
+class PrimvarPoints:
     """Points with primvars and the handedness, by name, for views `wo`: a `Surface` of materials without UVs."""
 
     values: Mapping[str, Any]

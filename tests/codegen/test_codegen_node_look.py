@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from layers import no_textures, of_view
-from node_interpreter import Carried, Interpreter
+from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
@@ -144,7 +144,7 @@ def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, se
     source = generate(*layers)
     wo, wi = directions(rng, above=True), directions(rng, above=False).astype(np.float64)
     attributes = {HANDEDNESS: np.ones(COUNT, dtype=np.float32)} | dict(values or {})
-    bsdf = look_bsdf(Look("look", layers), Carried(attributes, wo))
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(attributes, wo))
     expected = np.zeros((COUNT, 3))
     for lobe in bsdf.lobes(wo.astype(np.float64)):
         for closure in lobe_closures(lobe, wo.astype(np.float64)):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from layers import no_textures, of_view
-from node_interpreter import Carried, Interpreter
+from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
@@ -110,7 +110,7 @@ def assert_samples(layers: tuple[Layer, ...], scene: dict[str, Any]) -> NodeSour
     """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
     source = generate(*layers, bounces=2)
     weight, world = run(source, scene)
-    bsdf = look_bsdf(Look("look", layers), Carried(scene, scene["wo"]))
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(scene, scene["wo"]))
     wo = scene["wo"].astype(np.float64)
     wi = world @ np.linalg.inv(scene["axes"].astype(np.float64))
     expected_wi = sample(bsdf, wo, scene["u"][..., :2].astype(np.float64))
@@ -121,7 +121,7 @@ def assert_samples(layers: tuple[Layer, ...], scene: dict[str, Any]) -> NodeSour
     wi = wi[valid] / np.linalg.norm(wi[valid], axis=-1, keepdims=True)
     wo, weight = wo[valid], weight[valid]
     scene_used = {name: value[valid] for name, value in scene.items() if np.shape(value)[:1] == (COUNT,)}
-    bsdf = look_bsdf(Look("look", layers), Carried(scene_used, scene_used["wo"]))
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(scene_used, scene_used["wo"]))
     expected = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
     # The quotient is smooth in wi. There are several hundred roundings; lobes with alpha 0.001 magnify those of wm.
     np.testing.assert_allclose(weight, expected, rtol=5e-3, atol=1e-5)

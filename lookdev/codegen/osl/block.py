@@ -114,7 +114,7 @@ class Block:
         self._preset_names: dict[Node, str] = {}
         self._cells: dict[tuple[Any, ...], str] = {}
 
-    def inner(self, prefix: str, indent: int) -> Block:
+    def inner_block(self, prefix: str, indent: int) -> Block:
         """Return a scope inside this one, which starts with the variables that this one has now."""
         inner = Block(prefix, indent, self.variables, self._spell)
         inner._cells = dict(self._cells)

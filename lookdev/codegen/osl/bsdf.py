@@ -232,7 +232,7 @@ def emit_brdf(
         for number, delta in enumerate(deltas):
             setup.write(f"delta_group[{number}] = {LOBE_GROUPS.index(_delta_group(delta))};")
     feature_values = [value for triple in (features or {}).values() for value in triple]
-    feature_block = setup.inner("a", indent=2)
+    feature_block = setup.inner_block("a", indent=2)
     feature_block.prepare(feature_values)
     for name, feature in (features or {}).items():
         feature_block.write(f"color {name} = color({', '.join(map(feature_block.expression, feature))});")
@@ -282,7 +282,7 @@ def _evaluate(
     sides: dict[bool | Node, list[TracedLobe]] = {False: [], True: []}
     for lobe in mixture.lobes:
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
-    block = setup.inner("g", indent=2)
+    block = setup.inner_block("g", indent=2)
     block.write("color f = 0;")
     if by_group:
         block.write("color f_diffuse = 0;")
@@ -342,12 +342,12 @@ def _evaluate_side(
         shared_operands |= dict.fromkeys(node for node in (*roots, *operands) if node in shared)
     ordered = sorted(shared_operands, key=lambda node: len(reachable([node])))
 
-    block = setup.inner(prefix, indent)
+    block = setup.inner_block(prefix, indent)
     block.prepare(ordered)
     for node in ordered:
         block.name(node)
     for index, lobe in enumerate(lobes):
-        inner = block.inner(f"{prefix}{index}_", indent + 1)
+        inner = block.inner_block(f"{prefix}{index}_", indent + 1)
         inner.prepare(lobe.direction_values())
         color = ", ".join(inner.expression(value) for value in lobe.value)
         density = strip_parentheses(inner.expression(lobe.density))
@@ -382,12 +382,12 @@ def _evaluate_side(
 
 def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Return the lines that choose a lobe by u1 and sample it."""
-    block = setup.inner("d", indent=3)
+    block = setup.inner_block("d", indent=3)
     block.prepare([lobe.below for lobe in lobes[:-1]])
     conditions = [f"if ({strip_parentheses(block.expression(lobe.below))}) " for lobe in lobes[:-1]]
     # The last lobe has no condition: u1 is in its range if no other condition is true.
     for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=False)):
-        inner = block.inner(f"d{index}_", indent=4)
+        inner = block.inner_block(f"d{index}_", indent=4)
         block.write(f"{'else ' * (index > 0)}{condition}{{  // {lobe.name}")
         inner.prepare(lobe.wi)
         wi = [inner.expression(value) for value in lobe.wi]
