@@ -7,12 +7,12 @@ from lookdev.brdf.vectors import Array
 from lookdev.closures.closure import Closure, StandIn
 
 
-def lambert(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def lambert_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return Cycles' diffuse closure, which equals the lobe."""
     return (Closure("diffuse", lobe.values["color"], frame=lobe.frame),)
 
 
 STAND_INS: dict[tuple[str, str], StandIn] = {
-    ("lambert", "diffuse"): lambert,
+    ("lambert", "diffuse"): lambert_closures,
 }
 """By the names of the model and of a lobe."""

@@ -136,6 +136,7 @@ def oren_nayar_g(cos_theta: Array) -> Array:
 
 
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
+    """Return f times the cosine of a closure of microfacets, for local directions above its horizon, (...)."""
     if closure.kind.endswith("refraction"):
         # Walter et al. 2007, eq. 16 and 21.
         half = -(wo + scale(wi, closure.ior))

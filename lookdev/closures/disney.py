@@ -24,7 +24,7 @@ from lookdev.closures.fits import fit, shape
 from lookdev.errors import CodegenError
 
 
-def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for the diffuse lobe: sheen, the subsurface term where it has a share, and Oren and Nayar's.
 
     The shape of sheen is exact but for a factor 1 / (cos_theta_i + cos_theta_o).
@@ -86,7 +86,7 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
     )
 
 
-def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for the specular lobe: a metal and GGX with its alphas; for exact metals also a conductor.
 
     Raises
@@ -186,7 +186,7 @@ def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, floa
     return SeenAlphas(ratio, cosine, skew)
 
 
-def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for the clearcoat lobe: GTR1 as three GGX lobes."""
     weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
     ratio = weight * fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
@@ -223,8 +223,8 @@ def _square(x: Array) -> Array:
 
 
 STAND_INS: dict[tuple[str, str], StandIn] = {
-    ("disney", "diffuse"): diffuse,
-    ("disney", "specular"): specular,
-    ("disney", "clearcoat"): clearcoat,
+    ("disney", "diffuse"): diffuse_closures,
+    ("disney", "specular"): specular_closures,
+    ("disney", "clearcoat"): clearcoat_closures,
 }
 """By the names of the model and of a lobe."""

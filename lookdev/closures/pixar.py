@@ -27,14 +27,14 @@ IOR = 1000.0
 _LARGEST_RATIO = 1.25
 
 
-def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for a diffuse lobe; its directional albedo, the same for all views, is exact."""
     # The cosine-weighted mean of (1 - cos)^5 is 1/21.
     weight = lobe.values["at_normal"] * (20.0 / 21.0) + lobe.values["at_grazing"] * (1.0 / 21.0)
     return (Closure("translucent" if lobe.transmits else "diffuse", weight, frame=lobe.frame),)
 
 
-def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for a highlight, reflected or transmitted."""
     p = lobe.values
     # `view` is refracted where the lobe transmits.
@@ -82,11 +82,11 @@ def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
 
 
 STAND_INS: dict[tuple[str, str], StandIn] = {
-    ("pixar", "diffuse"): diffuse,
-    ("pixar", "specular"): highlight,
-    ("pixar", "reflection"): highlight,
-    ("pixar", "diffuseTransmission"): diffuse,
-    ("pixar", "specularTransmission"): highlight,
-    ("pixar", "refraction"): highlight,
+    ("pixar", "diffuse"): diffuse_closures,
+    ("pixar", "specular"): highlight_closures,
+    ("pixar", "reflection"): highlight_closures,
+    ("pixar", "diffuseTransmission"): diffuse_closures,
+    ("pixar", "specularTransmission"): highlight_closures,
+    ("pixar", "refraction"): highlight_closures,
 }
 """By the names of the model and of a lobe."""

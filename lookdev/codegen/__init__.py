@@ -1,4 +1,4 @@
-"""From a model to shader code: symbolic arrays trace it, emitters write it."""
+"""From a model to shader code: symbolic arrays trace the model, emitters write the code."""
 
 from lookdev.codegen.source import (
     HANDEDNESS,

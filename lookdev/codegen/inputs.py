@@ -1,4 +1,4 @@
-"""The values that a shader reads at a point, as symbols: look-ups of textures, primvars, UV sets."""
+"""The values that a shader reads at a point of a surface, as symbols: look-ups of textures, primvars, UV sets."""
 
 from __future__ import annotations
 
@@ -19,10 +19,18 @@ from lookdev.material.textures import resolved, udim_tiles
 
 @dataclass(frozen=True)
 class LookUp:
-    """A look-up of an image, or of the slopes of its heights.
+    """A look-up of an image, or of the slopes of a height map.
 
-    `texture` has the addressing, by the UV set of the attribute `uv`; `files` are by the number of a UDIM tile, or 0
-    for a single image.
+    Attributes
+    ----------
+    texture
+        Has the addressing: wrapping, transform, UV set.
+    slopes
+        Whether the files have slopes of heights.
+    uv
+        Name of the attribute with the coordinates.
+    files
+        By the number of a UDIM tile, or 0 for a single image.
     """
 
     texture: Texture
@@ -33,10 +41,11 @@ class LookUp:
 
 @dataclass
 class Inputs:
-    """The points of a surface at which code runs, as a `lookdev.material.values.Surface`: its values are symbols.
+    """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
 
-    One texture read twice with the same addressing is one look-up. No image is opened before `look_up`, hence none that
-    folding removes. `resolve` turns a texture into its linear EXR, a height map into that of its slopes.
+    A texture that is read twice with the same addressing is one look-up. Only `look_up` opens images, so images that
+    folding removes are never opened. `resolve` returns the linear EXR file of a texture, or that of the slopes of a
+    height map.
     """
 
     graph: Graph
@@ -46,18 +55,19 @@ class Inputs:
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
+    def attributes_read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
         """Return the attributes, by name, that the values of these symbols depend on."""
-        needed = self._needed(symbols)
-        return [binding for name, binding in sorted(self.attributes.items()) if name in needed]
+        sources = self._sources_of(symbols)
+        return [binding for name, binding in sorted(self.attributes.items()) if name in sources]
 
-    def looked_up_by(self, symbols: Iterable[str]) -> list[str]:
+    def look_ups_read_by(self, symbols: Iterable[str]) -> list[str]:
         """Return the names of the look-ups that the values of these symbols depend on."""
-        needed = self._needed(symbols)
-        return [name for name in self._images if name in needed]
+        sources = self._sources_of(symbols)
+        return [name for name in self._images if name in sources]
 
-    def _needed(self, symbols: Iterable[str]) -> set[str]:
-        # Directions and random numbers are symbols too, without a source.
+    def _sources_of(self, symbols: Iterable[str]) -> set[str]:
+        """Return the names of the attributes and look-ups that the values of symbols depend on."""
+        # Directions and random numbers are also symbols, but have no source.
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
     def look_up(self, name: str) -> LookUp:
@@ -72,21 +82,21 @@ class Inputs:
         texture = resolved(source.height if isinstance(source, Bump) else source)
         tiles = udim_tiles(texture) or {0: texture}
         files = {number: self._file(source, tile) for number, tile in tiles.items()}
-        return LookUp(texture, isinstance(source, Bump), self._uv(texture.st), files)
+        return LookUp(texture, isinstance(source, Bump), self._uv_attribute(texture.st), files)
 
     def _file(self, source: Texture | Bump, texture: Texture) -> Content:
         return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
 
     def uv(self, name: str) -> SymbolicArray:
-        uv = self._uv(name)
+        uv = self._uv_attribute(name)
         return self._symbols(uv, [f"{uv}[{i}]" for i in range(2)])
 
     def texels(self, texture: Texture) -> SymbolicArray:
-        name = self._lookup(texture)
+        name = self._look_up_name(texture)
         return self._symbols(name, [*(f"{name}[{i}]" for i in range(3)), f"{name}_a"])
 
     def slopes(self, height: Texture) -> SymbolicArray:
-        name = self._lookup(Bump(height))
+        name = self._look_up_name(Bump(height))
         return self._symbols(name, [f"{name}[{i}]" for i in range(2)])
 
     def primvar(self, primvar: Primvar) -> SymbolicArray:
@@ -103,20 +113,22 @@ class Inputs:
         return symbol(self.graph, WO[2])
 
     def look_up_of(self, symbol: str) -> str | None:
-        """Return the name of the look-up that a symbol is a part of, if it is of one."""
+        """Return the name of the look-up that a symbol is a channel of, or None."""
         source = self._sources.get(symbol, ("",))[0]
         return source if source in self._images else None
 
-    def _lookup(self, source: Texture | Bump) -> str:
+    def _look_up_name(self, source: Texture | Bump) -> str:
+        """Return the name of the look-up of an image, a new one unless the same look-up exists."""
         texture = source.height if isinstance(source, Bump) else source
         image = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
         address = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, image
         name = self._lookups.setdefault(address, f"lookup{len(self._lookups)}")
         self._images.setdefault(name, source)
-        self._uv(texture.st)
+        self._uv_attribute(texture.st)
         return name
 
-    def _uv(self, name: str) -> str:
+    def _uv_attribute(self, name: str) -> str:
+        """Return the name of the parameter that has a UV set."""
         return self._attribute(f"uv_{short_name(name)}", name, "uv", None)
 
     def _symbol(self, name: str) -> SymbolicArray:
@@ -124,13 +136,14 @@ class Inputs:
         return symbol(self.graph, name)
 
     def _symbols(self, source: str, names: list[str]) -> SymbolicArray:
-        """Return symbols, recording their source: an attribute, or a look-up and its UV set."""
+        """Return symbols, and record what they depend on: an attribute, or a look-up and its UV set."""
         image = self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image
-        self._sources |= dict.fromkeys(names, (source, self._uv(texture.st)) if texture else (source,))
+        self._sources |= dict.fromkeys(names, (source, self._uv_attribute(texture.st)) if texture else (source,))
         return symbols(self.graph, names)
 
     def _attribute(self, name: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
+        """Bind an attribute to a parameter, and return its name; two different bindings of one raise CodegenError."""
         binding = AttributeBinding(name, attribute, kind, fallback)
         if self.attributes.setdefault(name, binding) != binding:
             raise CodegenError(

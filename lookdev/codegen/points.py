@@ -1,4 +1,4 @@
-"""Stacks of layers at listed points, whose numbers code reads from a table."""
+"""Stacks of layers at listed points: generated code reads their inputs from a table, a row for each point."""
 
 from __future__ import annotations
 
@@ -20,9 +20,18 @@ from lookdev.material.values import seen
 class PointLayer:
     """The part of a layer at listed points that its code depends on.
 
-    `tokens` that are not given have their defaults. `constants` has the numbers that are the same at every point: they
-    fold as in the shader of a look. Those `following` have the value of the number that they follow, and `formulas` has
-    expressions of the view alone. All others are read from a table.
+    Numbers that none of the last three attributes contains are read from a table.
+
+    Attributes
+    ----------
+    tokens
+        Tokens that differ from their defaults.
+    constants
+        Numbers that are the same at every point: they fold as in the shader of a look.
+    following
+        Names of numbers that have the value of the number that they follow.
+    formulas
+        Numbers that are expressions of the view alone.
     """
 
     model: str
@@ -33,27 +42,28 @@ class PointLayer:
     formulas: Mapping[str, str] = field(default_factory=dict)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape at one point, () or (3,), of the mask and of every number, by name.
+        """Return the shapes at one point, () or (3,), of the mask and the numbers, by name.
 
-        Numbers that follow others or are formulas are left out.
+        Numbers that follow others, and formulas, are left out.
         """
-        numbers = {name: each for name, each in MODELS[self.model].parameters.items() if each.kind != "token"}
+        parameters = MODELS[self.model].parameters.items()
+        numbers = {name: parameter for name, parameter in parameters if parameter.kind != "token"}
         shapes = {name: () if number.kind == "float" else (3,) for name, number in numbers.items()}
         computed = {*self.following, *self.formulas}
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
     def at(self, numbers: Mapping[str, Any], view: Array) -> StackLayer:
-        """Return the layer with `numbers`, those that are read, seen at the cosines `view` (...) to its normal."""
-        known = dict(MODELS[self.model].parameters)
+        """Return the layer with the `numbers` that are read, for views at the cosines `view`, (...), to its normal."""
+        parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
-        computed = {name: seen(text, (known | {"mask": MASK})[name], view) for name, text in self.formulas.items()}
+        computed = {name: seen(text, (parameters | {"mask": MASK})[name], view) for name, text in self.formulas.items()}
         values = {**MODELS[self.model].tokens(self.tokens), **constants, **numbers, **computed}
         mask = values.pop("mask")
-        return StackLayer(self.model, with_followers(known, values), mask, self.mode)
+        return StackLayer(self.model, with_followers(parameters, values), mask, self.mode)
 
 
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
-    """Return the surface of layers whose numbers are symbols by the names of their `point_columns`."""
+    """Return the BSDF of layers whose numbers are symbols, named by `point_columns`."""
     stack = []
     for number, layer in enumerate(layers):
         values: dict[str, Any] = {}
@@ -66,7 +76,7 @@ def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
-    """Return the columns of a table of points: wo, wi, then the mask and inputs of each layer but its constants."""
+    """Return the columns of a table of points: wo, wi, then the mask and inputs of each layer except constants."""
     columns = [*WO, *WI]
     for number, layer in enumerate(layers):
         for name, shape in layer.shapes().items():
@@ -78,7 +88,7 @@ def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
 def point_cells(layers: Sequence[PointLayer]) -> int:
     """Return the number of texels of three channels in a row of a table of points.
 
-    A power of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+    It is a power of two, so that texel centres are exact in float32, and a look-up that interpolates returns the texel.
     """
     return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
 

@@ -1,6 +1,6 @@
-"""A look as the Principled BSDF nearest to it, for the benchmark.
+"""A look as the most similar Principled BSDF, for the benchmark.
 
-The two are different models: their pictures are alike, not equal; they are as hard to sample.
+The two models differ: their pictures are similar, not equal. Sampling one is as hard as sampling the other.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import CodegenError
 from lookdev.material import Look, Varying
 
-_CARRIED = ("baseColor", "metallic", "roughness", "anisotropic", "clearcoat", "clearcoatGloss")
+_SUPPORTED = ("baseColor", "metallic", "roughness", "anisotropic", "clearcoat", "clearcoatGloss")
 
 
 def generate_principled(look: Look) -> PrincipledSource:
@@ -28,17 +28,17 @@ def generate_principled(look: Look) -> PrincipledSource:
     CodegenError
         The look has other layers, or an input that the Principled BSDF does not have.
     """
-    where = f"{look.name}: the Principled BSDF carries"
+    prefix = f"{look.name}: the Principled BSDF carries"
     if [layer.model for layer in look.layers] != ["disney"]:
-        raise CodegenError(f"{where} one Disney layer, not {len(look.layers)} layers of any model")
+        raise CodegenError(f"{prefix} one Disney layer, not {len(look.layers)} layers of any model")
     inputs = look.layers[0].inputs
     for name, value in inputs.items():
         if isinstance(value, Varying):
-            raise CodegenError(f"{where} constants, and {name} varies over the surface")
-    values, usual = complete_parameters("disney", inputs), complete_parameters("disney", {})
+            raise CodegenError(f"{prefix} constants, and {name} varies over the surface")
+    values, defaults = complete_parameters("disney", inputs), complete_parameters("disney", {})
     for name, value in values.items():
-        if name not in _CARRIED and not np.array_equal(value, usual[name]):
-            raise CodegenError(f"{where} no {name} but its default")
+        if name not in _SUPPORTED and not np.array_equal(value, defaults[name]):
+            raise CodegenError(f"{prefix} no {name} but its default")
     red, green, blue = map(float, values["baseColor"])
     sockets: dict[str, float | tuple[float, ...]] = {
         "Base Color": (red, green, blue),

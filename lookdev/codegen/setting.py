@@ -1,4 +1,4 @@
-"""The setting that a source is generated for, besides its look."""
+"""The setting that a source is generated for: everything that it depends on except its look."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ class SourceSetting:
     Attributes
     ----------
     lights
-        Their code and its constants are part of a source, their files and numbers are not.
+        Their code and its constants are part of a source; their files and numbers are not.
     resolution
         Width and height of the picture in pixels: each pixel has a scramble of its own.
     sampling
-        Directions that are None are as many as suit the look.
+        Numbers of directions that are None depend on the look.
     shadows
-        Whether the asset can occlude light; without shadows there are no bounces either.
+        Whether the asset can occlude light. Without shadows there are no bounces either.
     catching
         In a scene with a shadow catcher: whether the look is that of the ground or of the asset.
     resolve
-        Returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the cache.
+        Returns the linear EXR file of a texture, or that of the slopes of a height map. If it is None, the files are
+        those of the cache.
     light_groups
-        The number of the group of each light, where a pass records them.
+        The number of the group of each light, if a pass records groups.
     space
-        The space of the lights, and of the light that is reflected.
+        The colour space of the lights and of reflected light.
     """
 
     lights: tuple[Light, ...]
@@ -50,8 +51,8 @@ class SourceSetting:
     space: Space = REC709
 
     def image_file(self, source: Texture | Bump) -> Path:
-        """Return the file of an image."""
-        # Imported where it is needed: workers decode sources, and read no texture's material.
+        """Return the file of a texture, or of the slopes of a height map."""
+        # This import is local as workers decode sources but do not read materials.
         from lookdev.material.textures import image_file
 
         return (self.resolve or image_file)(source)

@@ -1,4 +1,4 @@
-"""The results of code generation, as plain data: shaders' texts, node trees, and the files and attributes they read."""
+"""The results of code generation as plain data: shader text, node trees, and the files and attributes they read."""
 
 from __future__ import annotations
 
@@ -13,28 +13,43 @@ from lookdev.cache import Content
 from lookdev.errors import CodegenError
 
 TANGENT = "lookdev_tangent"
-"""Name of the mesh attribute of the tangents, which only sources that depend on their direction read."""
+"""Name of the mesh attribute of the tangents. Only sources that depend on the direction of tangents read it."""
 
 HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
 
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
-_ODD = re.compile(r"[^A-Za-z0-9]")
-_TAKEN = {"position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius"}
-_TAKEN |= {"velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P"}
-# What Cycles computes itself: it looks these up before the attributes of a mesh.
-_TAKEN |= {"Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent", "generated"}
-_TAKEN |= {"undisplaced_tangent_sign", "vertex_color", "generated_transform", "undeformed", "undisplaced", "particle"}
-_TAKEN |= {"undisplaced_N", "motion_P", "motion_N", "curve_intercept", "curve_length", "curve_random", "point_random"}
-_TAKEN |= {"ptex_face_id", "ptex_uv", "density", "color", "flame", "heat", "temperature", "pointiness"}
-_TAKEN |= {"velocity_x", "velocity_y", "velocity_z", "random_per_island", "shadow_transparency"}
+_NON_ALPHANUMERIC = re.compile(r"[^A-Za-z0-9]")
+_RESERVED = {"position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius"}
+_RESERVED |= {"velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P"}
+# Cycles computes these attributes, and looks them up before those of a mesh.
+_RESERVED |= {"Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent", "generated"}
+_RESERVED |= {
+    "undisplaced_tangent_sign",
+    "vertex_color",
+    "generated_transform",
+    "undeformed",
+    "undisplaced",
+    "particle",
+}
+_RESERVED |= {
+    "undisplaced_N",
+    "motion_P",
+    "motion_N",
+    "curve_intercept",
+    "curve_length",
+    "curve_random",
+    "point_random",
+}
+_RESERVED |= {"ptex_face_id", "ptex_uv", "density", "color", "flame", "heat", "temperature", "pointiness"}
+_RESERVED |= {"velocity_x", "velocity_y", "velocity_z", "random_per_island", "shadow_transparency"}
 _SHORTENED = re.compile(r".*_[0-9a-f]{12}")
 
 
 @dataclass(frozen=True)
 class TextureBinding:
-    """A texture of a shader: the parameter that takes its path, and the linear EXR file."""
+    """A texture of a shader: the parameter that has its path, and the linear EXR file."""
 
     parameter: str
     file: Content
@@ -44,7 +59,7 @@ class TextureBinding:
 class TableBinding:
     """A table that a shader looks up: a parameter, and the file of its values.
 
-    Of an .npy the parameter is an array of all its float32 numbers, of an EXR it takes the path.
+    For an .npy file, the parameter is an array of all its float32 numbers; for an EXR, it has the path.
     """
 
     parameter: str
@@ -53,9 +68,10 @@ class TableBinding:
 
 @dataclass(frozen=True)
 class AttributeBinding:
-    """A mesh attribute, and the parameter of a shader that takes it.
+    """A mesh attribute, and the parameter of a shader that has its value.
 
-    A mesh without it has `fallback` everywhere; None: every mesh must have it (a UV set, the tangents).
+    On a mesh without the attribute, the value is `fallback`. If that is None, every mesh must have the attribute: it is
+    a UV set, or the tangents.
     """
 
     parameter: str
@@ -65,37 +81,38 @@ class AttributeBinding:
 
     @property
     def stored(self) -> str:
-        """The attribute's name on a mesh in Blender, where a UV set and a primvar cannot share one."""
+        """The attribute's name on a mesh in Blender, where a UV set and a primvar cannot share a name."""
         if self.attribute in (TANGENT, HANDEDNESS):
             return self.attribute
         return f"{'' if self.kind == 'uv' else 'primvars:'}{short_name(self.attribute)}"
 
     @property
     def symbols(self) -> tuple[str, ...]:
-        """The names of its numbers in a program: of a float the parameter, else with ``[0]``, ``[1]`` behind it."""
+        """The names of its numbers in a program: the parameter, with ``[0]``, ``[1]``, ... appended unless a float."""
         width = {"float": 0, "uv": 2}.get(self.kind, 3)
         return tuple(f"{self.parameter}[{i}]" for i in range(width)) if width else (self.parameter,)
 
 
 def short_name(name: str) -> str:
-    """Return the name of a UV set or primvar in Blender and in shaders, different for each.
+    """Return the name of a UV set or primvar in Blender and in shaders; different names stay different.
 
-    Blender cuts names, OSL's identifiers are ASCII, and some names have a meaning in Blender, in Cycles or here.
+    Names are changed because Blender truncates them, OSL's identifiers are ASCII, and some names have a meaning in
+    Blender, in Cycles or here.
     """
-    plain = _PLAIN.fullmatch(name) and name not in _TAKEN and not _SHORTENED.fullmatch(name)
+    plain = _PLAIN.fullmatch(name) and name not in _RESERVED and not _SHORTENED.fullmatch(name)
     if plain and not name.startswith("lookdev_"):
         return name
-    return f"{_ODD.sub('_', name[:24])}_{hashlib.sha256(name.encode()).hexdigest()[:12]}"
+    return f"{_NON_ALPHANUMERIC.sub('_', name[:24])}_{hashlib.sha256(name.encode()).hexdigest()[:12]}"
 
 
 TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
 
 
 class Source(Protocol):
-    """A look as a slot of an asset wears it, generated for one backend: a frozen dataclass of plain data.
+    """A look generated for one backend, as it is assigned to a slot of an asset: a frozen dataclass of plain data.
 
-    It reads `attributes` and `images`; `digest` depends on all that affects the picture. A look `transmits` if light
-    passes through its surface, and is `see_through` if its presence is below 1 somewhere.
+    It reads `attributes` and `images`. `digest` depends on everything that affects the picture. A look `transmits` if
+    light passes through its surface, and is `see_through` if its presence is below 1 somewhere.
     """
 
     @property
@@ -113,24 +130,35 @@ class Source(Protocol):
 
 
 Catching = Literal["", "ground", "asset"]
-"""Of a scene with a shadow catcher: whether a look is the ground's or the asset's."""
+"""In a scene with a shadow catcher: whether a look is that of the ground or of the asset; else ``""``."""
 
 LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
-"""The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
+"""The groups of lobes whose light can be recorded. Light of a lobe that transmits is recorded in the last."""
 
 FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
-"""The number of the first group of lights among the parts of the light that shaders record."""
+"""The index of the first group of lights among the parts of light that shaders record."""
 
 
 @dataclass(frozen=True)
 class ShaderSource:
     """A `Source` of OSL.
 
-    The text reads the look's `constants` by their names `look_0`, `look_1`, ...; those of the places `varying` are not
-    compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
-    a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
-    of `LOBE_GROUPS` that the look has, if it can record parts of its light. So many lobes are `folded`: constants make
-    them 0, and no code is theirs. If `catching`, it can show the parts of a frame with a shadow catcher.
+    Attributes
+    ----------
+    directions
+        The numbers of directions drawn at a shading point from the BSDF and from the light.
+    shadows
+        Whether rays are traced along these directions.
+    constants
+        Numbers of the look. The text refers to them as ``look_0``, ``look_1``, ...
+    varying
+        Indices of constants that are not compiled into the shader. Sources that share a `program` differ only in these.
+    recorded
+        The groups in `LOBE_GROUPS` that the look has, if the source can record parts of its light.
+    folded
+        The number of lobes for which no code is generated, as constants make them 0.
+    catching
+        Whether the source can show the parts of a frame with a shadow catcher, and which part the look is.
     """
 
     name: str
@@ -151,8 +179,8 @@ class ShaderSource:
 
     @property
     def program(self) -> ShaderSource:
-        """What is compiled: it has neither name nor digest, and 0 for constants that vary."""
-        fixed = tuple(0.0 if place in self.varying else each for place, each in enumerate(self.constants))
+        """The part of the source that is compiled: without name and digest, and with 0 for constants that vary."""
+        fixed = tuple(0.0 if index in self.varying else constant for index, constant in enumerate(self.constants))
         return replace(self, name="", digest="", constants=fixed)
 
     @property
@@ -162,12 +190,19 @@ class ShaderSource:
 
 @dataclass(frozen=True)
 class Operation:
-    """One step of a program, on the results of earlier ones by their numbers.
+    """One step of a program. Operands are the numbers of earlier steps, whose results it reads.
 
-    `op` is NumPy's name of a ufunc, or ``"where"``; or it has no operands: ``"constant"`` and ``"truth"``, of a
-    `value`; ``"uniform"``, the number `place` among the program's constants; ``"symbol"``, of a `name`. ``"look_up"``
-    reads the cell of a row and a column of the table `place`, whose columns number `value`, and there the channel
-    `name`, if it has channels.
+    `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
+
+    ``"constant"``, ``"truth"``
+        The number, or the truth, `value`.
+    ``"uniform"``
+        The number at index `place` of the program's constants.
+    ``"symbol"``
+        The symbol `name`.
+    ``"look_up"``
+        A cell of the table at index `place`; the operands are its row and column. `value` is the number of columns of
+        the table, `name` the channel that is read, or ``""`` if cells are numbers.
     """
 
     op: str
@@ -181,8 +216,9 @@ class Operation:
 class ImageBinding:
     """A look-up of an image in a program: symbols ``name[0]`` to ``name[2]`` and ``name_a`` are its four channels.
 
-    Coordinates are those of the attribute `uv` after the affine map of `transform`, (s, t) as rows of three. `files`
-    are by the number of a UDIM tile, or 0. `slopes`: the channels 0 and 1 change sign where the image is mirrored.
+    Coordinates are those of the attribute `uv` after the affine map `transform`, whose rows of three are for s and t.
+    `files` are by the number of a UDIM tile, or 0. With `slopes`, channels 0 and 1 are slopes of heights, which change
+    sign where the image is mirrored.
     """
 
     name: str
@@ -198,15 +234,28 @@ class ImageBinding:
 class ProgramSource:
     """A `Source` of operations on numbers, for renderers that trace programs themselves.
 
-    `outputs` are the results by name. ``tangent bitangent normal facet`` are vectors of the world and depend on the
-    symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
-    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``diffuse`` (3) is what of the value is of diffuse
-    lobes, ``of_<group>`` (6) the value of each of the groups `recorded` that has lobes, and what of that is of diffuse
-    ones. ``delta0 ..`` (7) are a single direction each, what light from there is multiplied by, and the number of its
-    group; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is there if the look is
-    `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the derivative of an output by a
-    symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or lets light pass.
-    `folded` as in `ShaderSource`.
+    With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or transmits light. `folded` is as in
+    `ShaderSource`. `outputs` are the numbers of operations, by these names:
+
+    ``tangent bitangent normal facet`` (3)
+        Vectors in world space, functions of the symbols of the mesh.
+    ``value`` (3), ``pdf``
+        The BSDF times the cosine of each lobe, and its density, functions of the symbols ``wo_x .. wi_z``.
+    ``wi`` (3)
+        A direction drawn by ``u1 u2``.
+    ``diffuse`` (3)
+        The part of ``value`` from diffuse lobes.
+    ``of_<group>`` (6)
+        For each group in `recorded` that has lobes, their part of ``value``, and the part of that from diffuse lobes.
+    ``delta0 ..`` (7)
+        A single direction, the factor of light from there, and the index of its group. The symbol ``inside`` is 1 where
+        the viewer is in the solid.
+    ``presence``
+        Present if the look is `see_through`.
+    ``albedo``, ``bent`` (3)
+        Guides of a denoiser.
+    ``value/roughness``
+        The derivative of an output with respect to a symbol of a live input, here ``roughness``.
     """
 
     name: str
@@ -227,24 +276,24 @@ class ProgramSource:
 
     @property
     def images(self) -> tuple[Content, ...]:
-        return tuple(file for each in self.look_ups for file in each.files.values())
+        return tuple(file for look_up in self.look_ups for file in look_up.files.values())
 
     def check_plugin(self, look: str) -> None:
-        """Raise CodegenError for what a BSDF of Mitsuba's own scenes has not: single directions, UV sets, primvars."""
+        """Raise CodegenError if a BSDF of Mitsuba's own scenes cannot be the look: deltas, UV sets, primvars."""
         if self.deltas:
             raise CodegenError(f"{look}: scatters along single directions; Mitsuba's own plug-ins do that")
-        uvs = {each.attribute for each in self.attributes if each.kind == "uv"}
+        uvs = {binding.attribute for binding in self.attributes if binding.kind == "uv"}
         if len(uvs) > 1:
             raise CodegenError(
                 f"{look}: reads {len(uvs)} UV sets ({', '.join(sorted(uvs))}); Mitsuba's shapes have one"
             )
-        if primvars := [each.attribute for each in self.attributes if each.parameter.startswith("primvar_")]:
+        if primvars := [binding.attribute for binding in self.attributes if binding.parameter.startswith("primvar_")]:
             raise CodegenError(f"{look}: reads the primvar '{primvars[0]}', which Mitsuba's shapes do not have")
 
 
 @dataclass(frozen=True)
 class PrincipledSource:
-    """A Principled BSDF for the benchmark: constants by Blender's names of its sockets."""
+    """A Principled BSDF for the benchmark: its constants, by Blender's names of the sockets."""
 
     name: str
     inputs: Mapping[str, float | tuple[float, ...]]
@@ -264,7 +313,7 @@ SocketValue = float | tuple[float, ...] | str
 
 @dataclass(frozen=True)
 class Link:
-    """An output of a node of the same tree: the node's name, and Blender's identifier of the socket."""
+    """A link to an output of a node of the same tree: the node's name, and Blender's identifier of the socket."""
 
     node: str
     socket: str
@@ -276,8 +325,8 @@ class ShaderNode:
 
     `kind` is Blender's type without the prefix ``ShaderNode`` (``"Math"``), or ``"NodeGroupInput"``,
     ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` the values of
-    its sockets by identifier. A ``"Group"`` shows the tree named `group`; a ``"TexImage"`` reads the file `image`,
-    without colour conversion. `place` is the upper left corner, in Blender's units.
+    its sockets by identifier. A ``"Group"`` is an instance of the tree named `group`. A ``"TexImage"`` reads the file
+    `image`, without colour conversion. `place` is the upper left corner, in Blender's units.
     """
 
     name: str
@@ -292,7 +341,7 @@ class ShaderNode:
 
 @dataclass(frozen=True)
 class GroupSocket:
-    """A socket of a group's interface, identified by its name; `default`, `soft` range and `help` as of `Parameter`."""
+    """A socket of a group's interface, identified by its name; `default`, `soft` and `help` are as in `Parameter`."""
 
     name: str
     kind: Literal["float", "color", "vector", "shader"]
@@ -304,7 +353,7 @@ class GroupSocket:
 
 @dataclass(frozen=True)
 class NodeTree:
-    """The nodes of a group, or of a material: then without inputs and outputs."""
+    """The nodes of a group, or of a material, which has no inputs and outputs."""
 
     name: str
     nodes: tuple[ShaderNode, ...]
@@ -314,9 +363,10 @@ class NodeTree:
 
 @dataclass(frozen=True)
 class NodeSource:
-    """A `Source` of native shader nodes: groups, each after those that it shows, and the material's own tree last.
+    """A `Source` of native shader nodes: groups, each after those that it contains, then the material's own tree.
 
-    If `exact`, the nodes send one importance-sampled direction through a ray portal; else they are Cycles' closures.
+    If `exact`, the nodes send rays along one importance-sampled direction through a ray portal; else they are Cycles'
+    closures.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Closures of Cycles: their formulas against closed forms, and their albedo against that of the lobes."""
+"""Closures of Cycles: their formulas against closed forms, and their albedos against those of the lobes."""
 
 from dataclasses import replace
 from itertools import cycle
@@ -32,13 +32,13 @@ ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
 PRESETS = sorted([*(MATERIALS / "presets").glob("*.usda"), *(MATERIALS / "metals").glob("*.usda")])
 LOOKS = sorted(MATERIALS.glob("*.usda"))
-STOOD_IN = dict.fromkeys(model for model, _ in STAND_INS)
+MODELS_WITH_STAND_INS = dict.fromkeys(model for model, _ in STAND_INS)
 # 1 %, and 0.001 of albedos below 0.1. The errors of the quadratures are a twentieth of that.
 TOLERANCE = 0.01
 CELLS = (48, 32)
 
 
-class Anywhere:
+class ConstantSurface:
     """Points of constant surfaces."""
 
     def handedness(self) -> Floats:
@@ -46,9 +46,9 @@ class Anywhere:
 
 
 def bsdfs_of(look: Look, points: int) -> list[Bsdf]:
-    """Return the constant surfaces of a look at random points, or the one where nothing varies."""
+    """Return the constant surfaces of a look at random points, or the only one if nothing varies."""
     looks = constant_looks(look, points, np.random.default_rng(0))
-    return [look_bsdf(constant, Anywhere()) for constant in looks]
+    return [look_bsdf(constant, ConstantSurface()) for constant in looks]
 
 
 def view(angle: float, azimuth: float = 0.35) -> Floats:
@@ -235,7 +235,7 @@ def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float) -> 
     assert {name: value for name, value in deviations.items() if value > TOLERANCE} == {}
 
 
-ISOTROPIC = [variant for variant in VARIANTS if variant[0] in STOOD_IN and "options" not in variant[1]]
+ISOTROPIC = [variant for variant in VARIANTS if variant[0] in MODELS_WITH_STAND_INS and "options" not in variant[1]]
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.proof)])
@@ -245,22 +245,22 @@ def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, s
     parameters |= {"anisotropic": np.zeros(count)} if model == "disney" else {}
     if "ior" in parameters:
         parameters["ior"] = np.clip(parameters["ior"], 1.0, 2.5)
-        # As of metals. Without absorption, total reflection begins at a single angle.
+        # As for metals. Without absorption, total reflection begins at a single angle.
         parameters["k"] = np.maximum(parameters["k"], 2.0)
     deviations = []
     for index in range(count):
         point = {name: value if isinstance(value, str) else value[index] for name, value in parameters.items()}
         deviations.append(max(deviation(MODELS[model].bsdf(point), view(angle)) for angle in (20.0, 70.0, 85.0)))
-    # Of Pixar's exact metals, the error is 1.6 % at 85 degrees.
+    # The error of Pixar's exact metals is 1.6 % at 85 degrees.
     most = 0.016 if model == "pixar" and tokens["fresnel"] == CONDUCTOR else TOLERANCE
-    # The error of wide cones of a bent view is 2 %.
+    # The error of wide cones in a refracted view is 2 %.
     assert np.sum(np.array(deviations) > most) <= 1
     assert max(deviations) <= 0.03
 
 
 def test_weights_stay_bounded_however_a_view_grazes() -> None:
     rng = np.random.default_rng(5)
-    for model in STOOD_IN:
+    for model in MODELS_WITH_STAND_INS:
         parameters = random_parameters(rng, model, {}, 50)
         if model == "pixar":
             parameters |= {name: np.ones(50) for name in parameters if name.endswith("Scale") and "Cone" not in name}

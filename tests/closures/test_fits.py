@@ -1,4 +1,4 @@
-"""The tables of fits, and of `lookdev.brdf.reflectance`, agree with the scripts that make them, and have no pole."""
+"""The tables of fits, and of `lookdev.brdf.reflectance`, agree with the scripts that make them, without poles."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -68,13 +68,13 @@ def test_residuals_are_those_of_the_coefficients(name: str, goals: dict[str, Goa
     goal = goals[name]
     error = goal.error(fit(name)(goal.problem.x, goal.problem.y))
     stored = FITS[name]["residual"]
-    # The points are some of those of the residual.
+    # These points are a subset of those of the residual.
     assert error.max() <= 1.001 * stored["largest"] + 1e-6
     assert 0.2 * stored["rms"] <= np.sqrt(np.mean(error * error)) <= 3.0 * stored["rms"]
 
 
 def test_every_fit_is_within_a_hundredth() -> None:
-    # But for wide cones of a bent view, and smooth surfaces of 2012 at grazing views (docs/models.md).
+    # Exceptions are wide cones in a refracted view, and smooth surfaces of 2012 at grazing views (docs/models.md).
     largest = {name: entry["residual"]["largest"] for name, entry in FITS.items()}
     assert largest.pop("transmitted_tilt") < 0.02
     assert largest.pop("specular_2012") < 0.012

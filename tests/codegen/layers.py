@@ -1,4 +1,4 @@
-"""Shaders of layers, under a dome whose files are not there."""
+"""Shaders of layers, under a dome whose files do not exist."""
 
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ def of_view(text: str) -> Formula:
 def surface(*layers: Layer, resolve: Any = own_file, **options: Any) -> ShaderSource:
     """Return the shader of layers, by default with one sample of each kind and one bounce."""
     directions = {"brdf_samples": 1, "ibl_samples": 1, "bounces": 1} | options
-    own = {name: directions.pop(name) for name in ("lights", "shadows", "catching") if name in directions}
-    setting = SourceSetting(own.pop("lights", (DOME,)), (8, 8), Sampling(**directions), resolve=resolve, **own)
+    setting_options = {name: directions.pop(name) for name in ("lights", "shadows", "catching") if name in directions}
+    setting = SourceSetting(
+        setting_options.pop("lights", (DOME,)), (8, 8), Sampling(**directions), resolve=resolve, **setting_options
+    )
     return generate_surface(Look("test", layers), setting)

@@ -1,4 +1,4 @@
-"""Node trees evaluated as by Blender, in float32, to compare with NumPy."""
+"""Node trees evaluated as Blender does, in float32, to compare with NumPy."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,11 +13,8 @@ F = np.float32
 
 
 @dataclass(frozen=True)
-class Carried:
-    """Points seen along `wo` that carry primvars and the handedness, by name.
-
-    It is a `lookdev.material.values.Surface` without UVs.
-    """
+class PrimvarPoints:
+    """Points with primvars and the handedness, by name, for views `wo`: a `Surface` of materials without UVs."""
 
     values: Mapping[str, Any]
     wo: Any = None
@@ -41,7 +38,7 @@ def _power(a: Any, b: Any) -> Any:
     return _where_valid((a >= 0) | (b == np.floor(b)), lambda: np.power(a, b))
 
 
-# Cycles, as of its Math nodes: what has no value is 0.
+# As the Math nodes of Cycles: undefined results are 0.
 MATH: dict[str, Callable[..., Any]] = {
     "ADD": lambda a, b: a + b,
     "SUBTRACT": lambda a, b: a - b,
@@ -88,7 +85,7 @@ _SCALARS = {
 
 
 def shape_input(socket: str, value: Any, *, scalar: bool | None = None) -> Any:
-    """Return a value as its socket takes it: numbers (N,), vectors and colours (N, 3); shaders as they are."""
+    """Return a value in the shape of its socket: numbers (N,), vectors and colours (N, 3); shaders are unchanged."""
     if isinstance(value, list):
         return value
     value = np.asarray(value, dtype=F)
@@ -104,11 +101,11 @@ Given = Callable[[ShaderNode], Mapping[str, Any] | None]
 
 
 class Interpreter:
-    """Evaluates trees; `given` returns the outputs of nodes that read the scene, by identifier."""
+    """Evaluates trees; `scene_outputs` returns the outputs of nodes that read the scene, by identifier."""
 
-    def __init__(self, trees: tuple[NodeTree, ...], given: Given = lambda node: None) -> None:
+    def __init__(self, trees: tuple[NodeTree, ...], scene_outputs: Given = lambda node: None) -> None:
         self.trees = {tree.name: tree for tree in trees}
-        self.given = given
+        self.scene_outputs = scene_outputs
 
     def run(self, name: str, inputs: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the values of the sockets of a tree's output node.
@@ -117,27 +114,27 @@ class Interpreter:
         """
         tree = self.trees[name]
         values: dict[str, Mapping[str, Any]] = {}
-        taken: dict[str, Any] = {}
+        output_values: dict[str, Any] = {}
         for node in tree.nodes:
-            raw = {
-                socket: values[each.node].get(each.socket, []) if isinstance(each, Link) else each
-                for socket, each in node.inputs.items()
+            inputs_of_node = {
+                socket: values[value.node].get(value.socket, []) if isinstance(value, Link) else value
+                for socket, value in node.inputs.items()
             }
             if node.kind == "NodeGroupOutput" or node.kind.startswith("Output"):
-                taken = raw
+                output_values = inputs_of_node
             elif node.kind == "NodeGroupInput":
                 values[node.name] = {socket.name: _of_socket(socket, inputs or {}) for socket in tree.inputs}
             elif node.kind == "Group":
-                values[node.name] = self.given(node) or self.run(node.group, raw)
+                values[node.name] = self.scene_outputs(node) or self.run(node.group, inputs_of_node)
             else:
-                # Of a conductor it is a vector.
-                vector = "IOR" if "Extinction" in raw else ""
+                # The IOR of a conductor is a vector.
+                vector = "IOR" if "Extinction" in inputs_of_node else ""
                 sockets = {
                     socket: shape_input(socket, value, scalar=False if socket == vector else None)
-                    for socket, value in raw.items()
+                    for socket, value in inputs_of_node.items()
                 }
-                values[node.name] = self.given(node) or _node(node, sockets)
-        return taken
+                values[node.name] = self.scene_outputs(node) or _node(node, sockets)
+        return output_values
 
 
 def _of_socket(socket: GroupSocket, inputs: Mapping[str, Any]) -> Any:
@@ -179,7 +176,7 @@ def _node(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _faded(shader: list[Any], factor: Any) -> list[Any]:
-    """Multiply closures by a weight that is no colour: colours may be above 1."""
+    """Multiply closures by a weight, which is stored apart from their colours: these can be above 1."""
     return [
         (*kind, {**sockets, "Weight": sockets.get("Weight", F(1.0)) * factor[..., None]}) for *kind, sockets in shader
     ]

@@ -22,20 +22,24 @@ def directions(count: int, seed: int) -> Any:
 @pytest.mark.parametrize("model", CONTINUOUS.values(), ids=CONTINUOUS)
 @pytest.mark.parametrize("count", [7, PART + 3])
 def test_a_program_has_the_values_of_its_model(model: Model, count: int) -> None:
-    """With a number that moves, which the trace knows by name alone; equal to rounding."""
-    numbers = (each for each in model.parameters.values() if each.kind in ("float", "color") and not each.optional)
+    """One parameter is a symbol, which gets two values; results are equal to rounding."""
+    numbers = (
+        parameter
+        for parameter in model.parameters.values()
+        if parameter.kind in ("float", "color") and not parameter.optional
+    )
     parameters, name = model.complete(model.probe), next(numbers).name
-    wide = [f"{name}_{i}" for i in range(3)]
+    symbol_names = [f"{name}_{i}" for i in range(3)]
 
-    def make(graph: Graph) -> list[StackLayer]:
-        traced = symbols(graph, wide) if model.parameters[name].kind == "color" else symbol(graph, name)
+    def make_layers(graph: Graph) -> list[StackLayer]:
+        traced = symbols(graph, symbol_names) if model.parameters[name].kind == "color" else symbol(graph, name)
         return [StackLayer(model.name, {**parameters, name: traced})]
 
-    program = compile_layers(make)
+    program = compile_layers(make_layers)
     wo, wi = directions(count, seed=4)
     for factor in (1.0, 0.25):
         value = parameters[name] * factor
-        numbers = dict(zip(wide, value.tolist(), strict=True)) if value.ndim else {name: float(value)}
+        numbers = dict(zip(symbol_names, value.tolist(), strict=True)) if value.ndim else {name: float(value)}
         expected = evaluate(model.bsdf({**parameters, name: value}), wo, wi)
         assert np.abs(program.f(wo, wi, numbers) - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max())
 

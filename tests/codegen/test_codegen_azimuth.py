@@ -1,4 +1,4 @@
-"""Which looks need the direction of a tangent: those that look different as the frame is turned, and no others."""
+"""Which looks need the direction of a tangent: those that change when the frame rotates, and no others."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,20 +25,20 @@ from lookdev.scene import Sampling
 
 
 def one_point(rng: np.random.Generator, model: str, tokens: dict[str, str], leaning: float) -> dict[str, Any]:
-    drawn = random_parameters(rng, model, tokens, 1, leaning)
-    return {name: value if isinstance(value, str) else value[0] for name, value in drawn.items()}
+    parameters = random_parameters(rng, model, tokens, 1, leaning)
+    return {name: value if isinstance(value, str) else value[0] for name, value in parameters.items()}
 
 
 def changes(bsdf: Bsdf, rng: np.random.Generator) -> bool:
-    """Return whether f at random directions changes as these are turned about the normal."""
+    """Return whether f at random directions changes when these rotate about the normal."""
     wo = directions(rng, 400)
     wi = near_the_mirror_image(rng, wo)
     wi[::2, 2] *= -1.0
     s, c = np.sin(0.7), np.cos(0.7)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    f, turned = evaluate_cosine(bsdf, wo, wi), evaluate_cosine(bsdf, wo @ turn.T, wi @ turn.T)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    f, rotated_f = evaluate_cosine(bsdf, wo, wi), evaluate_cosine(bsdf, wo @ rotation.T, wi @ rotation.T)
     # Narrow lobes magnify the roundings of a direction by 1 / alpha^2, 1e6 at most, and by more off their peak.
-    return bool((np.abs(f - turned) > 1e-6 * np.abs(f).max(axis=0) + 1e-3 * np.abs(f)).any())
+    return bool((np.abs(f - rotated_f) > 1e-6 * np.abs(f).max(axis=0) + 1e-3 * np.abs(f)).any())
 
 
 @pytest.mark.parametrize(
@@ -50,26 +50,28 @@ def changes(bsdf: Bsdf, rng: np.random.Generator) -> bool:
     ids=str,
 )
 def test_a_traced_model_needs_a_tangent_where_turning_it_shows(model: str, tokens: dict[str, str], draws: int) -> None:
-    """Of upright normals, and of those that lean in three draws of ten."""
+    """Half of the draws have upright normals, in the others three normals of ten lean."""
     rng = np.random.default_rng(5)
-    found = []
+    results = []
     for number in range(draws):
         values = one_point(rng, model, tokens, 0.3 * (number % 2))
         graph, bsdf = Graph(), MODELS[model].bsdf(values)
-        found.append((depends_on_tangent(graph, present_lobes(graph, bsdf)), changes(bsdf, rng)))
-    needed, seen = np.array(found).T
-    # Lobes too faint or too narrow for the random directions keep their tangent; nothing that is seen loses it.
-    assert not (seen & ~needed).any()
-    assert (needed == seen).mean() > 0.8
+        results.append((depends_on_tangent(graph, present_lobes(graph, bsdf)), changes(bsdf, rng)))
+    needed, visible = np.array(results).T
+    # Lobes too faint or too narrow for the random directions keep their tangent; no visible change loses it.
+    assert not (visible & ~needed).any()
+    assert (needed == visible).mean() > 0.8
 
 
 def _round(values: dict[str, Any]) -> dict[str, Any]:
     """Return coefficients of Lafortune's lobes that are the same along x and y."""
-    given = {name: value for name, value in values.items() if name.startswith("coefficients")}
-    return {name: np.stack([value[..., 0], value[..., 0], value[..., 2]], axis=-1) for name, value in given.items()}
+    coefficients = {name: value for name, value in values.items() if name.startswith("coefficients")}
+    return {
+        name: np.stack([value[..., 0], value[..., 0], value[..., 2]], axis=-1) for name, value in coefficients.items()
+    }
 
 
-# What makes a model isotropic that is not by itself.
+# Parameters that make anisotropic models isotropic.
 ISOTROPIC: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "disney": lambda values: {"anisotropic": np.array(0.0)},
     "ward": lambda values: {"alphaY": values["alphaX"]},
@@ -139,6 +141,6 @@ def test_a_source_reads_the_tangents_where_its_look_needs_them(
     look = Look("look", (PLAIN | DIRECTED)[name])
     setting = SourceSetting((DOME,), (8, 8), Sampling(), resolve=lambda image: MAPPED.file.resolve())
     source: Source = BACKENDS[backend].generate(look, setting)
-    # The stand-ins of what is transmitted have a normal made of all axes; that it does not turn is not found.
+    # Stand-ins of transmitting lobes have a normal computed from all axes; that it does not rotate is not detected.
     needs = name in DIRECTED or (backend, name) == ("nodes", "glass")
-    assert (TANGENT in {each.attribute for each in source.attributes}) == needs
+    assert (TANGENT in {binding.attribute for binding in source.attributes}) == needs

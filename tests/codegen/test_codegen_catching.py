@@ -22,7 +22,7 @@ def test_without_a_catcher_the_text_is_that_of_any_scene() -> None:
     text = osl("")
     assert "caught" not in text
     assert "holdout" not in text
-    # Digests of frames are those of the text: these sections add no line and no other character.
+    # Digests of frames depend on the text: these sections do not add a line or any other character.
     sections = catching_sections("")
     assert sections == {"catching_parameter": [], "catching": [], "trace": ["        if (trace(start, wi)) {"]}
 

@@ -59,7 +59,7 @@ class Points(ImagePoints):
         return self.cosine
 
 
-def scattered(seed: int) -> Floats:
+def random_points(seed: int) -> Floats:
     """Return points, views and lights above the horizon by `COLUMNS`, rounded to float32."""
     rng = np.random.default_rng(seed)
     uv = rng.uniform(-1.3, 1.6, (COUNT, 2))
@@ -70,7 +70,7 @@ def scattered(seed: int) -> Floats:
     return np.concatenate([uv, hand, *directions], axis=-1).astype(np.float32).astype(float)
 
 
-def in_float64(look: Look, table: Floats) -> Floats:
+def reference_values(look: Look, table: Floats) -> Floats:
     uv, hand, wo, wi = table[:, :2], table[:, 2], table[:, 3:6], table[:, 6:9]
     bsdf = look_bsdf(look, Points(uv, hand, wo[:, 2]))
     return np.concatenate([evaluate_cosine(bsdf, wo, wi), pdf(bsdf, wo, wi)[:, None]], axis=-1)
@@ -78,15 +78,17 @@ def in_float64(look: Look, table: Floats) -> Floats:
 
 def picture(functions: LookFunctions, table: Floats, numbers: Mapping[str, Any], main: str = EVALUATE) -> Picture:
     """Return the picture of a look at points, whose first columns are `COLUMNS`."""
-    known = {each.parameter for each in functions.attributes}
-    read = {name: k for k, name in enumerate(COLUMNS) if name.partition("[")[0] in known or name.startswith("w")}
-    textures = {f"look_table{k}": _rows(np.load(each.path)) for k, each in enumerate(functions.tables)}
+    parameters = {binding.parameter for binding in functions.attributes}
+    columns = {
+        name: k for k, name in enumerate(COLUMNS) if name.partition("[")[0] in parameters or name.startswith("w")
+    }
+    textures = {f"look_table{k}": _rows(np.load(binding.path)) for k, binding in enumerate(functions.tables)}
     for look_up in functions.look_ups:
         for tile, file in look_up.files.items():
             textures[f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"] = _rgba(file.path)
     fragment = MAIN.format(
         head=POINTS, prelude=PRELUDE, look_ups=LOOK_UPS, look=functions.text,
-        read=read_columns(read, table.shape[1]), main=f"hand = {'handed' if 'handed' in read else '1.0'}; {main}",
+        read=read_columns(columns, table.shape[1]), main=f"hand = {'handed' if 'handed' in columns else '1.0'}; {main}",
     )  # fmt: skip
     return Picture(fragment, table, textures, numbers)
 
@@ -101,22 +103,25 @@ def _rgba(path: Path) -> Any:
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT), np.float32)
 
 
-def assert_agrees(name: str, found: Floats, expected: Floats) -> None:
-    """Relative to each value, or to the thousandth part of the median of the largest: 2e-4 in 99 % of the channels."""
-    assert np.isfinite(found).all(), name
+def assert_agrees(name: str, values: Floats, expected: Floats) -> None:
+    """The error is below 2e-4 in 99 % of the channels, relative to the value or to a thousandth of the median.
+
+    A median below 1 counts as 1.
+    """
+    assert np.isfinite(values).all(), name
     floor = np.maximum(np.abs(expected), 1e-3 * max(1.0, float(np.median(expected))))
-    together = (np.abs(found - expected) / floor).ravel()
+    together = (np.abs(values - expected) / floor).ravel()
     assert np.quantile(together, 0.99) < 2e-4, (name, np.quantile(together, [0.5, 0.9, 0.99, 1.0]))
 
 
 @pytest.mark.parametrize("files", [QUICK, pytest.param(OTHERS, marks=pytest.mark.proof)], ids=["quick", "others"])
 def test_looks_agree_with_their_bsdfs(files: list[Path], tab: Any) -> None:
-    looks, table = [read_look(file) for file in files], scattered(5)
+    looks, table = [read_look(file) for file in files], random_points(5)
     functions = [look_functions(look, image_file, lambda layer, name: False) for look in looks]
-    assert not any(each.numbers for each in functions)
-    pictures = draw_pictures(tab, [picture(each, table, {}) for each in functions])
-    for look, found in zip(looks, pictures, strict=True):
-        assert_agrees(look.name, found, in_float64(look, table))
+    assert not any(look_code.numbers for look_code in functions)
+    pictures = draw_pictures(tab, [picture(look_code, table, {}) for look_code in functions])
+    for look, result in zip(looks, pictures, strict=True):
+        assert_agrees(look.name, result, reference_values(look, table))
 
 
 CONDUCTOR = {"eta": (0.2, 0.9, 1.4), "k": (3.9, 2.4, 1.6)}
@@ -124,40 +129,43 @@ CONDUCTOR = {"eta": (0.2, 0.9, 1.4), "k": (3.9, 2.4, 1.6)}
 
 def test_what_scatters_along_single_directions(tab: Any) -> None:
     """Directions and factors of mirrors and glass, from outside and from inside: 2e-4 in 99 % of the channels."""
-    sides = np.concatenate([scattered(7), np.arange(COUNT)[:, None] % 2.0], axis=-1)
+    sides = np.concatenate([random_points(7), np.arange(COUNT)[:, None] % 2.0], axis=-1)
     table = np.concatenate([np.column_stack([sides, np.full(COUNT, part)]) for part in (0.0, 1.0)])
     pictures, expected = [], []
     tint = {"tint": (0.9, 0.6, 0.3)}
-    for name, given in (("mirror", tint), ("glass", tint), ("mirror", CONDUCTOR), ("glass", {"eta": 1.7})):
-        look, model = Look("smooth", (Layer("Base", name, dict(given)),)), MODELS[name]
-        functions = look_functions(look, image_file, lambda layer, key, given=given: key in given)
-        deltas = model.bsdf(model.complete(given)).deltas(sides[:, 3:6], sides[:, 9] > 0.0)
+    for name, inputs in (("mirror", tint), ("glass", tint), ("mirror", CONDUCTOR), ("glass", {"eta": 1.7})):
+        look, model = Look("smooth", (Layer("Base", name, dict(inputs)),)), MODELS[name]
+        functions = look_functions(look, image_file, lambda layer, key, inputs=inputs: key in inputs)
+        deltas = model.bsdf(model.complete(inputs)).deltas(sides[:, 3:6], sides[:, 9] > 0.0)
         assert functions.deltas == len(deltas) > 0
         for number, delta in enumerate(deltas):
             pictures.append(picture(functions, table, functions.numbers, DELTA.format(number=number)))
             expected += [(name, np.broadcast_to(part, (COUNT, 3))) for part in (delta.direction, delta.value)]
-    found = [half for values in draw_pictures(tab, pictures) for half in np.split(values[:, :3], 2)]
-    for (name, values), half in zip(expected, found, strict=True):
+    results = [half for values in draw_pictures(tab, pictures) for half in np.split(values[:, :3], 2)]
+    for (name, values), half in zip(expected, results, strict=True):
         assert_agrees(name, half, values)
 
 
 @pytest.mark.parametrize("name", ["car_paint", pytest.param("lacquer_wood", marks=pytest.mark.proof)])
 def test_a_slider_changes_a_uniform_alone(name: str, tab: Any) -> None:
-    """Of the numbers of a look, other values give what the look with these values gives."""
-    look, table = read_look(MATERIALS / f"{name}.usda"), scattered(6)
+    """Other values of a look's uniforms give the results of a look that has these values."""
+    look, table = read_look(MATERIALS / f"{name}.usda"), random_points(6)
     last, top = len(look.layers) - 1, look.layers[-1]
-    moved = {
+    changes = {
         key: value
         for key, value in {"roughness": 0.35, "clearcoat": 0.4, "sheen": 0.5, "specular": 0.2, "metallic": 0.3}.items()
         if key in MODELS[top.model].parameters and isinstance(top.inputs.get(key, 0.0), float)
     }
-    other = replace(look, layers=(*look.layers[:-1], replace(top, inputs={**top.inputs, **moved})))
-    functions, text = (
-        look_functions(each, image_file, lambda layer, name: layer == last and name in moved) for each in (look, other)
+    other = replace(look, layers=(*look.layers[:-1], replace(top, inputs={**top.inputs, **changes})))
+    functions, other_functions = (
+        look_functions(variant, image_file, lambda layer, name: layer == last and name in changes)
+        for variant in (look, other)
     )
-    assert text.text == functions.text
-    numbers = {live_name(last, key): (value,) for key, value in moved.items()}
+    assert other_functions.text == functions.text
+    numbers = {live_name(last, key): (value,) for key, value in changes.items()}
     assert set(functions.numbers) == set(numbers)
-    slid, before = draw_pictures(tab, [picture(functions, table, each) for each in (numbers, functions.numbers)])
-    assert_agrees(name, slid, in_float64(other, table))
-    assert np.abs(slid - before).max() > 0.01
+    changed_picture, before = draw_pictures(
+        tab, [picture(functions, table, variant) for variant in (numbers, functions.numbers)]
+    )
+    assert_agrees(name, changed_picture, reference_values(other, table))
+    assert np.abs(changed_picture - before).max() > 0.01

@@ -14,7 +14,7 @@ from lookdev.material.expression import parse
 
 
 class Images:
-    """Textures that count how often they are asked for."""
+    """Textures that record when they are opened."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -77,7 +77,7 @@ def test_names_in_blender_are_short_plain_and_different(kind):
     names += ["a_b", "1", "\x1b", "position", "lookdev_normal", "material_index", ".corner_vert"]
     stored = [AttributeBinding("x", name, kind).stored for name in names]
     assert len(set(stored)) == len(names)
-    assert all(re.fullmatch(r"(primvars:)?[A-Za-z0-9_]+", each) and len(each) < 56 for each in stored)
+    assert all(re.fullmatch(r"(primvars:)?[A-Za-z0-9_]+", name) and len(name) < 56 for name in stored)
     assert stored[0].removeprefix("primvars:") == "st"
     assert not {"position", "lookdev_normal", "material_index"} & set(stored)
 

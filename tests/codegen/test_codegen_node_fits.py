@@ -1,4 +1,4 @@
-"""Fits are found in what is traced, and their groups compute what NumPy computes."""
+"""Fits are detected in traced expressions, and their groups compute what NumPy computes."""
 
 import numpy as np
 import pytest
@@ -33,17 +33,17 @@ def test_other_quotients_are_no_fits() -> None:
 def test_the_group_computes_the_fit(name: str) -> None:
     x, y = np.random.default_rng(1).uniform(0.0, 1.0, (2, 100)).astype(np.float32)
     tree = fit_tree(f"Lookdev Fit {name}")
-    found = Interpreter((tree,)).run(tree.name, {"x": x, "y": y})["Value"]
-    wanted = fit(name)(x.astype(np.float64), y.astype(np.float64))
-    # Coefficients of some tens that cancel, in float32.
-    np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5)
+    result = Interpreter((tree,)).run(tree.name, {"x": x, "y": y})["Value"]
+    expected = fit(name)(x.astype(np.float64), y.astype(np.float64))
+    # Coefficients of some tens cancel, in float32.
+    np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-5)
 
 
 def test_lobes_share_a_group() -> None:
     source = generate_nodes(Look("look", (Layer("base", "pixar", {}),)), lambda texture: pytest.fail("no texture"))
     names = [tree.name for tree in source.trees if is_fit(tree.name)]
-    shown = [node.group for tree in source.trees for node in tree.nodes if is_fit(node.group)]
-    # Of the specular and of the reflection lobe.
-    assert set(names) == set(shown)
+    used_groups = [node.group for tree in source.trees for node in tree.nodes if is_fit(node.group)]
+    # The specular and the reflection lobe have a node each.
+    assert set(names) == set(used_groups)
     assert len(names) == len(set(names))
-    assert all(shown.count(name) >= 2 for name in names)
+    assert all(used_groups.count(name) >= 2 for name in names)

@@ -1,4 +1,4 @@
-"""The nodes of textures, primvars and coordinates give what the reference looks up."""
+"""The nodes of textures, primvars and coordinates give the values that the reference looks up."""
 
 import itertools
 from collections import Counter
@@ -27,7 +27,7 @@ from lookdev.material.values import Values
 
 WRAPS = ("black", "clamp", "repeat", "mirror")
 EXTENSIONS = {"CLIP": "black", "EXTEND": "clamp", "REPEAT": "repeat", "MIRROR": "mirror"}
-TURNED = (1.3, -0.4, 0.2, 0.5, 1.1, -0.3)
+ROTATION = (1.3, -0.4, 0.2, 0.5, 1.1, -0.3)
 
 FLOAT = Parameter("x", "float", 0.0, hard=(-1e3, 1e3))
 COLOR = Parameter("x", "color", (0.0, 0.0, 0.0), hard=(-1e3, 1e3))
@@ -53,7 +53,7 @@ def write(file: Path, seed: int) -> Path:
 def tree_of(
     source: Any, parameter: Parameter, resolve: Callable[[Texture | Bump], Path] = image_file
 ) -> tuple[NodeTree, tuple[AttributeBinding, ...]]:
-    """Return the tree that gives one input, and what it reads of the mesh."""
+    """Return the tree that computes one input, and the attributes of the mesh that it reads."""
     inputs = Inputs(Graph(), resolve)
     value = elements_of(Values(inputs).of(source, parameter))
     builder = TreeBuilder("inputs")
@@ -65,7 +65,7 @@ def tree_of(
 
 
 def _image(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
-    """Look an image up as Blender does: bilinearly, both axes wrapped alike, (0, 0) the lower left corner."""
+    """Look up an image as Blender does: bilinearly, with equal wrapping of both axes, (0, 0) at the lower left."""
     assert node.image is not None
     assert isinstance(node.inputs["Vector"], Link), "an image without a link reads the UVs of the mesh"
     wrap: Any = EXTENSIONS[str(node.properties["extension"])]
@@ -76,10 +76,12 @@ def _image(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[NodeTree, Mapping[str, Any]], Any]:
-    """Return a function that evaluates a tree, given what a mesh has."""
-    plain = node_interpreter._node
+    """Return a function that evaluates a tree with the attributes of a mesh."""
+    original = node_interpreter._node
     monkeypatch.setattr(
-        node_interpreter, "_node", lambda node, given: (_image if node.kind == "TexImage" else plain)(node, given)
+        node_interpreter,
+        "_node",
+        lambda node, sockets: (_image if node.kind == "TexImage" else original)(node, sockets),
     )
 
     def run_tree(tree: NodeTree, mesh: Mapping[str, Any]) -> Any:
@@ -96,22 +98,22 @@ def kinds(tree: NodeTree) -> Counter[str]:
     return Counter(node.kind for node in tree.nodes if node.kind != "NodeGroupOutput")
 
 
-def places(low: float = -2.3, high: float = 3.4) -> Any:
-    """Return random coordinates, (N, 2), and as a UV map gives them, (N, 3)."""
+def random_coordinates(low: float = -2.3, high: float = 3.4) -> Any:
+    """Return random coordinates, (N, 2), and the same as the output of a UV map, (N, 3)."""
     st = np.random.default_rng(7).uniform(low, high, (500, 2)).astype(np.float32)
     return st, np.concatenate([st, np.zeros((500, 1), np.float32)], axis=1)
 
 
-# Coordinates of a few units in float32, times slopes of about ten texels' differences a unit.
+# The rounding of coordinates of a few units in float32, times slopes of about ten differences of texels per unit.
 NEAR = {"rtol": 1e-5, "atol": 2e-5}
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), [*itertools.product(WRAPS, WRAPS)])
 @pytest.mark.parametrize("channel", ["rgb", "a"])
 def test_textures_are_those_of_the_reference(wrap_s: Any, wrap_t: Any, channel: Any, picture: Path, run: Any) -> None:
-    texture = Texture(picture, channel, "raw", wrap_s, wrap_t, "map", TURNED, (2.0,) * 4, (0.5,) * 4)
+    texture = Texture(picture, channel, "raw", wrap_s, wrap_t, "map", ROTATION, (2.0,) * 4, (0.5,) * 4)
     tree, attributes = tree_of(texture, COLOR if channel == "rgb" else FLOAT)
-    st, uv = places()
+    st, uv = random_coordinates()
     np.testing.assert_allclose(run(tree, {"map": uv}), sample_texture(texture, st), **NEAR)
     assert [(binding.attribute, binding.kind) for binding in attributes] == [("map", "uv")]
     assert kinds(tree)["TexImage"] == (1 if wrap_s == wrap_t else 2 if "black" in (wrap_s, wrap_t) else 4)
@@ -119,13 +121,13 @@ def test_textures_are_those_of_the_reference(wrap_s: Any, wrap_t: Any, channel: 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), [*((wrap, wrap) for wrap in WRAPS), ("mirror", "clamp")])
 def test_bumps_are_those_of_the_reference(wrap_s: Any, wrap_t: Any, picture: Path, run: Any) -> None:
-    height = Texture(picture, "g", "raw", wrap_s, wrap_t, "st", TURNED)
+    height = Texture(picture, "g", "raw", wrap_s, wrap_t, "st", ROTATION)
     tree, _ = tree_of(Bump(height, 0.2), NORMAL)
-    st, uv = places()
+    st, uv = random_coordinates()
     normal = run(tree, {"st": uv, HANDEDNESS: np.ones(500, np.float32)})
     slopes = 0.2 * sample_slopes(height, st)
-    # Away from the lines where slopes turn about, whose side the last digit of a coordinate decides.
-    image = st @ np.reshape(TURNED, (2, 3))[:, :2].T + np.reshape(TURNED, (2, 3))[:, 2]
+    # Away from the lines where slopes change sign: there the last digit of a coordinate decides.
+    image = st @ np.reshape(ROTATION, (2, 3))[:, :2].T + np.reshape(ROTATION, (2, 3))[:, 2]
     clear = (np.abs(image - np.round(image)) > 1e-5).all(axis=-1)
     np.testing.assert_allclose(normal[clear, :2], -slopes[clear], rtol=1e-5, atol=1e-4)
     np.testing.assert_array_equal(normal[:, 2], 1.0)
@@ -136,10 +138,10 @@ def test_a_set_of_tiles_is_looked_up_tile_by_tile(tmp_path: Path, run: Any) -> N
         write(tmp_path / f"wear.{tile}.exr", seed)
     texture = Texture(tmp_path / "wear.<UDIM>.exr", "rgb", "raw")
     tree, _ = tree_of(texture, COLOR)
-    st, uv = places(-1.0, 2.5)
-    found = run(tree, {"st": uv})
-    np.testing.assert_allclose(found, sample_texture(texture, st), **NEAR)
-    assert not found[(st < 0.0).any(axis=-1)].any()
+    st, uv = random_coordinates(-1.0, 2.5)
+    colors = run(tree, {"st": uv})
+    np.testing.assert_allclose(colors, sample_texture(texture, st), **NEAR)
+    assert not colors[(st < 0.0).any(axis=-1)].any()
     assert kinds(tree)["TexImage"] == 3
 
 
@@ -148,7 +150,7 @@ def test_a_set_of_tiles_is_looked_up_tile_by_tile(tmp_path: Path, run: Any) -> N
 def test_a_place_that_is_constant_is_looked_up_there(transform: Any, wraps: Any, picture: Path, run: Any) -> None:
     texture = Texture(picture, "rgb", "raw", *wraps, transform=transform)
     tree, _ = tree_of(texture, COLOR)
-    st, uv = places()
+    st, uv = random_coordinates()
     np.testing.assert_allclose(np.broadcast_to(run(tree, {"st": uv}), (500, 3)), sample_texture(texture, st), **NEAR)
 
 
@@ -164,7 +166,7 @@ def test_a_plain_texture_is_two_nodes(picture: Path) -> None:
 def test_two_channels_are_one_look_up(picture: Path, run: Any) -> None:
     red, alpha = (Texture(picture, channel, "raw", "clamp", "clamp") for channel in ("r", "a"))
     tree, _ = tree_of(Formula(parse("r - 2 * a"), {"r": red, "a": alpha}, {"r": "float", "a": "float"}), FLOAT)
-    st, uv = places()
+    st, uv = random_coordinates()
     np.testing.assert_allclose(
         run(tree, {"st": uv}), sample_texture(red, st) - 2.0 * sample_texture(alpha, st), rtol=1e-5, atol=4e-5
     )
@@ -173,15 +175,15 @@ def test_two_channels_are_one_look_up(picture: Path, run: Any) -> None:
 
 def test_primvars_and_coordinates_are_read(run: Any) -> None:
     wear, hue = Primvar("wear", 0.25), Primvar("hue", (1.0, 0.0, 0.0))
-    inputs = {"wear": wear, "hue": hue, "st": Coordinates("st", TURNED)}
+    inputs = {"wear": wear, "hue": hue, "st": Coordinates("st", ROTATION)}
     both = Formula(parse("wear * hue + st"), inputs, {"wear": "float", "hue": "color", "st": "color"})
     tree, attributes = tree_of(both, COLOR)
-    st, uv = places()
+    st, uv = random_coordinates()
     rng = np.random.default_rng(1)
     mesh = {"wear": rng.random(500, dtype=np.float32), "hue": rng.random((500, 3), dtype=np.float32), "st": uv}
-    image = st @ np.reshape(TURNED, (2, 3))[:, :2].T + np.reshape(TURNED, (2, 3))[:, 2]
-    wanted = mesh["wear"][:, None] * mesh["hue"] + np.concatenate([image, np.zeros((500, 1))], axis=1)
-    np.testing.assert_allclose(run(tree, mesh), wanted, rtol=1e-5, atol=1e-5)
+    image = st @ np.reshape(ROTATION, (2, 3))[:, :2].T + np.reshape(ROTATION, (2, 3))[:, 2]
+    expected = mesh["wear"][:, None] * mesh["hue"] + np.concatenate([image, np.zeros((500, 1))], axis=1)
+    np.testing.assert_allclose(run(tree, mesh), expected, rtol=1e-5, atol=1e-5)
     fallbacks = {binding.attribute: binding.fallback for binding in attributes}
     assert fallbacks == {"wear": (0.25,), "hue": (1.0, 0.0, 0.0), "st": None}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from layers import no_textures, of_view
-from node_interpreter import Carried, Interpreter
+from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
@@ -20,8 +20,8 @@ from lookdev.material import Layer, Look, Primvar, Texture
 from lookdev.material.values import look_bsdf
 
 COUNT = 40
-# Models that backend "nodes" shows.
-SHOWN = sorted({model for model, _ in STAND_INS})
+# Models that backend "nodes" can show.
+MODELS_WITH_STAND_INS = sorted({model for model, _ in STAND_INS})
 PURE_SHEEN = {"Base Color": 0.0, "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": 1.0, "Coat Weight": 1.0}
 PURE_SHEEN |= {"Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Normal": 0.0}
 
@@ -31,7 +31,7 @@ def generate(*layers: Layer) -> NodeSource:
 
 
 def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
-    """Return constants within soft ranges, many of them at an end; no options, which closures may lack."""
+    """Return constants within soft ranges, many of them at an end, without options, which can be without closures."""
     inputs: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
@@ -57,8 +57,8 @@ def directions(rng: np.random.Generator, *, above: bool) -> Any:
 
 
 def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
-    """Return the closures of nodes in the shading frame; `axes`, (N, 3, 3), has its rows in the world."""
-    found = []
+    """Return the closures of nodes in the shading frame, whose axes in world space are the rows of `axes`."""
+    closures = []
     for kind, distribution, sockets in shader:
         if kind == "BsdfTransparent":
             continue
@@ -69,9 +69,9 @@ def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
         match kind:
             case "BsdfDiffuse":
                 roughness = sockets["Roughness"]
-                found.append(Closure("rough_diffuse", weight, frame=frame, f0=sockets["Color"], roughness=roughness))
+                closures.append(Closure("rough_diffuse", weight, frame=frame, f0=sockets["Color"], roughness=roughness))
             case "BsdfTranslucent":
-                found.append(Closure("translucent", color, frame=frame))
+                closures.append(Closure("translucent", color, frame=frame))
             case "BsdfAnisotropic" | "BsdfMetallic":
                 # As Cycles' svm_node_closure_bsdf.
                 alpha, a = sockets["Roughness"] ** 2, sockets.get("Anisotropy", np.zeros(1))
@@ -88,33 +88,33 @@ def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
                     else:
                         assert (sockets["Edge Tint"] == 1.0).all()
                         metal = replace(metal, kind="metal", f0=np.clip(sockets["Base Color"], 0.0, 1.0))
-                    found.append(metal)
+                    closures.append(metal)
                 else:
                     assert (a <= 0.0).all()
                     x, y = alpha / (1.0 + a), alpha * (1.0 + a)
-                    found.append(Closure(distribution.lower(), color, x, y, frame))
+                    closures.append(Closure(distribution.lower(), color, x, y, frame))
             case "BsdfPrincipled":
-                # A coat of index 1 seen along its normal: nothing but a tint.
-                given = {
+                # A coat of index 1, viewed along its normal, only tints.
+                constants = {
                     name: value.ravel()[0] for name, value in sockets.items() if name not in ("Coat Tint", "Normal")
                 }
-                assert given | {"Coat Normal": 0.0} == PURE_SHEEN
-                found.append(Closure("sheen", weight * sockets["Coat Tint"], frame=frame))
+                assert constants | {"Coat Normal": 0.0} == PURE_SHEEN
+                closures.append(Closure("sheen", weight * sockets["Coat Tint"], frame=frame))
             case "BsdfRefraction":
                 alpha, ior = sockets["Roughness"] ** 2, np.where(side > 0, sockets["IOR"], 1.0 / sockets["IOR"])
-                found.append(Closure(f"{distribution.lower()}_refraction", color, alpha, alpha, frame, ior))
+                closures.append(Closure(f"{distribution.lower()}_refraction", color, alpha, alpha, frame, ior))
             case _:
                 raise AssertionError(kind)
-    return found
+    return closures
 
 
 def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, Any] | None = None) -> Any:
-    """Return f times the cosine, in a shading frame that is turned in the world, and how much goes straight through."""
+    """Return f times the cosine, in a rotated shading frame, and the share of light that passes unchanged."""
     rng = np.random.default_rng(3)
     axes, _ = np.linalg.qr(rng.normal(size=(COUNT, 3, 3)))
     side = rng.choice([-1.0, 1.0], COUNT)
 
-    def given(node: ShaderNode) -> Mapping[str, Any] | None:
+    def scene_outputs(node: ShaderNode) -> Mapping[str, Any] | None:
         if node.group == "Lookdev Frame":
             names = ("Tangent", "Bitangent", "Normal")
             return {name: axes[:, k].astype(np.float32) for k, name in enumerate(names)} | {"Viewer": wo}
@@ -122,14 +122,14 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
             facing = dict.fromkeys(("Incoming", "True Normal", "Position"), np.float32([[0.0, 0.0, 1.0]]))
             return {"Backfacing": (side < 0).astype(np.float32), **facing}
         if node.kind in ("LightPath", "CameraData"):
-            one = np.ones(1, np.float32)
-            return {"Ray Length": one, "View Distance": one, "Is Shadow Ray": 0.0 * one}
+            unit = np.ones(1, np.float32)
+            return {"Ray Length": unit, "View Distance": unit, "Is Shadow Ray": 0.0 * unit}
         if node.kind == "Attribute":
             value = (attributes or {})[str(node.properties["attribute_name"]).removeprefix("primvars:")]
             return {"Fac": value, "Vector": value}
         return None
 
-    shader = Interpreter(source.trees, given).run(source.trees[-1].name)["Surface"]
+    shader = Interpreter(source.trees, scene_outputs).run(source.trees[-1].name)["Surface"]
     total = np.zeros((COUNT, 3))
     for closure in closures_of(shader, axes, side):
         total = total + closure_cosine(closure, wo.astype(np.float64), wi)
@@ -144,14 +144,14 @@ def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, se
     source = generate(*layers)
     wo, wi = directions(rng, above=True), directions(rng, above=False).astype(np.float64)
     attributes = {HANDEDNESS: np.ones(COUNT, dtype=np.float32)} | dict(values or {})
-    bsdf = look_bsdf(Look("look", layers), Carried(attributes, wo))
-    wanted = np.zeros((COUNT, 3))
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(attributes, wo))
+    expected = np.zeros((COUNT, 3))
     for lobe in bsdf.lobes(wo.astype(np.float64)):
         for closure in lobe_closures(lobe, wo.astype(np.float64)):
-            wanted = wanted + closure_cosine(closure, wo.astype(np.float64), wi)
-    found, through = nodes_cosine(source, wo, wi, attributes)
+            expected = expected + closure_cosine(closure, wo.astype(np.float64), wi)
+    result, through = nodes_cosine(source, wo, wi, attributes)
     # float32: some hundred roundings, and the peak of a mirror of alpha 0.001 moves by 1e-7 of an angle of 1e-3.
-    np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-5 * max(1.0, wanted.max()))
+    np.testing.assert_allclose(result, expected, rtol=2e-3, atol=1e-5 * max(1.0, expected.max()))
     absence = np.broadcast_to(1.0 - np.asarray(bsdf.presence), (COUNT,))
     np.testing.assert_allclose(through, np.repeat(absence[:, None], 3, axis=1), atol=1e-6)
     assert source.see_through == bool(np.any(absence))
@@ -160,26 +160,26 @@ def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, se
 
 
 def assert_whole(source: NodeSource) -> None:
-    """Links lead to earlier nodes, groups to earlier trees; no node is there twice, and no tree."""
+    """Assert that links lead to earlier nodes, and groups to earlier trees, and that nodes and trees exist once."""
     names = [tree.name for tree in source.trees]
     assert len(set(names)) == len(names)
     for index, tree in enumerate(source.trees):
-        seen: set[str] = set()
+        earlier: set[str] = set()
         contents = [repr((node.kind, node.properties, node.inputs, node.group)) for node in tree.nodes]
         assert len(set(contents)) == len(contents)
         for node in tree.nodes:
-            assert node.name not in seen
-            assert all(link.node in seen for link in node.inputs.values() if isinstance(link, Link))
-            seen.add(node.name)
+            assert node.name not in earlier
+            assert all(link.node in earlier for link in node.inputs.values() if isinstance(link, Link))
+            earlier.add(node.name)
             if node.group:
                 group = source.trees[names.index(node.group)]
                 assert names.index(node.group) < index
                 assert set(node.inputs) <= {socket.name for socket in group.inputs}
-        shown = {node.name: source.trees[names.index(node.group)] for node in tree.nodes if node.group}
+        groups = {node.name: source.trees[names.index(node.group)] for node in tree.nodes if node.group}
         links = [link for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
         for link in links:
-            if link.node in shown:
-                assert link.socket in [socket.name for socket in shown[link.node].outputs]
+            if link.node in groups:
+                assert link.socket in [socket.name for socket in groups[link.node].outputs]
 
 
 def tree_of(source: NodeSource, name: str) -> NodeTree:
@@ -195,7 +195,7 @@ def first_of(quick: int, count: int) -> list[Any]:
     return [pytest.param(seed, marks=pytest.mark.proof if seed >= quick else ()) for seed in range(count)]
 
 
-@pytest.mark.parametrize("model", SHOWN)
+@pytest.mark.parametrize("model", MODELS_WITH_STAND_INS)
 @pytest.mark.parametrize("seed", first_of(4, 12))
 def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
     source = check((Layer("base", model, random_inputs(model, np.random.default_rng(seed))),), seed=seed)
@@ -248,7 +248,7 @@ def test_primvars_reach_parameters_and_masks() -> None:
         "rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32),
     }
     base = Layer("base", "disney", {"baseColor": Primvar("paint", (0.5, 0.5, 0.5)), "roughness": Primvar("rough", 0.5)})
-    for model in SHOWN:
+    for model in MODELS_WITH_STAND_INS:
         source = check((base, Layer("top", model, {}, mask=Primvar("wear", 0.0))), values)
         assert [binding.attribute for binding in source.attributes] == ["paint", "rough", "wear"]
 
@@ -256,7 +256,7 @@ def test_primvars_reach_parameters_and_masks() -> None:
 def test_the_view_reaches_parameters_masks_and_presence() -> None:
     paint = {"baseColor": of_view("[view, 0.3, 1 - view]"), "roughness": of_view("0.2 + 0.5 * view")}
     base = Layer("base", "disney", paint | {"presence": of_view("1 - 0.5 * view")})
-    for model in SHOWN:
+    for model in MODELS_WITH_STAND_INS:
         source = check((base, Layer("top", model, {}, mask=of_view("smoothstep(1 - view, 0.3, 0.9)"))))
         assert source.attributes == ()
 
@@ -289,19 +289,19 @@ def test_sockets_are_those_of_the_parameters() -> None:
     assert layers["coat clearcoat"].panel == "coat"
     assert "base clearcoat" not in layers
     assert "base mask" not in layers
-    (shown,) = [node for node in source.trees[-1].nodes if node.group == "Lookdev Layers"]
-    assert shown.inputs["base roughness"] == 0.25
-    assert shown.inputs["coat mask"] == 0.4
+    (group_node,) = [node for node in source.trees[-1].nodes if node.group == "Lookdev Layers"]
+    assert group_node.inputs["base roughness"] == 0.25
+    assert group_node.inputs["coat mask"] == 0.4
 
 
 def test_a_socket_can_be_slid() -> None:
-    """A group that was generated for one look is another's with the values of that."""
-    slid, other = ({"roughness": rough, "specular": 0.9, "sheen": 0.5} for rough in (0.3, 0.7))
-    source = generate(Layer("base", "disney", slid))
-    wanted = generate(Layer("base", "disney", other))
-    assert tree_of(source, "Lookdev Disney") == tree_of(wanted, "Lookdev Disney")
-    assert source.digest != wanted.digest
-    assert source.digest == generate(Layer("base", "disney", dict(slid))).digest
+    """The group of a look, with other values of its sockets, is the group of the look with these values."""
+    inputs, other_inputs = ({"roughness": rough, "specular": 0.9, "sheen": 0.5} for rough in (0.3, 0.7))
+    source = generate(Layer("base", "disney", inputs))
+    other_source = generate(Layer("base", "disney", other_inputs))
+    assert tree_of(source, "Lookdev Disney") == tree_of(other_source, "Lookdev Disney")
+    assert source.digest != other_source.digest
+    assert source.digest == generate(Layer("base", "disney", dict(inputs))).digest
 
 
 def test_layers_of_one_name_have_panels_of_their_own() -> None:

@@ -21,17 +21,17 @@ VECTORS = ("u", "v", "w")
 def builder() -> tuple[TreeBuilder, dict[str, SymbolicArray]]:
     """Return a builder whose group has three floats and three vectors as inputs, and their symbols."""
     graph, nodes = Graph(), TreeBuilder("test")
-    given = nodes.add("NodeGroupInput")
+    group_input = nodes.add("NodeGroupInput")
     for name in FLOATS:
-        nodes.bind([name], Link(given, name))
+        nodes.bind([name], Link(group_input, name))
     for name in VECTORS:
-        nodes.bind([f"{name}_{i}" for i in range(3)], Link(given, name))
+        nodes.bind([f"{name}_{i}" for i in range(3)], Link(group_input, name))
     values = {name: symbol(graph, name) for name in FLOATS}
     return nodes, values | {name: symbols(graph, [f"{name}_{i}" for i in range(3)]) for name in VECTORS}
 
 
 def build(result: Any) -> NodeTree:
-    """Return the tree with one output, of a function of the symbols."""
+    """Return the tree whose one output is a function of the symbols."""
     nodes, values = builder()
     traced = result(**values)
     elements = elements_of(traced)
@@ -50,17 +50,17 @@ def kinds(tree: NodeTree) -> Counter[str]:
     )
 
 
-def checked(result: Any, low: float = 0.1, high: float = 2.0) -> Counter[str]:
+def check(result: Any, low: float = 0.1, high: float = 2.0) -> Counter[str]:
     """Compare a tree with the function that it was traced from, over random numbers; return its nodes."""
     tree = build(result)
     rng = np.random.default_rng(5)
     values = {name: rng.uniform(low, high, 64).astype(np.float32) for name in FLOATS}
     values |= {name: rng.uniform(low, high, (64, 3)).astype(np.float32) for name in VECTORS}
-    wanted = result(**{name: value.astype(np.float64) for name, value in values.items()})
-    found = Interpreter((tree,)).run("test", values)["out"]
-    found = shape_input("out", found, scalar=np.ndim(wanted) == 1)
-    # Some tens of roundings of numbers about 1.
-    np.testing.assert_allclose(np.broadcast_to(found, np.shape(wanted)), wanted, rtol=2e-5, atol=2e-6)
+    expected = result(**{name: value.astype(np.float64) for name, value in values.items()})
+    result_of_nodes = Interpreter((tree,)).run("test", values)["out"]
+    result_of_nodes = shape_input("out", result_of_nodes, scalar=np.ndim(expected) == 1)
+    # Some tens of roundings of numbers near 1.
+    np.testing.assert_allclose(np.broadcast_to(result_of_nodes, np.shape(expected)), expected, rtol=2e-5, atol=2e-6)
     return kinds(tree)
 
 
@@ -83,21 +83,21 @@ def checked(result: Any, low: float = 0.1, high: float = 2.0) -> Counter[str]:
         lambda u, v, **_: dot(u, v) + u[..., 1],
         lambda a, u, v, **_: np.where(np.expand_dims(a > 1.0, -1), u, v) / np.maximum(u, 0.5),
         lambda u, v, w, **_: normalize(u - w) + normalize(v),
-        # Two components of a vector that one node computes, and a third that is none of it.
+        # Two components of a vector that one node computes, and a third of another vector.
         lambda u, v, w, **_: vector(cross(u, v)[..., 0], cross(u, v)[..., 1], cross(u, w)[..., 2]),
         lambda u, v, **_: vector(*(u[..., i] * (1.0 / np.sqrt(dot(w, w))) for i, w in enumerate((u, u, v)))),
         lambda u, **_: vector(normalize(u)[..., 0], normalize(u)[..., 1], u[..., 2] / (1.0 / np.sqrt(dot(u, u)))),
     ],
 )
 def test_nodes_compute_what_was_traced(result: Any) -> None:
-    checked(result)
+    check(result)
 
 
 def test_expm1_keeps_small_numbers() -> None:
     tree = build(lambda a, **_: np.expm1(a))
     x = np.array([-20.0, -1.0, -1e-6, 1e-7, 3e-3, 1.0, 20.0], dtype=np.float32)
-    found = Interpreter((tree,)).run("test", {"a": x})["out"]
-    np.testing.assert_allclose(found, np.expm1(x.astype(np.float64)), rtol=4e-6)
+    result = Interpreter((tree,)).run("test", {"a": x})["out"]
+    np.testing.assert_allclose(result, np.expm1(x.astype(np.float64)), rtol=4e-6)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_expm1_keeps_small_numbers() -> None:
         (lambda u, **_: normalize(u), {"NORMALIZE": 1}),
         (lambda a, **_: np.stack([a, a, a], axis=-1), {}),
         (lambda u, **_: u[..., 1], {"SeparateXYZ": 1}),
-        # The component of a vector that is there anyway.
+        # A component of a vector that a node computes anyway.
         (
             lambda u, v, **_: (u * v) * np.expand_dims((u * v)[..., 0], -1),
             {"MULTIPLY": 1, "SeparateXYZ": 1, "SCALE": 1},
@@ -132,17 +132,17 @@ def test_expm1_keeps_small_numbers() -> None:
     ],
 )
 def test_few_nodes(result: Any, nodes: dict[str, int]) -> None:
-    assert checked(result) == nodes
+    assert check(result) == nodes
 
 
 def test_a_vector_never_depends_on_its_own_part() -> None:
-    # Each component is the sine of the one before: computed as one, they would need themselves.
+    # Each component is the sine of the previous one: as one vector, it would depend on itself.
     def chain(a: Any, u: Any, **_: Any) -> Any:
         first = np.sin(u[..., 0])
         second = np.sin(first)
         return np.stack([first, second, np.sin(second)], axis=-1)
 
-    assert checked(chain) == {"SINE": 3, "SeparateXYZ": 1, "CombineXYZ": 1}
+    assert check(chain) == {"SINE": 3, "SeparateXYZ": 1, "CombineXYZ": 1}
 
 
 def test_deep_graphs_need_no_recursion() -> None:
@@ -156,7 +156,7 @@ def test_deep_graphs_need_no_recursion() -> None:
 
 
 def test_random_expressions() -> None:
-    """Whatever is combined comes out the same, vectors and their components mixed."""
+    """Random combinations of vectors and components have the values of NumPy."""
     for seed in range(30):
 
         def result(seed: int = seed, **values: Any) -> Any:
@@ -182,7 +182,7 @@ def test_random_expressions() -> None:
                         vectors.append(np.minimum(u * v + v, 1.9))
             return np.expand_dims(scalars[-1], -1) * vectors[-1] + vectors[-2]
 
-        checked(result)
+        check(result)
 
 
 def test_what_is_not_bound_is_named() -> None:
@@ -210,16 +210,16 @@ def test_only_what_leads_to_an_output_is_there() -> None:
 
 def test_nodes_stand_in_order_and_apart() -> None:
     tree = build(lambda a, b, u, v, **_: mix_color(u * v, normalize(u + v), np.sin(a) * b) * np.expand_dims(a, -1))
-    seen: set[str] = set()
+    earlier: set[str] = set()
     for node in tree.nodes:
         for link in node.inputs.values():
             if isinstance(link, Link):
-                assert link.node in seen
-                reads = next(each for each in tree.nodes if each.name == link.node)
-                assert reads.place[0] < node.place[0]
-        seen.add(node.name)
-    assert len(seen) == len(tree.nodes)
-    places = [node.place for node in tree.nodes]
-    for index, (x, y) in enumerate(places):
-        for other_x, other_y in places[index + 1 :]:
+                assert link.node in earlier
+                source = next(other for other in tree.nodes if other.name == link.node)
+                assert source.place[0] < node.place[0]
+        earlier.add(node.name)
+    assert len(earlier) == len(tree.nodes)
+    positions = [node.place for node in tree.nodes]
+    for index, (x, y) in enumerate(positions):
+        for other_x, other_y in positions[index + 1 :]:
             assert abs(x - other_x) >= 200 or abs(y - other_y) >= 100

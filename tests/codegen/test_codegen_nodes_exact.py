@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from layers import no_textures, of_view
-from node_interpreter import Carried, Interpreter
+from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
@@ -53,26 +53,26 @@ def unit(vectors: Any) -> Any:
     return (vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).astype(np.float32)
 
 
-def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
+def run(source: NodeSource, scene: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return the portals' weights and directions."""
 
     def answer(node: ShaderNode) -> Mapping[str, Any] | None:
         if node.group == "Lookdev Frame":
-            axes = given["axes"]
-            return {"Tangent": axes[0], "Bitangent": axes[1], "Normal": axes[2], "Viewer": given["wo"]}
+            axes = scene["axes"]
+            return {"Tangent": axes[0], "Bitangent": axes[1], "Normal": axes[2], "Viewer": scene["wo"]}
         match node.kind:
             case "NewGeometry":
-                return {"True Normal": given["facet"], "Position": given["wo"]}
+                return {"True Normal": scene["facet"], "Position": scene["wo"]}
             case "CameraData":
                 return {"View Distance": np.ones(1, np.float32)}
             case "TexWhiteNoise":
-                return {"Color": given["u"]}
+                return {"Color": scene["u"]}
             case "SeparateColor":
-                return {"Red": given["u"][..., 0], "Green": given["u"][..., 1]}
+                return {"Red": scene["u"][..., 0], "Green": scene["u"][..., 1]}
             case "LightPath":
-                return {"Transparent Depth": np.full(1, given["depth"], np.float32)}
+                return {"Transparent Depth": np.full(1, scene["depth"], np.float32)}
             case "Attribute":
-                value = given[str(node.properties["attribute_name"]).removeprefix("primvars:")]
+                value = scene[str(node.properties["attribute_name"]).removeprefix("primvars:")]
                 return {"Fac": value, "Vector": value}
         return None
 
@@ -80,17 +80,17 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
     assert kind == "BsdfRayPortal"
     names = ("Color", "Direction", "Position")
     color, direction, start = (np.broadcast_to(sockets[name], (COUNT, 3)).astype(np.float64) for name in names)
-    # Rays start above the facet, on the side to which they go.
-    above = np.sum((start - given["wo"]) * given["facet"], axis=-1)
+    # Rays start above the facet, on the side that they go to.
+    above = np.sum((start - scene["wo"]) * scene["facet"], axis=-1)
     sent = (color != 0.0).any(axis=-1)
-    assert (above * np.sum(direction * given["facet"], axis=-1) >= 0.0)[sent].all()
-    assert (np.abs(above) < 3e-6 * (1.0 + np.linalg.norm(given["wo"], axis=-1))).all()
+    assert (above * np.sum(direction * scene["facet"], axis=-1) >= 0.0)[sent].all()
+    assert (np.abs(above) < 3e-6 * (1.0 + np.linalg.norm(scene["wo"], axis=-1))).all()
     return color, direction
 
 
 @pytest.fixture
-def given() -> dict[str, Any]:
-    """Outputs of nodes that read the scene: a rotated shading frame, whose normal is the facet's, too."""
+def scene() -> dict[str, Any]:
+    """Return outputs of nodes that read the scene: a rotated shading frame, whose normal is also the facet's."""
     rng = np.random.default_rng(4)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     wo = rng.normal(size=(COUNT, 3))
@@ -106,78 +106,78 @@ def given() -> dict[str, Any]:
     }
 
 
-def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSource:
+def assert_samples(layers: tuple[Layer, ...], scene: dict[str, Any]) -> NodeSource:
     """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
     source = generate(*layers, bounces=2)
-    weight, world = run(source, given)
-    bsdf = look_bsdf(Look("look", layers), Carried(given, given["wo"]))
-    wo = given["wo"].astype(np.float64)
-    wi = world @ np.linalg.inv(given["axes"].astype(np.float64))
-    drawn = sample(bsdf, wo, given["u"][..., :2].astype(np.float64))
+    weight, world = run(source, scene)
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(scene, scene["wo"]))
+    wo = scene["wo"].astype(np.float64)
+    wi = world @ np.linalg.inv(scene["axes"].astype(np.float64))
+    expected_wi = sample(bsdf, wo, scene["u"][..., :2].astype(np.float64))
     # Sines of angles up to 2 pi and square roots of differences from 1, in float32.
-    np.testing.assert_allclose(wi, drawn, atol=5e-4)
-    used = np.abs(drawn[..., 2]) > 1e-3
-    assert used.mean() > 0.8
-    wi = wi[used] / np.linalg.norm(wi[used], axis=-1, keepdims=True)
-    wo, weight = wo[used], weight[used]
-    seen = {name: value[used] for name, value in given.items() if np.shape(value)[:1] == (COUNT,)}
-    bsdf = look_bsdf(Look("look", layers), Carried(seen, seen["wo"]))
-    wanted = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
-    # The quotient is smooth in wi; several hundred roundings, of which lobes with alpha of 0.001 magnify those of wm.
-    np.testing.assert_allclose(weight, wanted, rtol=5e-3, atol=1e-5)
+    np.testing.assert_allclose(wi, expected_wi, atol=5e-4)
+    valid = np.abs(expected_wi[..., 2]) > 1e-3
+    assert valid.mean() > 0.8
+    wi = wi[valid] / np.linalg.norm(wi[valid], axis=-1, keepdims=True)
+    wo, weight = wo[valid], weight[valid]
+    scene_used = {name: value[valid] for name, value in scene.items() if np.shape(value)[:1] == (COUNT,)}
+    bsdf = look_bsdf(Look("look", layers), PrimvarPoints(scene_used, scene_used["wo"]))
+    expected = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
+    # The quotient is smooth in wi. There are several hundred roundings; lobes with alpha 0.001 magnify those of wm.
+    np.testing.assert_allclose(weight, expected, rtol=5e-3, atol=1e-5)
     return source
 
 
 @pytest.mark.parametrize("name", LOOKS)
-def test_nodes_sample_as_numpy_does(name: str, given: dict[str, Any]) -> None:
-    source = assert_samples(LOOKS[name], given)
+def test_nodes_sample_as_numpy_does(name: str, scene: dict[str, Any]) -> None:
+    source = assert_samples(LOOKS[name], scene)
     assert source.exact
     assert not source.see_through
     assert source.transmits == (name in ("painted", "bent", "lacquered", "gilded", "mixed", "seen"))
 
 
-def test_what_varies_over_the_surface_is_read(given: dict[str, Any]) -> None:
+def test_what_varies_over_the_surface_is_read(scene: dict[str, Any]) -> None:
     rng = np.random.default_rng(2)
-    given |= {"rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32), "rust": rng.random(COUNT, dtype=np.float32)}
-    given["rust"][: COUNT // 4] = 0.0
-    given["tint"] = rng.uniform(0.1, 0.9, (COUNT, 3)).astype(np.float32)
+    scene |= {"rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32), "rust": rng.random(COUNT, dtype=np.float32)}
+    scene["rust"][: COUNT // 4] = 0.0
+    scene["tint"] = rng.uniform(0.1, 0.9, (COUNT, 3)).astype(np.float32)
     below = layer("disney", baseColor=Primvar("tint", (0.5, 0.5, 0.5)), roughness=Primvar("rough", 0.5), clearcoat=0.5)
     above = layer("disney", Primvar("rust", 0.0), baseColor=(0.4, 0.2, 0.1), roughness=0.8, metallic=0.5)
-    source = assert_samples((below, above), given)
+    source = assert_samples((below, above), scene)
     assert [binding.attribute for binding in source.attributes] == ["rough", "rust", "tint"]
 
 
-def test_a_portal_opens_as_often_as_there_are_bounces(given: dict[str, Any]) -> None:
+def test_a_portal_opens_as_often_as_there_are_bounces(scene: dict[str, Any]) -> None:
     for bounces in (0, 1, 3):
         source = generate(COAT, bounces=bounces)
         for depth in (bounces, bounces + 1):
-            weight, _ = run(source, given | {"depth": depth})
+            weight, _ = run(source, scene | {"depth": depth})
             assert (weight.max() > 0.0) == (depth == bounces)
 
 
-def test_a_direction_that_the_facet_hides_is_dark(given: dict[str, Any]) -> None:
-    t, _, n = given["axes"]
+def test_a_direction_that_the_facet_hides_is_dark(scene: dict[str, Any]) -> None:
+    t, _, n = scene["axes"]
     leaning = unit(n + 1.5 * t)
     source = generate(*LOOKS["painted"])
-    seen, world = run(source, given)
-    weight, _ = run(source, given | {"facet": leaning})
-    agreed = np.sign(world @ n) == np.sign(world @ leaning)
-    assert 0.05 < agreed.mean() < 0.95
-    np.testing.assert_array_equal(weight, np.where(agreed[..., None], seen, 0.0))
+    full_weight, world = run(source, scene)
+    weight, _ = run(source, scene | {"facet": leaning})
+    valid = np.sign(world @ n) == np.sign(world @ leaning)
+    assert 0.05 < valid.mean() < 0.95
+    np.testing.assert_array_equal(weight, np.where(valid[..., None], full_weight, 0.0))
 
 
-def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(given: dict[str, Any]) -> None:
+def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(scene: dict[str, Any]) -> None:
     for clear in (0.0, 0.01):
         leaning = layer("pixar", clear=clear, diffuseNormal=(0.6, 0.0, 0.8), roughness=0.9)
-        weight, world = run(generate(leaning), given)
-        behind = world @ given["axes"][2] < 0.0
+        weight, world = run(generate(leaning), scene)
+        behind = world @ scene["axes"][2] < 0.0
         assert 0.05 < behind.mean() < 0.5
         assert (weight[behind].max() > 0.0) == (clear > 0.0)
 
 
-def test_a_black_look_sends_nothing_on(given: dict[str, Any]) -> None:
+def test_a_black_look_sends_nothing_on(scene: dict[str, Any]) -> None:
     black = layer("pixar", surfaceColor=(0.0, 0.0, 0.0), specularTint=(0.0, 0.0, 0.0))
-    weight, _ = run(generate(black), given)
+    weight, _ = run(generate(black), scene)
     assert not weight.any()
 
 
@@ -205,7 +205,7 @@ def test_the_frame_faces_the_viewer(mirrored: bool, directed: bool) -> None:
     tangent = unit(np.cross(normal, tangent))
     facet = unit(normal + 0.1 * rng.normal(size=(COUNT, 3)))
     facet = np.where(np.sum(facet * viewer, axis=-1, keepdims=True) < 0.0, -facet, facet)
-    # What the mesh of a reflected instance has: vectors that the reflection brings where they are wanted.
+    # The mesh of a reflected instance has vectors that the reflection maps to the expected ones.
     axes = np.diag([-1.0 if mirrored else 1.0, 1.0, 1.0]).astype(np.float32)
     transformed = {"NORMAL": normal, "VECTOR": tangent}
 
@@ -216,20 +216,20 @@ def test_the_frame_faces_the_viewer(mirrored: bool, directed: bool) -> None:
             case "Attribute":
                 return {"Vector": np.zeros(3)}
             case "VectorTransform":
-                given = node.inputs["Vector"]
+                vector = node.inputs["Vector"]
                 kind = str(node.properties["vector_type"])
-                return {"Vector": axes @ np.float32(given) if isinstance(given, tuple) else transformed[kind]}
+                return {"Vector": axes @ np.float32(vector) if isinstance(vector, tuple) else transformed[kind]}
         return None
 
-    found = Interpreter((frame_tree(directed=directed, leaning=True),), answer).run("Lookdev Frame")
-    n, t, b, wo = (np.asarray(found[name], np.float64) for name in ("Normal", "Tangent", "Bitangent", "Viewer"))
+    outputs = Interpreter((frame_tree(directed=directed, leaning=True),), answer).run("Lookdev Frame")
+    n, t, b, wo = (np.asarray(outputs[name], np.float64) for name in ("Normal", "Tangent", "Bitangent", "Viewer"))
     side = np.where(np.sum(normal * facet, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     lean = np.sum(side * normal * viewer, axis=-1)
     assert (lean < -1e-3).any()
     assert (side < 0.0).any()
     np.testing.assert_allclose(n[lean > 1e-3], (side * normal)[lean > 1e-3], atol=1e-6)
     assert (np.sum(n * viewer, axis=-1)[lean < -1e-3] > 0.0).all()
-    # A few roundings of unit vectors; bending a normal that leans by a right angle shortens it, and them, by tenths.
+    # A few roundings of unit vectors; bending a normal that leans by a right angle shortens the axes by tenths.
     np.testing.assert_allclose(np.sum(n * t, axis=-1), 0.0, atol=5e-6)
     np.testing.assert_allclose(b, side * np.cross(n, t) * (-1.0 if mirrored else 1.0), atol=5e-6)
     np.testing.assert_allclose(wo, np.stack([np.sum(viewer * axis, axis=-1) for axis in (t, b, n)], axis=-1), atol=5e-6)

@@ -1,4 +1,4 @@
-"""The generated text has all that a look needs, and nothing else."""
+"""The generated text has everything that a look needs, and nothing else."""
 
 import hashlib
 import re
@@ -45,7 +45,7 @@ def pixar(mask: Any = 1.0, mode: Any = "over", **inputs: Any) -> Layer:
 
 
 def generated(source: ShaderSource) -> str:
-    """Return the shader without what is included and without the comments that name no lobe."""
+    """Return the shader without included files, whose comments do not name lobes."""
     return source.osl[source.osl.index("shader lookdev_") :]
 
 
@@ -62,7 +62,7 @@ def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
     assert "expm1" in generated(coated)
     assert surface(base(sheen=0.0, sheenTint=1.0)).osl == plain.osl
     assert lobes_in(surface(base(metallic=1.0))) == {"specular"}
-    # As published: Schlick's term rises to 1 whatever F0 is.
+    # As published, Schlick's term rises to 1 for every F0.
     assert lobes_in(surface(base(specular=0.0))) == {"diffuse", "specular"}
 
 
@@ -147,7 +147,7 @@ def test_primvars_are_bound() -> None:
     }
 
 
-# Everything a Pixar layer can have.
+# Inputs with which a Pixar layer has all lobes.
 FULL = {"roughness": 0.2, "clear": 0.5, "back": 0.5}
 HIGHLIGHTS = {"specular", "reflection", "specularTransmission", "refraction"}
 
@@ -184,13 +184,13 @@ def test_a_stack_has_the_lobes_that_its_interactions_leave(energy: str) -> None:
     wood = pixar(roughness=1.0, energy=energy)
     glass = {"roughness": 0.0, "clear": 1.0, "energy": energy}
     assert lobes_in(surface(wood)) == {"diffuse"}
-    # Simply over it, a lacquer still shows light through to the other side; what transmits meets the wood.
+    # In mode "over", a lacquer still transmits light to the other side; in mode "transmit", that light meets the wood.
     assert lobes_in(surface(wood, pixar(0.5, **glass))) == {"diffuse", "reflection", "refraction"}
     assert lobes_in(surface(wood, pixar(1.0, "transmit", **glass))) == {"diffuse", "reflection"}
-    # Through glass on frosted glass, everything is as frosted.
+    # Light through glass on frosted glass scatters as by frosted glass.
     frosted = pixar(roughness=0.5, clear=1.0, diffuseScale=0.0, energy=energy)
-    wanted = {"reflection", "specular", "specularTransmission"}
-    assert lobes_in(surface(frosted, pixar(1.0, "transmit", **glass))) == wanted
+    expected = {"reflection", "specular", "specularTransmission"}
+    assert lobes_in(surface(frosted, pixar(1.0, "transmit", **glass))) == expected
 
 
 def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None:
@@ -208,8 +208,8 @@ def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None
 def test_options_at_their_defaults_and_normals_that_are_the_same_have_no_code(textures: dict[str, Texture]) -> None:
     bumped = Bump(textures["mask"], 0.1)
     plain = surface(base(clearcoat=1.0, normal=bumped))
-    own = dict.fromkeys(("specularNormal", "clearcoatNormal"), bumped)
-    assert surface(base(clearcoat=1.0, normal=bumped, gamma=2.0, **own)).osl == plain.osl
+    normals = dict.fromkeys(("specularNormal", "clearcoatNormal"), bumped)
+    assert surface(base(clearcoat=1.0, normal=bumped, gamma=2.0, **normals)).osl == plain.osl
     assert surface(base(clearcoat=1.0, normal=bumped, specularNormal=(0.0, 0.0, 1.0))).osl != plain.osl
     assert "pow(" in surface(base(gamma=1.5)).osl
     assert "pow(" not in surface(base()).osl
@@ -226,7 +226,7 @@ def test_presence_is_seen_through(textures: dict[str, Texture]) -> None:
     source = surface(pixar(presence=0.25))
     assert source.constants[int(re.search(r"float presence = look_(\d+);", source.osl)[1])] == 0.25
     assert surface(pixar(presence=textures["mask"])).see_through
-    # Over a whole base, a hole shows the base.
+    # A hole in a layer over an opaque base shows the base.
     assert not surface(pixar(), pixar(presence=textures["mask"])).see_through
 
 
@@ -302,22 +302,22 @@ def counts(source: ShaderSource) -> list[int]:
 
 
 def test_directions_are_few_at_the_first_hit_of_glossy_looks_in_recesses(textures: dict[str, Texture]) -> None:
-    def chosen(layer: Layer, light: Dome | SphereLight = DOME, **options: int) -> list[int]:
+    def counts_of(layer: Layer, light: Dome | SphereLight = DOME, **options: int) -> list[int]:
         automatic: dict[str, Any] = {"brdf_samples": None, "ibl_samples": None, "bounces": 2}
         return counts(surface(layer, lights=(light,), **automatic | options))
 
-    # Whatever says how glossy it is.
+    # Metals are glossy for any roughness and anisotropy.
     rough = replace(textures["mask"], scale=(0.5,) * 4)
     metals = base(metallic=1.0), base(metallic=1.0, anisotropic=0.8), base(metallic=1.0, roughness=rough)
     for metal in metals:
-        assert chosen(metal) == [2, 2, 1, 4]
-        assert chosen(metal, SphereLight.example()) == [2, 2, 1, 4]
-        assert chosen(metal, bounces=0) == [4, 4, 1, 2]
-        assert chosen(metal, brdf_samples=8) == [8, 4, 2, 2]
-        assert chosen(metal, replace(DOME, constant=True)) == [4, 0, 1, 0]
-    # Where some lobe is broad, or light comes from both sides, they are more.
+        assert counts_of(metal) == [2, 2, 1, 4]
+        assert counts_of(metal, SphereLight.example()) == [2, 2, 1, 4]
+        assert counts_of(metal, bounces=0) == [4, 4, 1, 2]
+        assert counts_of(metal, brdf_samples=8) == [8, 4, 2, 2]
+        assert counts_of(metal, replace(DOME, constant=True)) == [4, 0, 1, 0]
+    # If a lobe is broad, or light comes from both sides, the numbers are larger.
     for layer in (base(), base(metallic=textures["mask"]), pixar(clear=0.5, roughness=0.4)):
-        assert chosen(layer) == [4, 4, 1, 2]
+        assert counts_of(layer) == [4, 4, 1, 2]
 
 
 def test_lobes_that_transmit_are_light_sampled_if_there_are_directions_from_behind_at_every_depth() -> None:
@@ -341,10 +341,10 @@ def test_an_opaque_surface_that_leans_is_lit_from_the_front() -> None:
 
 
 def test_shadow_rays_are_a_setting() -> None:
-    lit, unshaded = (surface(base(), bounces=0, shadows=shadows) for shadows in (True, False))
-    assert lit.shadows
+    shadowed, unshaded = (surface(base(), bounces=0, shadows=shadows) for shadows in (True, False))
+    assert shadowed.shadows
     assert not unshaded.shadows
-    assert "#define SHADOWS 1" in lit.osl
+    assert "#define SHADOWS 1" in shadowed.osl
     assert "#define SHADOWS 0" in unshaded.osl
 
 
@@ -365,9 +365,9 @@ def test_the_digest_names_text_and_content(textures: dict[str, Texture]) -> None
 
 
 def test_the_digest_names_what_a_missing_primvar_is() -> None:
-    one, two = (surface(base(roughness=Primvar("wear", value))) for value in (0.5, 0.6))
-    assert one.osl == two.osl
-    assert one.digest != two.digest
+    first, second = (surface(base(roughness=Primvar("wear", value))) for value in (0.5, 0.6))
+    assert first.osl == second.osl
+    assert first.digest != second.digest
 
 
 def test_the_digest_of_points_is_that_of_their_text() -> None:
@@ -386,7 +386,7 @@ def test_the_diffuse_part_is_summed_by_itself_on_request() -> None:
     graph = Graph()
     lobes = present_lobes(graph, MODELS["disney"].bsdf(complete_parameters("disney", {"clearcoat": 1.0})))
     traced = trace_lobes(graph, lobes)
-    assert [lobe.name for lobe in traced.lobes if lobe.diffuse] == ["diffuse"]
+    assert [lobe.name for lobe in traced.lobes if lobe.is_diffuse] == ["diffuse"]
     assert "f_diffuse" not in "\n".join(emit_brdf(traced).evaluate)
     split = emit_brdf(traced, by_group=True).evaluate
     assert sum("f_diffuse += own_f;" in line for line in split) == 1

@@ -1,4 +1,4 @@
-"""The lines of a shader that record light are in no other shader."""
+"""Only shaders that record light have the lines for it."""
 
 import pytest
 
@@ -30,12 +30,12 @@ def test_conditions_of_other_names_stay() -> None:
 def test_what_records_nothing_has_no_line_for_it(rig: bool) -> None:
     lights = load_rig(rig_file("three_point")).lights if rig else (prepare_light(load_environment(builtin="white")),)
     plain = surface(lights)
-    # But for the definition that it does not.
+    # The one line left defines that the shader does not record.
     lines = [line for line in plain.osl.splitlines() if "RECORDED" in line.upper() or "by_light" in line]
     assert lines == ["#define RECORDED 0"]
     assert plain.recorded == ()
-    shown = surface(lights, "lights")
-    assert shown.recorded == ("diffuse", "specular", "sheen")
-    assert f"#define LIGHT_GROUPS {len(lights)}" in shown.osl
-    numbers = ", ".join(str(LOBE_GROUPS.index(group)) for group in shown.recorded)
-    assert f"#define RECORDED_LOBE_NUMBERS {{ {numbers} }}" in shown.osl
+    recorded = surface(lights, "lights")
+    assert recorded.recorded == ("diffuse", "specular", "sheen")
+    assert f"#define LIGHT_GROUPS {len(lights)}" in recorded.osl
+    numbers = ", ".join(str(LOBE_GROUPS.index(group)) for group in recorded.recorded)
+    assert f"#define RECORDED_LOBE_NUMBERS {{ {numbers} }}" in recorded.osl

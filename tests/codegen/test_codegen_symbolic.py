@@ -1,4 +1,4 @@
-"""Symbolic arrays: they fold, share, refuse what has no counterpart, and compute what NumPy computes."""
+"""Symbolic arrays fold, share nodes, refuse operations without a counterpart, and compute what NumPy computes."""
 
 from itertools import product
 from typing import Any
@@ -39,7 +39,7 @@ def node(value: Any) -> Any:
 
 
 def test_what_folds_is_an_ordinary_array(x: SymbolicArray, v: SymbolicArray) -> None:
-    for folded, wanted in (
+    for folded, expected in (
         (x * 0.0, 0.0),
         (0.0 * v, np.zeros(3)),
         (x - x, 0.0),
@@ -52,8 +52,8 @@ def test_what_folds_is_an_ordinary_array(x: SymbolicArray, v: SymbolicArray) -> 
         (np.logical_and(x > 0.0, False), False),
         (np.logical_or(x > 0.0, True), True),
     ):
-        assert not isinstance(folded, SymbolicArray), wanted
-        np.testing.assert_array_equal(folded, wanted)
+        assert not isinstance(folded, SymbolicArray), expected
+        np.testing.assert_array_equal(folded, expected)
 
 
 def test_what_changes_nothing_is_no_operation(x: SymbolicArray) -> None:
@@ -136,31 +136,31 @@ def test_what_has_no_counterpart_is_reported(v: SymbolicArray, x: SymbolicArray,
         use(x, v)
 
 
-def compute(value: Any, symbols: dict[str, Any], done: dict[Node, Any]) -> Any:
+def compute(value: Any, symbols: dict[str, Any], results: dict[Node, Any]) -> Any:
     """Evaluate a node with NumPy's own functions, by name."""
     if not isinstance(value, Node):
         return value
-    if value not in done:
+    if value not in results:
         if value.op == "symbol":
-            done[value] = symbols[value.args[0]]
+            results[value] = symbols[value.args[0]]
         elif value.op == "look_up":
-            table, channel, *place = value.args
-            row, column = (np.asarray(compute(each, symbols, done)).astype(np.intp) for each in place)
-            done[value] = table.values[row, column] if channel is None else table.values[row, column, channel]
+            table, channel, *cell = value.args
+            row, column = (np.asarray(compute(index, symbols, results)).astype(np.intp) for index in cell)
+            results[value] = table.values[row, column] if channel is None else table.values[row, column, channel]
         else:
             function: Any = getattr(np, value.op)
-            done[value] = function(*(compute(arg, symbols, done) for arg in value.args))
-    return done[value]
+            results[value] = function(*(compute(arg, symbols, results) for arg in value.args))
+    return results[value]
 
 
 def test_every_operation_computes_what_numpy_does(graph: Graph) -> None:
     a, b = np.random.default_rng(1).uniform(0.1, 0.9, (2, 50))
     for op in sorted(OPERATIONS):
-        given = {"condition": a > 0.5, "a": a, "b": b} if op == "where" else {"a": a, "b": b}
-        names = list(given)[: getattr(getattr(np, op), "nin", 3)]
+        values = {"condition": a > 0.5, "a": a, "b": b} if op == "where" else {"a": a, "b": b}
+        names = list(values)[: getattr(getattr(np, op), "nin", 3)]
         traced = graph.apply(op, *(graph.symbol(name) for name in names))
-        wanted = getattr(np, op)(*(given[name] for name in names))
-        np.testing.assert_array_equal(compute(traced, given, {}), wanted, err_msg=op)
+        expected = getattr(np, op)(*(values[name] for name in names))
+        np.testing.assert_array_equal(compute(traced, values, {}), expected, err_msg=op)
 
 
 def test_colors_of_a_table_are_the_last_axis(graph: Graph) -> None:
@@ -201,7 +201,7 @@ def test_the_viewer_is_above_the_horizon_and_each_lobe_has_a_share(graph: Graph)
 
 
 def test_every_operation_that_stays_has_code() -> None:
-    # These two are always rewritten as the graph is built.
+    # These two are always rewritten while the graph is built.
     assert OPERATIONS - {"positive", "square"} == set(CODE)
 
 
@@ -219,7 +219,8 @@ _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
 }
 
 
-# Some parameters are symbols in every stack; all and none of them in one of each model, and in those of several layers.
+# In every stack, some parameters are symbols. In one stack of each model, and in those of several layers, also all or
+# none.
 _ENDS = {layers[0][0] if len(layers) == 1 else name: name for name, layers in _STACKS.items()}.values()
 
 
@@ -237,7 +238,7 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
     wo, wi = directions(rng, count), directions(rng, count)
     numbers: dict[str, Any] = {"u1": rng.random(count), "u2": rng.random(count)}
     direct, traced = [], []
-    for place, (model, tokens, mode) in enumerate(_STACKS[name]):
+    for index, (model, tokens, mode) in enumerate(_STACKS[name]):
         values: dict[str, Any] = MODELS[model].tokens(tokens)
         symbolic: dict[str, Any] = dict(values)
         for number, (key, parameter) in enumerate(MODELS[model].parameters.items()):
@@ -249,14 +250,14 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
             shape = ((count,) if varies else ()) + ((3,) if vector else ())
             values[key] = symbolic[key] = low + (high - low) * rng.random(shape)
             if varies:
-                names = [f"layer{place}_{key}_{i}" for i in range(3)] if vector else [f"layer{place}_{key}"]
+                names = [f"layer{index}_{key}_{i}" for i in range(3)] if vector else [f"layer{index}_{key}"]
                 numbers |= dict(zip(names, values[key].reshape(count, -1).T, strict=True))
                 symbolic[key] = symbols(graph, names) if vector else symbol(graph, names[0])
-        mask = numbers[f"mask{place}"] = rng.random(count)
+        mask = numbers[f"mask{index}"] = rng.random(count)
         direct.append(StackLayer(model, values, mask, mode))
-        traced.append(StackLayer(model, symbolic, symbol(graph, f"mask{place}"), mode))
+        traced.append(StackLayer(model, symbolic, symbol(graph, f"mask{index}"), mode))
 
-    bsdf, shown = stack_bsdf(direct), stack_bsdf(traced)
+    bsdf, traced_bsdf = stack_bsdf(direct), stack_bsdf(traced)
     lights = {False: wi, True: wi * [1.0, 1.0, -1.0]}
     sides = {
         transmits: numbers | dict(zip((*WO, *WI), [*wo.T, *light.T], strict=True))
@@ -264,18 +265,18 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
     }
     done: dict[bool, dict[Node, Any]] = {False: {}, True: {}}
 
-    def computed(values: Any, transmits: bool) -> Any:
+    def compute_columns(values: Any, transmits: bool) -> Any:
         columns = [compute(value, sides[transmits], done[transmits]) for value in values]
         return np.stack([np.broadcast_to(column, count) for column in columns], axis=-1)
 
-    def agree(values: Any, wanted: Any, transmits: bool = False, runs: Any = True) -> None:
-        # Sixteen digits, some of which cancellation in a model may take.
-        wanted = np.broadcast_to(wanted, (count, len(values)))
-        np.testing.assert_allclose(np.where(runs, computed(values, transmits), 0.0), wanted, rtol=1e-12)
+    def agree(values: Any, expected: Any, transmits: bool = False, runs: Any = True) -> None:
+        # Of sixteen digits, cancellation in a model can lose some.
+        expected = np.broadcast_to(expected, (count, len(values)))
+        np.testing.assert_allclose(np.where(runs, compute_columns(values, transmits), 0.0), expected, rtol=1e-12)
 
-    agree(elements_of(shown.presence), np.reshape(bsdf.presence, (-1, 1)))
+    agree(elements_of(traced_bsdf.presence), np.reshape(bsdf.presence, (-1, 1)))
     lobes = [lobe for lobe in bsdf.lobes(wo) if np.any(lobe.share > 0.0)]
-    mixture = trace_lobes(graph, present_lobes(graph, shown))
+    mixture = trace_lobes(graph, present_lobes(graph, traced_bsdf))
     assert [result.name for result in mixture.lobes] == [lobe.name for lobe in lobes]
     u1, upper = numbers["u1"] * sum(lobe.share for lobe in lobes), np.zeros(count)
     for result, lobe in zip(mixture.lobes, lobes, strict=True):
@@ -284,16 +285,21 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
         valid = local_i[:, 2] > 0.0
         density = lobe.pdf(Directions.of(local_o, np.where(valid[:, None], local_i, local_o)))
         agree([result.share], np.reshape(lobe.share, (-1, 1)))
-        runs = True if result.side is None else computed([result.side], lobe.transmits)
+        runs = True if result.side is None else compute_columns([result.side], lobe.transmits)
         agree(result.value, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits, runs)
         share = lobe.share if len(lobes) > 1 else 1.0
         agree([result.density], np.where(valid, share * density, 0.0)[:, None], lobe.transmits, runs)
-        # Shares may be too far apart for a quotient.
+        # Shares can be too different for a quotient.
         width = np.where(lobe.share > 0.0, lobe.share, 1.0)
         stretched = np.minimum(np.clip(u1 - upper, 0.0, width) / width, 0.99999994)
-        drawn, upper = lobe.draw(stretched if len(lobes) > 1 else numbers["u1"], numbers["u2"]), upper + lobe.share
-        # A lobe is only drawn from where it has a share.
-        here = np.broadcast_to(lobe.share > 0.0, count)
+        expected_wi, upper = (
+            lobe.draw(stretched if len(lobes) > 1 else numbers["u1"], numbers["u2"]),
+            upper + lobe.share,
+        )
+        # A lobe is sampled only where it has a share.
+        present = np.broadcast_to(lobe.share > 0.0, count)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = computed(result.wi, lobe.transmits)
-        np.testing.assert_allclose(found[here], np.broadcast_to(drawn, (count, 3))[here], atol=1e-12)
+            directions_drawn = compute_columns(result.wi, lobe.transmits)
+        np.testing.assert_allclose(
+            directions_drawn[present], np.broadcast_to(expected_wi, (count, 3))[present], atol=1e-12
+        )

@@ -1,4 +1,4 @@
-"""Derivatives of programs by live inputs against differences of the models, in float64: every model and token."""
+"""Derivatives of programs with respect to live inputs, against differences of the models, for every model."""
 
 from typing import Any
 
@@ -23,24 +23,24 @@ STEP = 1e-5
 @np.errstate(all="ignore")  # of branches that are not taken
 def run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
     """Return the elements (..., n) of each output: a program's operations have NumPy's names."""
-    tables = [np.load(each.path).astype(np.float64) for each in source.tables]
-    known: list[Any] = []
-    for each in source.operations:
-        given = [known[n] for n in each.operands]
-        match each.op:
+    tables = [np.load(table.path).astype(np.float64) for table in source.tables]
+    values: list[Any] = []
+    for operation in source.operations:
+        operands = [values[n] for n in operation.operands]
+        match operation.op:
             case "constant" | "truth":
-                known.append(bool(each.value) if each.op == "truth" else each.value)
+                values.append(bool(operation.value) if operation.op == "truth" else operation.value)
             case "uniform":
-                known.append(source.constants[each.place])
+                values.append(source.constants[operation.place])
             case "symbol":
-                known.append(symbols.get(each.name, 0.5))  # others are of other outputs
+                values.append(symbols.get(operation.name, 0.5))  # symbols of other outputs
             case "look_up":
-                cell = (given[0] * int(each.value) + given[1]).astype(int)
-                known.append(tables[each.place][3 * cell + int(each.name) if each.name else cell])
+                cell = (operands[0] * int(operation.value) + operands[1]).astype(int)
+                values.append(tables[operation.place][3 * cell + int(operation.name) if operation.name else cell])
             case op:
-                known.append(getattr(np, op)(*given))
+                values.append(getattr(np, op)(*operands))
     return {
-        name: np.stack([np.broadcast_to(known[n], COUNT) for n in elements], axis=-1).astype(float)
+        name: np.stack([np.broadcast_to(values[n], COUNT) for n in elements], axis=-1).astype(float)
         for name, elements in source.outputs.items()
     }
 
@@ -52,44 +52,45 @@ def _quick(number: int) -> bool:
 
 @pytest.mark.parametrize(
     ("model", "tokens"),
-    [pytest.param(*each, marks=[] if _quick(n) else pytest.mark.proof) for n, each in enumerate(VARIANTS)],
+    [pytest.param(*variant, marks=[] if _quick(n) else pytest.mark.proof) for n, variant in enumerate(VARIANTS)],
     ids=str,
 )
 def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]) -> None:
     rng = np.random.default_rng(5)
     parameters = MODELS[model].parameters
-    drawn = {name: each if isinstance(each, str) else each[0] for name, each in
+    parameter_values = {name: value if isinstance(value, str) else value[0] for name, value in
              random_parameters(rng, model, tokens, 1, leaning=0.0).items()}  # fmt: skip
     numbers = {}
-    for name, value in drawn.items():
+    for name, value in parameter_values.items():
         low, high = parameters[name].hard
         left_out = parameters[name].optional and bool(np.all(value == np.asarray(parameters[name].default)))
         if parameters[name].kind in ("float", "color") and not left_out:
             # Away from the ends, where pictures are not differentiable.
             numbers[name] = np.clip(value, low + 0.07 * (high - low), high - 0.07 * (high - low))
-    tokens_of = {name: each for name, each in drawn.items() if isinstance(each, str)}
+    tokens_of = {name: value for name, value in parameter_values.items() if isinstance(value, str)}
     plain = {n: float(v) if v.ndim == 0 else tuple(map(float, v)) for n, v in numbers.items()}
     look = Look("look", (Layer("Layer", model, {**tokens_of, **plain}),))
     live = {name: constant_of(look, name) for name in plain}
     source = generate_program(live_look(look, live), lambda texture: pytest.fail("no texture is read"))
-    bindings = {each.attribute.rpartition(":")[2]: each for each in source.attributes if is_live(each.attribute)}
+    live_bindings = [binding for binding in source.attributes if is_live(binding.attribute)]
+    bindings = {binding.attribute.rpartition(":")[2]: binding for binding in live_bindings}
     wo = directions(rng, COUNT)
     wi = near_the_mirror_image(rng, wo)
-    symbols = {f"{w}_{axis}": each[:, i] for w, each in (("wo", wo), ("wi", wi)) for i, axis in enumerate("xyz")}
-    symbols |= {s: x for n, each in bindings.items() for s, x in zip(each.symbols, live[n].value, strict=True)}
+    symbols = {f"{w}_{axis}": vectors[:, i] for w, vectors in (("wo", wo), ("wi", wi)) for i, axis in enumerate("xyz")}
+    symbols |= {s: x for n, binding in bindings.items() for s, x in zip(binding.symbols, live[n].value, strict=True)}
     symbols |= {"handed": 1.0}
     assert bindings.keys() <= live.keys()
 
     def values(name: str, channel: int, change: float) -> Any:
-        moved = {n: np.array(v, float) for n, v in numbers.items()}
-        moved[name][... if moved[name].ndim == 0 else channel] += change
-        return evaluate_cosine(stack_bsdf([StackLayer(model, complete_parameters(model, tokens_of | moved))]), wo, wi)
+        changed = {n: np.array(v, float) for n, v in numbers.items()}
+        changed[name][... if changed[name].ndim == 0 else channel] += change
+        return evaluate_cosine(stack_bsdf([StackLayer(model, complete_parameters(model, tokens_of | changed))]), wo, wi)
 
     outputs, checked = run(source, symbols), 0
     for name, binding in bindings.items():
         for channel, symbol in enumerate(binding.symbols):
-            found = outputs[slope_name("value", symbol)]
-            assert np.isfinite(found).all()
+            derivatives = outputs[slope_name("value", symbol)]
+            assert np.isfinite(derivatives).all()
             size = max(abs(float(np.atleast_1d(numbers[name])[channel])), 1.0)
             # Richardson's extrapolation: the error of the difference is of the fourth order, 1e-20, and its rounding
             # 1e-16 / 1e-5; tables are pieces of planes, whose edges a few pairs straddle.
@@ -99,8 +100,8 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
             )
             expected = (4.0 * narrow - wide) / 3.0
             scale = np.abs(expected) + np.abs(values(name, channel, 0.0)) + 1e-6 * np.abs(expected).max() + 1e-12
-            assert np.quantile(np.abs(found - expected) / scale, 0.98) < 2e-6, name
-            checked += bool(found.any())
+            assert np.quantile(np.abs(derivatives - expected) / scale, 0.98) < 2e-6, name
+            checked += bool(derivatives.any())
     assert checked or model == "measured"
 
 
@@ -108,7 +109,7 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
 def test_each_operation_has_its_derivative(op: str) -> None:
     graph = Graph()
     a, b = graph.symbol("a"), graph.symbol("b")
-    arity = getattr(getattr(np, op), "nin", 3)  # where, which is no ufunc, has three
+    arity = getattr(getattr(np, op), "nin", 3)  # where is not a ufunc, and has three
     arguments = [graph.apply("greater", a, b), a, b][3 - arity :] if arity == 3 else [a, b][:arity]
     if op.startswith("logical"):
         return  # of conditions
@@ -116,9 +117,9 @@ def test_each_operation_has_its_derivative(op: str) -> None:
     x, y, h = 0.7, 0.4, 1e-6
     for name, (dx, dy) in {"a": (h, 0.0), "b": (0.0, h)}.items():
         (slope,) = slopes(graph, [root], name)
-        there = compute(slope, {"a": x, "b": y}, {})
+        slope_value = compute(slope, {"a": x, "b": y}, {})
         above, below = (compute(root, {"a": x + k * dx, "b": y + k * dy}, {}) for k in (1.0, -1.0))
-        assert float(there) == pytest.approx((float(above) - float(below)) / (2.0 * h), abs=1e-8)
+        assert float(slope_value) == pytest.approx((float(above) - float(below)) / (2.0 * h), abs=1e-8)
 
 
 def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:

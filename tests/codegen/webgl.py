@@ -1,4 +1,4 @@
-"""Fragment shaders in headless Chromium: a page draws pictures, whose pixels are points, and returns their numbers."""
+"""Fragment shaders in headless Chromium: a page draws pictures, whose pixels are points, and returns their values."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ class Picture:
 
 
 def read_columns(names: Mapping[str, int], columns: int) -> str:
-    """Return what finds a pixel's row of a table and sets variables to its columns, by their numbers."""
+    """Return the code that finds a pixel's row of a table, and sets variables to columns, by the columns' numbers."""
     lines = [f"cell = (int(gl_FragCoord.x) + {WIDTH} * int(gl_FragCoord.y)) * {-(-columns // 4)};"]
     return "\n".join([*lines, *(f"{name} = column({k});" for name, k in names.items())])
 
@@ -115,19 +115,20 @@ drawn().catch((error) => [number, String(error)]).then((found) => {
 
 
 def draw_pictures(browser: Any, pictures: Sequence[Picture]) -> list[Floats]:
-    """Return what each shader gives at the rows of its table, (n, 4); they compile beside each other."""
-    texels: dict[str, int] = {}  # by what they hold, since tables of measured data are large and shared
+    """Return the results of each shader at the rows of its table, (n, 4); the shaders compile in parallel."""
+    texels: dict[str, int] = {}  # indices by content, since tables of measured data are large and shared
 
     def texture(name: str, values: NDArray[np.float32]) -> tuple[str, int, tuple[int, int], int]:
         data = base64.b64encode(np.ascontiguousarray(values, np.float32).tobytes()).decode("ascii")
-        place = texels.setdefault(data, len(texels))
-        return name, 1 if values.ndim == 2 else 4, (values.shape[1], values.shape[0]), place
+        index = texels.setdefault(data, len(texels))
+        return name, 1 if values.ndim == 2 else 4, (values.shape[1], values.shape[0]), index
 
     sent = [
         {
             "fragment": picture.fragment,
             "textures": [
-                texture(*named) for named in ({"points": _rows(picture.table)} | {**picture.textures}).items()
+                texture(*texture_values)
+                for texture_values in ({"points": _rows(picture.table)} | {**picture.textures}).items()
             ],
             "numbers": {name: list(values) for name, values in picture.numbers.items()},
             "width": WIDTH,
@@ -135,9 +136,9 @@ def draw_pictures(browser: Any, pictures: Sequence[Picture]) -> list[Floats]:
         }
         for picture in pictures
     ]
-    found = browser.execute_async_script(SCRIPT, sent, list(texels))
-    assert all(isinstance(text, str) for text in found), f"{found[1]}\n{pictures[found[0]].fragment}"
-    decoded = [np.frombuffer(base64.b64decode(text), np.float32).reshape(-1, 4).astype(float) for text in found]
+    results = browser.execute_async_script(SCRIPT, sent, list(texels))
+    assert all(isinstance(text, str) for text in results), f"{results[1]}\n{pictures[results[0]].fragment}"
+    decoded = [np.frombuffer(base64.b64decode(text), np.float32).reshape(-1, 4).astype(float) for text in results]
     return [values[: len(picture.table)] for values, picture in zip(decoded, pictures, strict=True)]
 
 

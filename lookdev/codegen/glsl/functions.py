@@ -1,8 +1,8 @@
-"""A program as functions of GLSL ES 3.00: an operation a line, which the browser's compiler folds further.
+"""A program as functions of GLSL ES 3.00: each operation is a line, and the browser's compiler folds them further.
 
-Numbers are float32. Of `sin`, `cos` and `atan`, GLSL asks for three or four digits only, and implementations give no
-more; `pow` and `atan` are undefined at places where NumPy has values; there is no `expm1`. These are functions of
-``PRELUDE``: series up to the last place of float32, after reduction to an eighth of a turn or less.
+Numbers are float32. For `sin`, `cos` and `atan`, GLSL requires only three or four digits, and implementations do not
+give more. `pow` and `atan` are undefined for some arguments for which NumPy has values. There is no `expm1`. So
+``PRELUDE`` has functions: series accurate to the last place of float32, after reduction to an eighth of a turn or less.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
-"""Texels of a row of a table's texture, R32F: numbers follow each other over all rows."""
+"""Texels in a row of the texture with a table's numbers, R32F: they continue from row to row."""
 
 PRELUDE = """
 float look_expm1(float x) {
@@ -66,7 +66,7 @@ float look_up(highp sampler2D table, float cell) {
     return texelFetch(table, ivec2(number % 2048, number / 2048), 0).r;
 }
 """
-"""What the functions call: it comes before them, once."""
+"""The functions that generated code calls; this text precedes it, once."""
 
 _CODE: Mapping[str, str] = {
     "add": "{} + {}",
@@ -105,11 +105,11 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 @dataclass(frozen=True)
 class Functions:
-    """The text of functions, the symbols that it reads as variables of their names, and its tables.
+    """The text of functions, the symbols that it reads as variables of the same names, and its tables.
 
     ``void look_evaluate(out vec3 f, out float pdf)`` sets the BSDF times the cosine, and the density, for light along
-    ``wi_x wi_y wi_z``; ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
-    above the horizon. Table `k` is a ``sampler2D look_table<k>``, rows of `TABLE_WIDTH`.
+    ``wi_x wi_y wi_z``. ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
+    above the horizon. Table `k` is a ``sampler2D look_table<k>`` with rows of `TABLE_WIDTH` numbers.
     """
 
     text: str
@@ -120,28 +120,31 @@ class Functions:
 
 
 def point_functions(layers: Sequence[PointLayer]) -> Functions:
-    """Return the functions of a stack of layers, whose numbers are symbols by the names of their `point_columns`.
+    """Return the functions of a stack of layers, whose inputs are symbols named by `point_columns`.
 
-    Raises CodegenError where it scatters along single directions.
+    Raises
+    ------
+    CodegenError
+        The stack scatters along single directions.
     """
     graph = Graph()
     bsdf = point_bsdf(graph, layers)
     lobes = present_lobes(graph, bsdf)
-    mixture, written = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
+    mixture, writer = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
-    drawn = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
-    for name, result in {"f": value, "pdf": pdf, "wi": drawn}.items():
-        written.add(name, elements_of(result))
-    evaluate = function_text(written, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
-    draw = function_text(written, "look_draw(out vec3 wi)", ("wi",))
+    direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
+        writer.add(name, elements_of(result))
+    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
+    draw = function_text(writer, "look_draw(out vec3 wi)", ("wi",))
     transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
     text = "\n".join([*evaluate, *draw]) + "\n"
-    return Functions(text, frozenset(written.symbols), tuple(written.tables), bsdf.two_sided, transmits)
+    return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
 
 
 class Program(Protocol):
-    """Operations in order, their results by name, and the numbers of ``"uniform"``, which are written as they are."""
+    """Operations in order, the numbers of their outputs, and the numbers of uniforms, which are written as literals."""
 
     @property
     def operations(self) -> Sequence[Operation]: ...
@@ -151,43 +154,43 @@ class Program(Protocol):
     def constants(self) -> Sequence[float]: ...
 
 
-def function_text(written: Program, head: str, outputs: Sequence[str]) -> list[str]:
-    """Return the lines of a function that sets results, each its parameter of 1 or 3 numbers, from the symbols."""
+def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[str]:
+    """Return the lines of a function that sets outputs: each is a parameter of the same name, of 1 or 3 numbers."""
     needed: set[int] = set()
-    left = [number for name in outputs for number in written.outputs[name]]
-    while left:
-        if (number := left.pop()) not in needed:
+    pending = [number for name in outputs for number in program.outputs[name]]
+    while pending:
+        if (number := pending.pop()) not in needed:
             needed.add(number)
-            left += written.operations[number].operands
+            pending += program.operations[number].operands
     names: dict[int, str] = {}
-    truths: set[int] = set()
+    boolean_numbers: set[int] = set()
     lines = [f"void {head} {{"]
     for number in sorted(needed):
-        operation = written.operations[number]
-        code = _code(operation, names, written)
-        if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in truths):
-            truths.add(number)
+        operation = program.operations[number]
+        code = _operation_code(operation, names, program)
+        if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in boolean_numbers):
+            boolean_numbers.add(number)
         if operation.operands:
             names[number] = f"v{number}"
-            lines.append(f"    {'bool' if number in truths else 'float'} v{number} = {code};")
+            lines.append(f"    {'bool' if number in boolean_numbers else 'float'} v{number} = {code};")
         else:
             names[number] = code
     for name in outputs:
-        values = [names[number] for number in written.outputs[name]]
+        values = [names[number] for number in program.outputs[name]]
         lines.append(
             f"    {name} = {f'vec3({values[0]}, {values[1]}, {values[2]})' if len(values) == 3 else values[0]};"
         )
     return [*lines, "}"]
 
 
-def _code(operation: Operation, names: Mapping[int, str], written: Program) -> str:
+def _operation_code(operation: Operation, names: Mapping[int, str], program: Program) -> str:
     match operation.op:
         case "constant":
             return _literal(operation.value)
         case "truth":
             return "true" if operation.value else "false"
         case "uniform":
-            return _literal(written.constants[operation.place])
+            return _literal(program.constants[operation.place])
         case "symbol":
             return operation.name
         case "look_up":

@@ -1,6 +1,6 @@
 """A look as functions of GLSL ES 3.00: its stack, images, expressions and shading frame.
 
-Constants may stay uniforms: while they change, what is compiled stays.
+Live constants are uniforms: while they change, the compiled program stays the same.
 """
 
 from __future__ import annotations
@@ -42,25 +42,34 @@ float look_slope(float place, int wrap) {
     return wrap == 2 && (place < 0.0 || place > 1.0) ? 0.0 : 1.0;
 }
 """
-"""What `look_read` calls: it comes before it, once."""
+"""The functions that `look_read` calls; this text precedes it, once."""
 
 _WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
 
 
 @dataclass(frozen=True)
 class LookFunctions:
-    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and what they read.
+    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and the values that they read.
 
-    Globals are set before a call: the attributes by the names of their parameters; ``mesh_normal``, ``mesh_tangent``,
-    ``mesh_facet`` and ``viewer`` in the world, ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above its
-    horizon, and ``u1 u2``. ``look_read()`` looks up images by the attributes. ``look_frame(tangent, bitangent, normal,
-    facet)`` sets the shading frame, ``look_evaluate(value, pdf)`` the BSDF times the cosine and the density,
-    ``look_draw(wi)`` a direction, ``look_presence(presence)`` the presence, if the look is `see_through`. What scatters
-    along single directions is in `deltas` functions ``look_delta<k>(direction, factor)``; z of a direction is 0 where
-    there is none. ``inside`` is above 0 where the viewer is inside the solid.
+    Globals are set before a call: the attributes, by the names of their parameters; ``mesh_normal``, ``mesh_tangent``,
+    ``mesh_facet`` and ``viewer`` in world space, and ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above
+    its horizon, and ``u1 u2``. ``inside`` is above 0 where the viewer is inside the solid.
+
+    ``look_read()``
+        Looks up images by the attributes.
+    ``look_frame(tangent, bitangent, normal, facet)``
+        Sets the shading frame.
+    ``look_evaluate(value, pdf)``
+        Sets the BSDF times the cosine, and the density.
+    ``look_draw(wi)``
+        Draws a direction.
+    ``look_presence(presence)``
+        Sets the presence, if the look is `see_through`.
+    ``look_delta<k>(direction, factor)``
+        One of `deltas` functions, which scatter along single directions: z of a direction is 0 where there is none.
 
     `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
-    look_<name>``, or ``look_<name>_<tile>`` of UDIM tiles, RGBA32F; a table ``look_table<k>``, as of `Functions`.
+    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. A table is ``look_table<k>``, as in `Functions`.
     """
 
     text: str
@@ -76,24 +85,28 @@ class LookFunctions:
 def look_functions(
     look: Look, resolve: Callable[[Texture | Bump], Path], live: Live, *, split: bool = False
 ) -> LookFunctions:
-    """Return the functions of a look, whose `live` constants are uniforms; arguments as of `generate_program`.
+    """Return the functions of a look, whose `live` constants are uniforms; arguments are those of `generate_program`.
 
-    With `split`, ``look_evaluate(value, pdf, diffuse)`` also sets what of the value is of diffuse lobes.
+    With `split`, ``look_evaluate(value, pdf, diffuse)`` also sets the part of the value from diffuse lobes.
 
-    Raises TextureError where an image is missing or unreadable.
+    Raises
+    ------
+    TextureError
+        An image is missing or unreadable.
     """
     program = generate_program(look, resolve, live=live)
-    read = {each.name.partition("[")[0] for each in program.operations if each.op == "symbol"}
-    numbers = {name: each for name, each in live_numbers(look, live).items() if name in read}
+    read = {operation.name.partition("[")[0] for operation in program.operations if operation.op == "symbol"}
+    numbers = {name: values for name, values in live_numbers(look, live).items() if name in read}
     lines = [_DIRECTIONS, _MESH]
-    lines += [f"uniform {'vec3' if len(each) == 3 else 'float'} {name};" for name, each in numbers.items()]
+    lines += [f"uniform {'vec3' if len(values) == 3 else 'float'} {name};" for name, values in numbers.items()]
     lines += [f"uniform highp sampler2D look_table{number};" for number in range(len(program.tables))]
-    own = {"shading_tangent"}  # the tangents are `mesh_tangent`
-    lines += [f"{_TYPES[each.kind]} {each.parameter};" for each in program.attributes if each.parameter not in own]
-    for each in program.look_ups:
-        lines += [f"vec3 {each.name}; float {each.name}_a;"]
-        lines += [f"uniform highp sampler2D {_sampler(each, tile)};" for tile in each.files]
-    lines += ["void look_read() {", *(f"    {line}" for each in program.look_ups for line in _read(each)), "}"]
+    mesh_variables = {"shading_tangent"}  # the tangents are `mesh_tangent`
+    bindings = [binding for binding in program.attributes if binding.parameter not in mesh_variables]
+    lines += [f"{_TYPES[binding.kind]} {binding.parameter};" for binding in bindings]
+    for look_up in program.look_ups:
+        lines += [f"vec3 {look_up.name}; float {look_up.name}_a;"]
+        lines += [f"uniform highp sampler2D {_sampler(look_up, tile)};" for tile in look_up.files]
+    lines += ["void look_read() {", *(f"    {line}" for look_up in program.look_ups for line in _read(look_up)), "}"]
     frame = "tangent", "bitangent", "normal", "facet"
     lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
     parts = "value", "pdf", *["diffuse"] * split
@@ -101,10 +114,10 @@ def look_functions(
     lines += function_text(program, f"look_evaluate({head})", parts)
     lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
     for number in range(program.deltas):
-        found = program.outputs[f"delta{number}"]
-        alone = replace(program, outputs={"direction": found[:3], "factor": found[3:6]})  # then its group
+        delta = program.outputs[f"delta{number}"]  # direction, factor, group
+        delta_program = replace(program, outputs={"direction": delta[:3], "factor": delta[3:6]})
         head = f"look_delta{number}(out vec3 direction, out vec3 factor)"
-        lines += function_text(alone, head, ("direction", "factor"))
+        lines += function_text(delta_program, head, ("direction", "factor"))
     if program.see_through:
         lines += function_text(program, "look_presence(out float presence)", ("presence",))
     text = "\n".join(lines) + "\n"
@@ -120,27 +133,27 @@ def look_functions(
     )
 
 
-def _sampler(each: ImageBinding, tile: int) -> str:
-    return f"look_{each.name}_{tile}" if tile else f"look_{each.name}"
+def _sampler(look_up: ImageBinding, tile: int) -> str:
+    return f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"
 
 
-def _read(each: ImageBinding) -> Iterator[str]:
-    """Write what sets a look-up's channels from its coordinates."""
-    m = ", ".join(repr(each.transform[k]) for k in (0, 3, 1, 4, 2, 5))
-    wraps = f"{_WRAPS[each.wrap_s]}, {_WRAPS[each.wrap_t]}"
+def _read(look_up: ImageBinding) -> Iterator[str]:
+    """Yield the lines that set a look-up's channels from its coordinates."""
+    m = ", ".join(repr(look_up.transform[k]) for k in (0, 3, 1, 4, 2, 5))
+    wraps = f"{_WRAPS[look_up.wrap_s]}, {_WRAPS[look_up.wrap_t]}"
     yield "{"
-    yield f"    vec2 st = mat3x2({m}) * vec3({each.uv}, 1.0);"
-    if 0 in each.files:
-        yield f"    vec4 texel = look_bilinear({_sampler(each, 0)}, st, {wraps});"
-        if each.slopes:
-            s, t = _WRAPS[each.wrap_s], _WRAPS[each.wrap_t]
+    yield f"    vec2 st = mat3x2({m}) * vec3({look_up.uv}, 1.0);"
+    if 0 in look_up.files:
+        yield f"    vec4 texel = look_bilinear({_sampler(look_up, 0)}, st, {wraps});"
+        if look_up.slopes:
+            s, t = _WRAPS[look_up.wrap_s], _WRAPS[look_up.wrap_t]
             yield f"    texel.xy *= vec2(look_slope(st.x, {s}), look_slope(st.y, {t}));"
     else:
-        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); within it, edges are clamped.
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Its look-ups are clamped at its edges.
         yield "    vec2 tile = floor(st); vec4 texel = vec4(0.0);"
-        for number in each.files:
+        for number in look_up.files:
             i, j = (number - 1001) % 10, (number - 1001) // 10
-            here = f"tile == vec2({i}.0, {j}.0)"
-            yield f"    if ({here}) texel = look_bilinear({_sampler(each, number)}, st - tile, 2, 2);"
-    yield f"    {each.name} = texel.rgb; {each.name}_a = texel.a;"
+            in_tile = f"tile == vec2({i}.0, {j}.0)"
+            yield f"    if ({in_tile}) texel = look_bilinear({_sampler(look_up, number)}, st - tile, 2, 2);"
+    yield f"    {look_up.name} = texel.rgb; {look_up.name}_a = texel.a;"
     yield "}"

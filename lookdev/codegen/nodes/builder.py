@@ -1,4 +1,4 @@
-"""Expression graphs as Blender's shader nodes, which compute in float32."""
+"""Expression graphs as shader nodes of Blender, which compute in float32."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from lookdev.cache import Content
-from lookdev.codegen.nodes.layout import laid_out
-from lookdev.codegen.nodes.match import depth_of, match
+from lookdev.codegen.nodes.layout import lay_out_nodes
+from lookdev.codegen.nodes.match import depth_of, match_operation
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
 from lookdev.codegen.trace.graph import Node, Scalar
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
@@ -42,14 +42,14 @@ class _Recipe:
 
 
 Outline: TypeAlias = "Callable[[Node], tuple[str, dict[str, Any]] | None]"
-"""Returns the group whose output ``"Value"`` computes a node of a graph, and the values of its sockets, if one does."""
+"""Returns the group whose output ``"Value"`` computes a graph's node, and the values of its sockets; or None."""
 
 
 class TreeBuilder:
-    """Collects the nodes of one tree; equal nodes are one.
+    """Collects the nodes of one tree, equal nodes once.
 
-    Values are scalars, or vectors of three: components that are computed alike become one vector node, from which a
-    scalar that is one of them is separated.
+    Values are scalars, or vectors of three. Components with the same operation become one vector node; a scalar that is
+    such a component is separated from it.
     """
 
     def __init__(self, name: str, outline: Outline = lambda node: None) -> None:
@@ -58,7 +58,7 @@ class TreeBuilder:
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[Any, ...], str] = {}
         self._bound: dict[tuple[str, ...], Link] = {}
-        # By a symbol that is bound as one of three: their link, and its index.
+        # For a symbol bound as a component of a vector: the link of the vector, and the index of the component.
         self._parts: dict[str, tuple[Link, int]] = {}
         self._links: dict[Term, Link] = {}
         self._recipes: dict[Term, _Recipe] = {}
@@ -74,9 +74,9 @@ class TreeBuilder:
         group: str = "",
         image: Content | None = None,
     ) -> str:
-        """Add a node, or find its equal, and return its name; arguments as of `ShaderNode`."""
+        """Add a node, unless an equal one exists, and return its name; arguments are those of `ShaderNode`."""
         properties, inputs = dict(properties or {}), dict(inputs or {})
-        # By repr: 0.0 == -0.0 and True == 1.0 in Python.
+        # Values are compared by repr, as 0.0 == -0.0 and True == 1.0 in Python.
         key = (kind, *(tuple(sorted((k, repr(v)) for k, v in d.items())) for d in (properties, inputs)), group, image)
         name = self._names.get(key)
         if name is None:
@@ -85,12 +85,12 @@ class TreeBuilder:
         return name
 
     def bind(self, symbols: Sequence[str], link: Link) -> None:
-        """Bind a symbol to a scalar output, or three to the components of a vector.
+        """Bind a symbol to a scalar output, or three symbols to the components of a vector output.
 
         Raises
         ------
         CodegenError
-            They are bound to another output.
+            The symbols are bound to another output.
         """
         if self._bound.setdefault(tuple(symbols), link) != link:
             raise CodegenError(f"nodes of {self.name} have two values for {', '.join(symbols)}; another name is right")
@@ -98,7 +98,7 @@ class TreeBuilder:
             self._parts.update((symbol, (link, index)) for index, symbol in enumerate(symbols))
 
     def scalar(self, value: Scalar) -> Link | float:
-        """Return the output that has a value, or a number.
+        """Return the output of the node that computes a value; a constant is returned as a number.
 
         Raises
         ------
@@ -108,9 +108,9 @@ class TreeBuilder:
         return self._term_value(value) if isinstance(value, Node) else _number(value)
 
     def vector(self, values: Sequence[Scalar]) -> Link | tuple[float, float, float]:
-        """Return the output that has three values as one vector, or three numbers; errors as of `scalar`.
+        """Return the output that has three values as one vector, or three numbers; it raises what `scalar` raises.
 
-        The output of three equal values may be a scalar, which Blender spreads over a vector.
+        The output of three equal values can be a scalar, which Blender copies to the components of a vector.
         """
         term = _term(values)
         if _is_term(term):
@@ -119,23 +119,24 @@ class TreeBuilder:
         return x, y, z
 
     def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
-        """Plan vectors that are built later, so that scalars built before are separated from them."""
+        """Plan vectors that are built later, so that scalars built earlier are separated from them."""
         self._plan([term for root in roots if _is_term(term := _term(root))])
 
     def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:
-        """Return the tree, laid out: nodes that lead to an output, and the inputs that they read."""
-        kept = _leading_out(self._nodes)
+        """Return the tree, laid out: the nodes that an output depends on, and the inputs that they read."""
+        nodes_by_name = _nodes_before_output(self._nodes)
         read = {
             link.socket
-            for node in kept.values()
+            for node in nodes_by_name.values()
             for link in node.inputs.values()
-            if isinstance(link, Link) and kept[link.node].kind == "NodeGroupInput"
+            if isinstance(link, Link) and nodes_by_name[link.node].kind == "NodeGroupInput"
         }
-        places = laid_out(kept)
-        nodes = tuple(replace(node, place=places[name]) for name, node in kept.items())
-        return NodeTree(self.name, nodes, tuple(each for each in inputs if each.name in read), tuple(outputs))
+        positions = lay_out_nodes(nodes_by_name)
+        nodes = tuple(replace(node, place=positions[name]) for name, node in nodes_by_name.items())
+        return NodeTree(self.name, nodes, tuple(socket for socket in inputs if socket.name in read), tuple(outputs))
 
     def _term_value(self, term: Term) -> Link:
+        """Return the output that has the value of a term, adding the nodes that compute it."""
         self._plan([term])
         stack = [term]
         while stack:
@@ -144,13 +145,15 @@ class TreeBuilder:
                 stack.pop()
                 continue
             recipe = self._recipes[current]
-            missing = [each for each in recipe.inputs.values() if _is_term(each) and each not in self._links]
+            missing = [
+                operand for operand in recipe.inputs.values() if _is_term(operand) and operand not in self._links
+            ]
             if missing:
                 stack += reversed(missing)
                 continue
             inputs = {
-                socket: self._links[each] if _is_term(each) else _constant(each)
-                for socket, each in recipe.inputs.items()
+                socket: self._links[operand] if _is_term(operand) else _constant(operand)
+                for socket, operand in recipe.inputs.items()
             }
             name = self.add(recipe.kind, recipe.properties, inputs, group=recipe.group)
             self._links[current] = Link(name, recipe.output)
@@ -158,7 +161,7 @@ class TreeBuilder:
         return self._links[term]
 
     def _plan(self, roots: Sequence[Term]) -> None:
-        """Choose recipes for terms and all that they need: vectors first, so that scalars are separated from them."""
+        """Choose recipes for terms and the terms they need: vectors first, so that scalars are separated from them."""
         vectors = [root for root in roots if isinstance(root, tuple)]
         scalars = [root for root in roots if isinstance(root, Node)]
         unbound: set[str] = set()
@@ -173,15 +176,18 @@ class TreeBuilder:
                 depth_of(node, self._depths)
             recipe = self._vector_recipe(term) if isinstance(term, tuple) else self._scalar_recipe(term)
             self._recipes[term] = recipe
-            for each in recipe.inputs.values():
-                if _is_term(each):
-                    (scalars if isinstance(each, Node) else vectors).append(each)
+            for operand in recipe.inputs.values():
+                if _is_term(operand):
+                    (scalars if isinstance(operand, Node) else vectors).append(operand)
         if unbound:
-            lost, bound = ", ".join(sorted(unbound)), ", ".join(sorted({name for key in self._bound for name in key}))
-            raise CodegenError(f"nodes of {self.name} read unbound symbols: {lost}; bound: {bound or 'none'}")
+            missing, bound = (
+                ", ".join(sorted(unbound)),
+                ", ".join(sorted({name for key in self._bound for name in key})),
+            )
+            raise CodegenError(f"nodes of {self.name} read unbound symbols: {missing}; bound: {bound or 'none'}")
 
     def _is_bound(self, term: Term) -> bool:
-        """Return whether a term is a bound symbol, or three bound together, and record its link."""
+        """Return whether a term is a bound symbol, or three symbols bound together; if so, record its link."""
         nodes = (term,) if isinstance(term, Node) else term
         if not all(isinstance(node, Node) and node.op == "symbol" for node in nodes):
             return False
@@ -191,42 +197,46 @@ class TreeBuilder:
         return link is not None
 
     def _scalar_recipe(self, node: Node) -> _Recipe:
+        """Return the recipe of a number: a component of a vector, a group, a dot product, or an operation."""
         if node in self._components:
             triple, index = self._components[node]
             return _Recipe("SeparateXYZ", {"Vector": triple}, _AXES[index])
         if node.op == "symbol":
             link, index = self._parts[str(node.args[0])]
             return _Recipe("SeparateXYZ", {"Vector": link}, _AXES[index])
-        outlined = self._outline(node)
-        if outlined:
-            return _Recipe("Group", outlined[1], "Value", group=outlined[0])
+        group = self._outline(node)
+        if group:
+            return _Recipe("Group", group[1], "Value", group=group[0])
         dot = match_dot(node)
         if dot and all(self._is_vector(factor) for factor in dot):
             return _vector_math("DOT_PRODUCT", [_term(factor) for factor in dot], "Value")
-        operation, *operands = match(node, self._links)
+        operation, *operands = match_operation(node, self._links)
         if operation == "MIX":
             a, b, factor = operands
             return _mix("Float", a, b, factor)
         return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:
-        recipe = self._as_one(triple)
+        """Return the recipe of a vector; if one node computes it, its components are separated from that node."""
+        recipe = self._single_recipe(triple)
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
         for index, node in enumerate(triple):
             if node not in self._components and node not in self._links:
                 self._components[node] = triple, index
-                # Also where it was planned by itself before the vector.
+                # This also replaces the recipe of a component that was planned by itself before the vector.
                 self._recipes[node] = self._scalar_recipe(node)
         return recipe
 
     def _is_vector(self, triple: Triple) -> bool:
-        """Return whether three values are one vector already, or one node computes them."""
+        """Return whether three values are a vector already, or a single node can compute them."""
         term = _term(triple)
-        return not isinstance(term, tuple) or not _is_term(term) or self._is_bound(term) or bool(self._as_one(term))
+        return (
+            not isinstance(term, tuple) or not _is_term(term) or self._is_bound(term) or bool(self._single_recipe(term))
+        )
 
-    def _as_one(self, triple: Triple) -> _Recipe | None:
-        """Return one node that computes three values, if one does."""
+    def _single_recipe(self, triple: Triple) -> _Recipe | None:
+        """Return the recipe of a single node that computes three values, or None."""
         nodes = [node for node in triple if isinstance(node, Node)]
         # Nodes of one depth do not depend on each other, so the vector does not depend on its own component.
         if len(nodes) < 3 or len({self._depths[node] for node in nodes}) > 1 or all(n in self._links for n in nodes):
@@ -236,12 +246,12 @@ class TreeBuilder:
         vector = match_normalize(triple)
         if vector:
             return _vector_math("NORMALIZE", [vector])
-        crossed = match_cross(triple)
-        if crossed:
-            return _vector_math("CROSS_PRODUCT", [_term(factor) for factor in crossed])
-        matches = [match(node, self._links) for node in nodes]
+        factors = match_cross(triple)
+        if factors:
+            return _vector_math("CROSS_PRODUCT", [_term(factor) for factor in factors])
+        matches = [match_operation(node, self._links) for node in nodes]
         operation = matches[0][0]
-        if operation not in _VECTOR_OPERATIONS or any(each[0] != operation for each in matches):
+        if operation not in _VECTOR_OPERATIONS or any(other[0] != operation for other in matches):
             return None
         operands = [_term(parts) for parts in list(zip(*matches, strict=True))[1:]]
         if operation == "MIX":
@@ -259,30 +269,31 @@ def _vector_math(operation: str, operands: Sequence[Any], output: str = "Vector"
 
 
 def _mix(kind: str, a: Any, b: Any, factor: Any) -> _Recipe:
-    """Blend a at factor 0 to b at 1: a (1 - factor) + b factor, exactly a and b at the ends."""
+    """Return the recipe of a (1 - factor) + b factor: exactly a at factor 0, exactly b at factor 1."""
     properties: dict[str, SocketValue | bool] = {"data_type": kind.upper(), "clamp_factor": False}
-    place = "Factor_Float"
+    factor_socket = "Factor_Float"
     if kind == "Vector":
         properties["factor_mode"] = "NON_UNIFORM" if isinstance(factor, tuple) else "UNIFORM"
-        place = "Factor_Vector" if isinstance(factor, tuple) else place
-        a, b = (each if isinstance(each, Node | tuple) else (each,) * 3 for each in (a, b))
-    return _Recipe("Mix", {place: factor, f"A_{kind}": a, f"B_{kind}": b}, f"Result_{kind}", properties)
+        factor_socket = "Factor_Vector" if isinstance(factor, tuple) else factor_socket
+        a, b = (operand if isinstance(operand, Node | tuple) else (operand,) * 3 for operand in (a, b))
+    return _Recipe("Mix", {factor_socket: factor, f"A_{kind}": a, f"B_{kind}": b}, f"Result_{kind}", properties)
 
 
 def _term(values: Sequence[Any]) -> Any:
-    """Return three values as a triple, or one value where all are the same; by repr, as 0.0 == -0.0 in Python."""
-    different = {each if isinstance(each, Node) else repr(each) for each in values}
+    """Return three values as a triple, or one value if all are the same."""
+    # Constants are compared by repr, as 0.0 == -0.0 in Python.
+    different = {value if isinstance(value, Node) else repr(value) for value in values}
     return values[0] if len(different) == 1 else tuple(values)
 
 
 def _is_term(value: Any) -> bool:
-    return isinstance(value, Node) or (isinstance(value, tuple) and any(isinstance(each, Node) for each in value))
+    return isinstance(value, Node) or (isinstance(value, tuple) and any(isinstance(element, Node) for element in value))
 
 
 def _constant(value: Any) -> SocketValue | Link:
     if isinstance(value, Link):
         return value
-    return tuple(_number(each) for each in value) if isinstance(value, tuple) else _number(value)
+    return tuple(_number(element) for element in value) if isinstance(value, tuple) else _number(value)
 
 
 def _number(value: Any) -> float:
@@ -291,13 +302,13 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _leading_out(nodes: Mapping[str, ShaderNode]) -> dict[str, ShaderNode]:
-    """Return the nodes that an output of the tree depends on, in their order."""
+def _nodes_before_output(nodes: Mapping[str, ShaderNode]) -> dict[str, ShaderNode]:
+    """Return the nodes that an output of the tree depends on, in the order of `nodes`."""
     stack = [name for name, node in nodes.items() if node.kind == "NodeGroupOutput" or node.kind.startswith("Output")]
-    found: set[str] = set()
+    needed: set[str] = set()
     while stack:
         name = stack.pop()
-        if name not in found:
-            found.add(name)
+        if name not in needed:
+            needed.add(name)
             stack += [link.node for link in nodes[name].inputs.values() if isinstance(link, Link)]
-    return {name: node for name, node in nodes.items() if name in found}
+    return {name: node for name, node in nodes.items() if name in needed}

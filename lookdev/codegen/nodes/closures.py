@@ -13,7 +13,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.vectors import same, scale
 from lookdev.closures import Closure, lobe_closures
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.nodes.group import bound, built
+from lookdev.codegen.nodes.group import add_value, bind_symbols
 from lookdev.codegen.source import Link
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, present_lobes
@@ -25,31 +25,31 @@ _X = np.array([1.0, 0.0, 0.0])
 def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[Link | None, bool]:
     """Add the closures of a BSDF, traced in `graph`, to a tree.
 
-    `frame` has tangent, bitangent and normal in the world, (3, 3): symbols bound in the tree, as those of `WO` are.
-    Return the output of their sum, None without closures, and whether light passes through.
+    `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
+    tree. Return the output of the closures' sum, None without closures, and whether light passes through.
     """
-    closures = _merged(_traced(graph, bsdf))
+    closures = _merge(_trace_closures(graph, bsdf))
     vectors = [
         vector
-        for each, _ in closures
-        for vector in (each.weight, each.f0, each.eta, each.k, _to_world(frame, each.frame.normal))
+        for closure, _ in closures
+        for vector in (closure.weight, closure.f0, closure.eta, closure.k, _to_world(frame, closure.frame.normal))
     ]
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
     for closure, label in closures:
-        total = add_shaders(builder, total, _add(graph, builder, closure, frame, label))
+        total = add_shaders(builder, total, _add_closure(graph, builder, closure, frame, label))
     return total, any(closure.transmits for closure, _ in closures)
 
 
 def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | None:
-    """Add two shaders; None is black."""
+    """Add a node that sums two shaders, of which None is black, and return its output."""
     if a is None or b is None:
         return b if a is None else a
     return Link(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
 def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
-    """Add a shader that lets rays pass unchanged where the surface is absent."""
+    """Add a transparent shader to a shader, so that rays pass unchanged where the surface is absent."""
     absence = 1.0 - presence
     if same(absence, 0.0):
         return shader
@@ -57,40 +57,52 @@ def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -
     return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
 
 
-def _traced(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
-    """Yield the closures of lobes that are present at some points, and the lobes' names."""
+def _trace_closures(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
+    """Yield the closures of the lobes that are present at some points, each with its lobe's name."""
     for lobe in present_lobes(graph, bsdf):
         yield from ((closure, lobe.name) for closure in lobe_closures(lobe, symbols(graph, WO)))
 
 
-def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
-    """Sum closures that differ in weight only, and leave out those whose weight is 0."""
+def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
+    """Return closures, summed where they differ in weight alone, without those whose weight is 0."""
     merged: dict[tuple[Any, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if same(closure.weight, 0.0):
             continue
-        shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness, closure.eta, closure.k
-        key = (closure.kind, *(element for value in (*shape, closure.frame.normal) for element in elements_of(value)))
+        parameters = (
+            closure.alpha_x,
+            closure.alpha_y,
+            closure.ior,
+            closure.f0,
+            closure.roughness,
+            closure.eta,
+            closure.k,
+        )
+        key = (
+            closure.kind,
+            *(element for value in (*parameters, closure.frame.normal) for element in elements_of(value)),
+        )
         if key in merged:
-            known, labels = merged[key]
-            closure = replace(known, weight=known.weight + closure.weight)
+            first, labels = merged[key]
+            closure = replace(first, weight=first.weight + closure.weight)
             label = labels if label in labels.split(", ") else f"{labels}, {label}"
         merged[key] = closure, label
     return list(merged.values())
 
 
-def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
-    inputs: dict[str, Any] = {"Normal": built(builder, _to_world(frame, closure.frame.normal))}
+def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
+    """Add the node of a closure, and return its output."""
+    inputs: dict[str, Any] = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
-    color = built(builder, closure.weight)
+    color = add_value(builder, closure.weight)
     match closure.kind:
         case "metal" | "conductor":
             return _add_metal(builder, closure, frame, label, inputs)
         case "sheen":
             return _add_sheen(builder, color, label, inputs)
         case "rough_diffuse":
-            inputs |= {"Color": built(builder, closure.f0), "Roughness": built(builder, closure.roughness)}
-            return _faded(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
+            inputs |= {"Color": add_value(builder, closure.f0), "Roughness": add_value(builder, closure.roughness)}
+            return _multiply_weight(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
         case "diffuse":
             kind = "BsdfDiffuse"
             inputs["Roughness"] = 0.0
@@ -99,11 +111,11 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
         case "ggx_refraction" | "beckmann_refraction":
             kind = "BsdfRefraction"
             properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
-            inputs["Roughness"] = built(builder, np.sqrt(closure.alpha_x))
-            # For Cycles, a surface seen from behind is the inside of a solid; thin surfaces are alike from both sides.
+            inputs["Roughness"] = add_value(builder, np.sqrt(closure.alpha_x))
+            # Cycles takes the back of a surface for the inside of a solid; a thin surface is the same from both sides.
             geometry = Link(builder.add("NewGeometry"), "Backfacing")
-            behind = bound(graph, builder, "frame.behind", geometry, vector=False)
-            inputs["IOR"] = built(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
+            behind = bind_symbols(graph, builder, "frame.behind", geometry, vector=False)
+            inputs["IOR"] = add_value(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
         case "ggx" | "beckmann":
             kind = "BsdfAnisotropic"
             properties["distribution"] = closure.kind.upper()
@@ -115,26 +127,27 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
     """Add a metal or a conductor, whose node has no socket for a weight."""
     exact = closure.kind == "conductor"
     if exact:
-        inputs |= {"IOR": built(builder, closure.eta), "Extinction": built(builder, closure.k)}
+        inputs |= {"IOR": add_value(builder, closure.eta), "Extinction": add_value(builder, closure.k)}
     else:
-        inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
+        inputs |= {"Base Color": add_value(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
-    return _faded(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
+    return _multiply_weight(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
 
 
-def _faded(builder: TreeBuilder, closure: Closure, node: str) -> Link:
-    """Multiply a node without a socket for its weight by the closure's: mix it with nothing."""
+def _multiply_weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
+    """Multiply the shader of a node without a socket for weights by the closure's: mix it with an empty shader."""
     shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
     if same(weight, 1.0):
         return shader
-    return Link(builder.add("MixShader", inputs={"Fac": built(builder, weight), "Shader_001": shader}), "Shader")
+    return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, weight), "Shader_001": shader}), "Shader")
 
 
 def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, Any]) -> Link:
     """Add sheen: a black metal, multiplied by the tint of a coat.
 
-    The coat's index is 1, so it reflects nothing; its normal is the viewer's direction, where the tint applies as is.
+    The coat's index of refraction is 1, so it does not reflect. Its normal is the direction to the viewer: along it,
+    the tint applies unchanged.
     """
     inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
     inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
@@ -143,20 +156,20 @@ def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, A
 
 
 def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, Any]:
-    """Return roughness r, anisotropy a and tangent.
+    """Return the sockets for roughness r, anisotropy a and tangent.
 
-    Cycles has alpha_x = r^2 / s and alpha_y = r^2 s, where s^2 = 1 - 0.9 a for a metal, as Disney's BRDF; for other
-    closures s = 1 + a where a is negative.
+    Cycles has alpha_x = r^2 / s and alpha_y = r^2 s. For a metal, s^2 = 1 - 0.9 a, as in Disney's BRDF; for other
+    closures, s = 1 + a where a is negative.
     """
     x, y = closure.alpha_x, closure.alpha_y
     if same(x, y):
-        return {"Roughness": built(builder, np.sqrt(x))}
+        return {"Roughness": add_value(builder, np.sqrt(x))}
     aspect2 = y / x
     anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind in ("metal", "conductor") else np.sqrt(aspect2) - 1.0
     return {
-        "Roughness": built(builder, np.sqrt(np.sqrt(x * y))),
-        "Anisotropy": built(builder, anisotropy),
-        "Tangent": built(builder, _to_world(frame, closure.frame.from_local(_X))),
+        "Roughness": add_value(builder, np.sqrt(np.sqrt(x * y))),
+        "Anisotropy": add_value(builder, anisotropy),
+        "Tangent": add_value(builder, _to_world(frame, closure.frame.from_local(_X))),
     }
 
 

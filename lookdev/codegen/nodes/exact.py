@@ -1,7 +1,7 @@
-"""A look as nodes that sample its model exactly: at each hit, one direction of the BSDF passes a ray portal.
+"""A look as nodes that sample its model exactly: at each hit, a ray portal continues along one direction of the BSDF.
 
-The portal's weight is f times the cosine over the pdf: an unbiased estimator, whether the ray meets the asset again or
-the light. The light is not sampled, and no OSL is needed.
+The portal's weight is f times the cosine over the pdf. This is an unbiased estimator for rays that meet the asset again
+and for rays that meet the light. The light is not sampled. No OSL is needed.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# Fourth coordinate of the white noise: unlike any component of a place, so that the three channels differ.
+# Fourth coordinate of the white noise: no component of a position equals it, so that the three channels differ.
 _SALT = 0.7548776662
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
-    """Generate the nodes that sample a look; parameters as of `lookdev.codegen.osl.surface.generate_surface`.
+    """Generate the nodes that sample a look, with `resolve` as in `lookdev.codegen.inputs.Inputs`.
 
-    Every ray that leaves the surface has passed a portal, which the world finds by `Light Path`'s transparent depth.
+    Every ray that leaves the surface has passed a portal. The world detects this by `Light Path`'s transparent depth.
 
     Raises
     ------
     CodegenError
-        The surface is see-through: a ray that passes unchanged has a transparent depth, too.
+        The surface is see-through: a ray that passes it unchanged has a transparent depth, too.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
@@ -54,25 +54,27 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
             f"{look.name}: is see-through (presence below 1), which backend 'nodes-exact' cannot distinguish from the"
             " background; backend 'exact' or 'nodes' would be right"
         )
-    weight, wi = sampled(graph, lobes)
+    weight, wi = trace_sample(graph, lobes)
 
     axes = {name: symbols(graph, [f"{name}_{axis}" for axis in "xyz"]) for name in ("t", "b", "n", "facet")}
     world = scale(axes["t"], wi[..., 0]) + scale(axes["b"], wi[..., 1]) + scale(axes["n"], wi[..., 2])
-    # The shading normal and the facet must agree on which side the light is.
-    above = dot(world, axes["facet"])
-    agreed = above * wi[..., 2] > 0.0
+    # The light must be on the same side of the shading normal's plane and of the facet.
+    facet_cosine = dot(world, axes["facet"])
+    valid = facet_cosine * wi[..., 2] > 0.0
     transmits = any(lobe.transmits for lobe in lobes)
     if not transmits and any(lobe.crosses for lobe in lobes):
-        agreed = agreed & (above > 0.0)
-    weight = scale(weight, np.where(agreed & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
+        valid = valid & (facet_cosine > 0.0)
+    weight = scale(weight, np.where(valid & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
 
-    place = symbols(graph, [f"place_{axis}" for axis in "xyz"])
+    position = symbols(graph, [f"place_{axis}" for axis in "xyz"])
     lift: Any = symbol(graph, "lift")
-    lifted = place + scale(axes["facet"], np.where(above < 0.0, -1.0, 1.0) * lift)
+    ray_start = position + scale(axes["facet"], np.where(facet_cosine < 0.0, -1.0, 1.0) * lift)
 
     builder = TreeBuilder(look.name)
-    roots = [elements_of(each) for each in (weight, world, lifted)]
-    names = [str(node.args[0]) for node in reachable([each for root in roots for each in root]) if node.op == "symbol"]
+    roots = [elements_of(value) for value in (weight, world, ray_start)]
+    names = [
+        str(node.args[0]) for node in reachable([value for root in roots for value in root]) if node.op == "symbol"
+    ]
     directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
     frame = add_frame(builder)
@@ -82,7 +84,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
     builder.bind([f"place_{axis}" for axis in "xyz"], Link(geometry, "Position"))
     builder.bind(["lift"], add_lift(builder))
-    # Each sample of a pixel has another place.
+    # Each sample of a pixel has a position of its own.
     noise = builder.add("TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": Link(geometry, "Position"), "W": _SALT})
     channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": Link(noise, "Color")})
     builder.bind(["u1"], Link(channels, "Red"))
@@ -98,11 +100,11 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 
 
-def sampled(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
+def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
     """Trace one sample of lobes, at the symbols ``wo_x wo_y wo_z u1 u2``.
 
-    Return its weight (3,), f times the cosine over the density of all lobes, 0 where no lobe sends light, and the
-    direction (3,) in the surface's frame.
+    Return its weight, (3,), and its direction in the surface's frame, (3,). The weight is f times the cosine over the
+    density of all lobes, 0 where no lobe scatters.
     """
     if not lobes:
         return np.zeros(3), ZENITH
@@ -110,7 +112,7 @@ def sampled(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
     assume_positive(graph, mixture.wo[..., 2])
     numbers: Any = symbols(graph, ("u1", "u2"))
     u1, u2 = np.minimum(numbers, BELOW_ONE)
-    # From the last to the first: the first lobe for which `below` holds is chosen.
+    # Built from the last lobe to the first: the result is the direction of the first lobe whose `below` is true.
     *others, last = mixture.choices(u1)
     wi: Any = last.lobe.draw(last.stretched, u2)
     for choice in reversed(others):

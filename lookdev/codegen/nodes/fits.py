@@ -1,4 +1,4 @@
-"""Fits (`lookdev.closures.fits`) as groups, so that a long polynomial of several lobes is one node in each."""
+"""Fits (`lookdev.closures.fits`) as groups: a long polynomial that several lobes need is one node in each of them."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ _INPUTS = ("x", "y")
 
 
 def match_fit(node: Node) -> tuple[str, dict[str, Any]] | None:
-    """Return the group that computes a node, and the values of its sockets, if the node is a fit in two variables."""
+    """Return the group that computes a node, and the values of its sockets; None if it is not a fit of x and y."""
     variables = _variables(node)
     if variables is None:
         return None
-    x, y = (SymbolicArray(node.graph, np.array(each, dtype=object)) for each in variables)
+    x, y = (SymbolicArray(node.graph, np.array(variable, dtype=object)) for variable in variables)
     for name, entry in table()["fits"].items():
-        # Equal expressions are one node.
+        # Equal expressions are the same node.
         if len(entry["numerator"][0]) > 1 and elements_of(fit(name)(x, y))[0] is node:
             return f"{_PREFIX}{name}", dict(zip(_INPUTS, variables, strict=True))
     return None
 
 
 def is_fit(group: str) -> bool:
+    """Return whether the name of a group is that of a fit."""
     return group.startswith(_PREFIX)
 
 
 def fit_tree(group: str) -> NodeTree:
     """Return the tree of a fit's group."""
     graph, builder = Graph(), TreeBuilder(group)
-    given = builder.add("NodeGroupInput")
+    group_input = builder.add("NodeGroupInput")
     for name in _INPUTS:
-        builder.bind([name], Link(given, name))
+        builder.bind([name], Link(group_input, name))
     value = fit(group.removeprefix(_PREFIX))(*(symbol(graph, name) for name in _INPUTS))
     builder.add("NodeGroupOutput", inputs={"Value": builder.scalar(*elements_of(value))})
     return builder.tree([GroupSocket(name, "float") for name in _INPUTS], [GroupSocket("Value", "float")])

@@ -10,7 +10,7 @@ import numpy as np
 from lookdev.brdf import Real
 from lookdev.brdf.vectors import cross, dot, normalize
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.nodes.group import bound
+from lookdev.codegen.nodes.group import bind_symbols
 from lookdev.codegen.source import TANGENT, GroupSocket, Link, NodeTree, SocketValue
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of
@@ -36,14 +36,14 @@ class Frame:
 
 
 def add_frame(builder: TreeBuilder) -> Frame:
-    """Add the group of `frame_tree` to a tree, and bind ``wo_x wo_y wo_z``."""
+    """Add a node of the group `frame_tree` to a tree, and bind ``wo_x wo_y wo_z`` to its output."""
     node = builder.add("Group", group=GROUP)
     builder.bind(("wo_x", "wo_y", "wo_z"), Link(node, "Viewer"))
     return Frame(Link(node, "Normal"), Link(node, "Tangent"), Link(node, "Bitangent"))
 
 
 def reads_frame_tangent(tree: NodeTree) -> bool:
-    """Return whether nodes of a tree read the frame's tangent, or the viewer's place along it."""
+    """Return whether nodes of a tree read the frame's tangent or bitangent, or the viewer's component along them."""
     frames = {node.name for node in tree.nodes if node.group == GROUP}
     links = [(node, link) for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
     viewers = {node.name for node, link in links if link.node in frames and node.kind == "SeparateXYZ"}
@@ -57,8 +57,8 @@ def reads_frame_tangent(tree: NodeTree) -> bool:
 def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
     """Return the group that computes the shading frame.
 
-    Only a look that depends on the direction of the mesh's tangent (`directed`) reads it. Where the look bends normals
-    (`leaning`: bumps, normal maps), the bitangent of a reflected instance is reflected.
+    The group reads the mesh's tangent only if the look depends on its direction (`directed`). If the look bends normals
+    with bumps or normal maps (`leaning`), the bitangent of a mirrored instance is mirrored.
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 
@@ -69,24 +69,24 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
     def of_mesh(name: str) -> Link:
         return Link(builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": name}), "Vector")
 
-    def given(name: str, link: Link) -> Any:
-        return bound(graph, builder, name, link, vector=True)
+    def symbols(name: str, link: Link) -> Any:
+        return bind_symbols(graph, builder, name, link, vector=True)
 
     geometry = builder.add("NewGeometry")
     hand: Real = 1.0
     if leaning:
         axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-        x, y, z = (given(name, to_world("VECTOR", axis)) for name, axis in axes.items())
+        x, y, z = (symbols(name, to_world("VECTOR", axis)) for name, axis in axes.items())
         hand = np.where(dot(cross(x, y), z) < 0.0, -1.0, 1.0)
-    viewer = given("viewer", Link(geometry, "Incoming"))
+    viewer = symbols("viewer", Link(geometry, "Incoming"))
     frame = shading_frame(
-        normalize(given("normal", to_world("NORMAL", of_mesh("lookdev_normal")))),
-        given("tangent", to_world("VECTOR", of_mesh(TANGENT))) if directed else None,
-        given("facet", Link(geometry, "True Normal")),
+        normalize(symbols("normal", to_world("NORMAL", of_mesh("lookdev_normal")))),
+        symbols("tangent", to_world("VECTOR", of_mesh(TANGENT))) if directed else None,
+        symbols("facet", Link(geometry, "True Normal")),
         viewer,
         hand,
     )
-    values = [elements_of(each) for each in (frame.normal, frame.tangent, frame.bitangent, frame.to_local(viewer))]
+    values = [elements_of(vector) for vector in (frame.normal, frame.tangent, frame.bitangent, frame.to_local(viewer))]
     builder.prepare(values)
     builder.add("NodeGroupOutput", inputs=dict(zip(_OUTPUTS, map(builder.vector, values), strict=True)))
     return builder.tree(outputs=[GroupSocket(name, "vector", help=help) for name, help in _OUTPUTS.items()])

@@ -1,7 +1,7 @@
 """The symbols of `Inputs` as nodes: textures, primvars and coordinates.
 
-An image node wraps both axes alike. For other textures, and for sets of UDIM tiles, look-ups are combined by the
-arithmetic of `lookdev/shaders/texture.h`.
+An image node wraps both axes in the same way. For other textures, and for sets of UDIM tiles, several look-ups are
+combined with the arithmetic of `lookdev/shaders/texture.h`.
 """
 
 from __future__ import annotations
@@ -25,21 +25,26 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
-    """Bind symbols of a look to nodes added to a tree; symbols that `inputs` lacks are ignored.
+    """Add the nodes that symbols of a look depend on to a tree, bind the symbols, and return the attributes they read.
 
-    Return the attributes that the nodes read. A TextureError reports an image that is missing or unreadable.
+    Symbols that `inputs` does not have are skipped.
+
+    Raises
+    ------
+    TextureError
+        An image is missing or unreadable.
     """
     names = list(names)
-    attributes = tuple(inputs.read_by(names))
+    attributes = tuple(inputs.attributes_read_by(names))
     for binding in attributes:
         _bind_attribute(builder, binding)
-    for name in inputs.looked_up_by(names):
+    for name in inputs.look_ups_read_by(names):
         _bind_look_up(builder, inputs.graph, name, inputs.look_up(name))
     return attributes
 
 
 def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding]) -> str:
-    """Return the digest of trees, of the attributes they read, and of the content of their images."""
+    """Return the digest of trees, the attributes they read, and the content of their images."""
     digest = hashlib.sha256(repr(tuple(attributes)).encode())
     for tree in trees:
         digest.update(repr(replace(tree, nodes=())).encode())
@@ -51,6 +56,7 @@ def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding
 
 
 def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
+    """Add the node of an attribute, and bind the symbols of its components."""
     name = binding.parameter
     components = [f"{name}[{i}]" for i in range(3)]
     if binding.kind == "uv":
@@ -64,16 +70,18 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
 
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp) -> None:
+    """Add the nodes of a look-up, and bind the symbols of its channels."""
     texture = look_up.texture
     uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
     a, b, c, d, e, f = texture.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
-    # Images ignore the third coordinate; with the UV set's, the vector of an untransformed place is the set's output.
-    third = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
+    # Image nodes do not use the third coordinate. With that of the UV set, the vector of untransformed coordinates is
+    # the output of the UV set itself, and needs no further node.
+    w = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
 
-    def read(file: Content, place: Sequence[Any], wrap: str) -> Any:
-        vector = builder.vector(elements_of(np.stack(place)))
-        if not isinstance(vector, Link):  # an image without a link to its place has the place of the mesh's UVs
+    def read(file: Content, uv: Sequence[Any], wrap: str) -> Any:
+        vector = builder.vector(elements_of(np.stack(uv)))
+        if not isinstance(vector, Link):  # an image node whose vector is not linked reads the mesh's UVs
             vector = Link(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
         properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
         node = builder.add("TexImage", properties, {"Vector": vector}, texture.file.stem, image=file)
@@ -84,15 +92,15 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
 
     wraps = texture.wrap_s, texture.wrap_t
     if 0 not in look_up.files:
-        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); without a tile, all is 0.
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.
         column, row = np.floor(s), np.floor(t)
         value = np.zeros(4)
         for number, file in look_up.files.items():
             i, j = (number - 1001) % 10, (number - 1001) // 10
-            here = np.where(_is(column, i) & _is(row, j), 1.0, 0.0)
-            value = value + read(file, (s - column, t - row, np.array(0.0)), "clamp") * here
+            in_tile = np.where(_is_tile(column, i) & _is_tile(row, j), 1.0, 0.0)
+            value = value + read(file, (s - column, t - row, np.array(0.0)), "clamp") * in_tile
     elif wraps[0] == wraps[1]:
-        value = read(look_up.files[0], (s, t, third), wraps[0])
+        value = read(look_up.files[0], (s, t, w), wraps[0])
     else:
         value = np.zeros(4)
         for y in _copies(t, wraps[1]):
@@ -101,35 +109,35 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     if look_up.slopes and 0 in look_up.files:
         value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
     *color, alpha = elements_of(value)
-    # Values of an image are links, not constants.
+    # The values of an image are links, not constants.
     color_link: Any = builder.vector(color)
     alpha_link: Any = builder.scalar(alpha)
     builder.bind([f"{name}[{i}]" for i in range(3)], color_link)
     builder.bind([f"{name}_a"], alpha_link)
 
 
-def _is(coordinate: Any, whole: int) -> Any:
+def _is_tile(coordinate: Any, whole: int) -> Any:
     return (coordinate > whole - 0.5) & (coordinate < whole + 0.5)
 
 
 def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
-    """Return the coordinates in an image, and beside it, at which look-ups add up to the wrapped one at s.
+    """Return the coordinates, in an image and beside it, whose look-ups with a black border add up to the wrapped one.
 
-    Bilinear weights are tents about texel centres: an image that repeats or mirrors is the sum of its copies, of which
-    at most two overlap.
+    Bilinear weights are tents about texel centres. So an image that repeats or mirrors is the sum of its copies, of
+    which at most two overlap.
     """
     if wrap == "black":
         return (s,)
     if wrap == "repeat":
-        place = s - np.floor(s)
-        return place, np.where(place < 0.5, place + 1.0, place - 1.0)
-    # Within half a texel of an edge, clamped and mirrored are the same.
-    place = np.absolute(s - 2.0 * np.floor(0.5 * s + 0.5)) if wrap == "mirror" else np.clip(s, 0.0, 1.0)
-    return place, np.where(place < 0.5, -place, 2.0 - place)
+        position = s - np.floor(s)
+        return position, np.where(position < 0.5, position + 1.0, position - 1.0)
+    # Within half a texel of an edge, clamping and mirroring are the same.
+    position = np.absolute(s - 2.0 * np.floor(0.5 * s + 0.5)) if wrap == "mirror" else np.clip(s, 0.0, 1.0)
+    return position, np.where(position < 0.5, -position, 2.0 - position)
 
 
 def _wrap_slope(s: Any, wrap: str) -> Any:
-    """Return the derivative of an axis' wrapping: -1 in mirrored copies, 0 beyond a clamped edge."""
+    """Return the derivative of an axis's wrapping: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
         whole = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))

@@ -1,4 +1,4 @@
-"""Places of nodes: columns by the distance to the output, rows near the nodes that read them."""
+"""Positions of nodes: columns by the distance to the output, rows near the nodes that read them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ _GAP = 30.0
 _HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0
 
 
-def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
-    """Return the upper left corners of nodes, in Blender's units, without overlap; each node follows those it reads."""
+def lay_out_nodes(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
+    """Return the upper left corners of nodes, in Blender's units, without overlap, right of the nodes they read."""
     readers: dict[str, list[str]] = defaultdict(list)
     for name, node in nodes.items():
         for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, Link)):
@@ -30,25 +30,25 @@ def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
     for name in nodes:
         by_column[columns[name]].append(name)
     middles: dict[str, float] = {}
-    places: dict[str, tuple[float, float]] = {}
+    positions: dict[str, tuple[float, float]] = {}
     for column in sorted(by_column):
-        wanted = {
+        targets = {
             name: sum(middles[reader] for reader in readers[name]) / len(readers[name]) if readers[name] else 0.0
             for name in by_column[column]
         }
-        members = sorted(by_column[column], key=lambda name: -wanted[name])
+        members = sorted(by_column[column], key=lambda name: -targets[name])
         heights = [_height(nodes[name]) for name in members]
-        # The column is centred at the mean of the places wanted.
-        top = (sum(heights) + _GAP * len(members)) / 2.0 + sum(wanted.values()) / len(members)
+        # The column is centred at the mean of its nodes' targets.
+        top = (sum(heights) + _GAP * len(members)) / 2.0 + sum(targets.values()) / len(members)
         for name, height in zip(members, heights, strict=True):
-            places[name] = (-_COLUMN * column, round(top))
+            positions[name] = (-_COLUMN * column, round(top))
             middles[name] = top - height / 2.0
             top -= height + _GAP
-    return places
+    return positions
 
 
 def _height(node: ShaderNode) -> float:
-    """Return the approximate height of a node; an unlinked vector has a field for each component."""
+    """Return the approximate height of a node; an unlinked vector has a row for each component."""
     if node.kind == "TexImage":
         return 300.0
     rows = sum(_VECTOR if isinstance(value, tuple) else _ROW for value in node.inputs.values())

@@ -1,7 +1,7 @@
-"""What coincides with a surface does not shadow it: `lookdev.scene.shading.LIFT` in nodes.
+"""Surfaces that coincide with a surface do not shadow it: `lookdev.scene.shading.LIFT` in nodes.
 
-Nodes do not know the corners of a triangle, whose coordinates decide how far a place is rounded. They are taken to be
-at most as far from the origin as the place and its viewer together.
+The coordinates of a triangle's corners determine how far a position is rounded, but nodes cannot read them. The corners
+are assumed to be at most as far from the origin as the position, plus its distance to the viewer.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ GROUP = "Lookdev Coincident"
 
 
 def add_lift(builder: TreeBuilder) -> Link:
-    """Add the nodes of the height, in metres, up to which a ray that leaves the surface passes others."""
-    place = Link(builder.add("NewGeometry"), "Position")
-    distance = Link(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": place}), "Value")
-    seen = Link(builder.add("CameraData"), "View Distance")
-    size = Link(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": seen}), "Value")
+    """Add the nodes that compute the height, in metres, up to which a ray that leaves a surface passes others."""
+    position = Link(builder.add("NewGeometry"), "Position")
+    distance = Link(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
+    view_distance = Link(builder.add("CameraData"), "View Distance")
+    size = Link(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": view_distance}), "Value")
     return Link(builder.add("Math", {"operation": "MULTIPLY"}, {"Value": size, "Value_001": LIFT}), "Value")
 
 
 def coincident_tree(*, see_through: bool) -> NodeTree:
-    """Return the group through which rays pass that start no higher above its facet than the lift.
+    """Return the group that makes a surface transparent to rays that start no higher above its facet than the lift.
 
-    Cycles starts its rays on the surface itself: these would end on what coincides with it. A ray towards the light
-    asks no more of a surface, unless that is `see_through`: its shader, which takes a fifth of a frame, is skipped.
+    Cycles starts its rays on the surface itself, so they would end on coincident surfaces. A shadow ray needs nothing
+    else from a surface that is not `see_through`: for such rays it is black, which skips a shader that takes a fifth of
+    a frame.
     """
     builder = TreeBuilder(GROUP)
     shader = Link(builder.add("NodeGroupInput"), "Shader")

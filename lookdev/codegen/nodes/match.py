@@ -1,4 +1,4 @@
-"""Operations of expression graphs as those of Blender's Math nodes; several operations may be one node.
+"""Operations of expression graphs as those of Blender's Math nodes; one node can do several operations.
 
 Their arithmetic differs from NumPy's only outside the domain of models: a division by 0 gives 0, as do the square root
 and the logarithm of a negative number.
@@ -43,20 +43,22 @@ _OPERATIONS: dict[str, str] = {
 _E = 2.718281828459045
 
 
-def match(node: Node, known: Container[Any] = ()) -> Match:
+def match_operation(node: Node, computed: Container[Any] = ()) -> Match:
     """Return the operation that computes a node, and its operands.
 
-    A product that is added becomes part of the addition, unless it is `known`, computed anyway.
+    A summand that is a product becomes part of the addition, unless it is in `computed`: nodes that exist anyway.
     """
     apply = node.graph.apply
     match node.op, node.args:
         case "look_up", _:
             raise CodegenError("nodes cannot look up measured data; backend 'exact' would be right")
         case "add", (a, b):
-            return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, known) or ("ADD", a, b)
-        case "subtract", (a, b) if _is_product(a, known) and not isinstance(b, Node):
+            return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, computed) or ("ADD", a, b)
+        case "subtract", (a, b) if _is_product(a, computed) and not isinstance(b, Node):
             return ("MULTIPLY_ADD", *a.args, -b)
-        case "subtract", (a, b) if _is_product(b, known) and not all(isinstance(each, Node) for each in b.args):
+        case "subtract", (a, b) if _is_product(b, computed) and not all(
+            isinstance(operand, Node) for operand in b.args
+        ):
             factor, number = b.args if isinstance(b.args[0], Node) else reversed(b.args)
             return "MULTIPLY_ADD", factor, -number, a
         case "divide", (_, b) if is_inverse_root(node):
@@ -66,7 +68,7 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
         case "log", (a,):
             return "LOGARITHM", a, _E
         case "expm1", (a,):
-            # tanh(x / 2) (exp(x) + 1), without cancellation.
+            # As tanh(x / 2) (exp(x) + 1), without cancellation.
             half = Node("tanh", (apply("multiply", a, 0.5),), node.graph)
             return "MULTIPLY_ADD", half, apply("exp", a), half
         case "greater_equal", (a, b):
@@ -84,29 +86,32 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
 
 
 def depth_of(value: Any, depths: dict[Node, int]) -> None:
-    """Add the depths, in operations, of a node and of all that it needs to `depths`."""
-    for node in post_order([value], stop=lambda each: each in depths):
-        depths[node] = 1 + max((depths[each] for each in node.operands()), default=0)
+    """Add the depths, in operations, of a node and of all nodes that it needs to `depths`."""
+    for node in post_order([value], stop=lambda operand: operand in depths):
+        depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
 
 
-def _is_product(value: Any, known: Container[Any]) -> bool:
-    """Return whether a value is a product that only a sum needs; one with an inverse length belongs to a vector."""
+def _is_product(value: Any, computed: Container[Any]) -> bool:
+    """Return whether a value is a product that only a sum needs.
+
+    A product with an inverse length does not count: it is a component of a normalized vector.
+    """
     return (
         isinstance(value, Node)
         and value.op == "multiply"
-        and value not in known
-        and not any(is_inverse_root(each) for each in value.args)
+        and value not in computed
+        and not any(is_inverse_root(factor) for factor in value.args)
     )
 
 
-def _match_multiply_add(a: Any, b: Any, known: Container[Any]) -> Match | None:
-    if _is_product(a, known):
+def _match_multiply_add(a: Any, b: Any, computed: Container[Any]) -> Match | None:
+    if _is_product(a, computed):
         return ("MULTIPLY_ADD", *a.args, b)
-    return ("MULTIPLY_ADD", *b.args, a) if _is_product(b, known) else None
+    return ("MULTIPLY_ADD", *b.args, a) if _is_product(b, computed) else None
 
 
 def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield the ways to write a value as a product of two."""
+    """Yield the ways to write a value as a product of two factors."""
     if isinstance(value, Node) and value.op == "multiply":
         x, y = value.args
         yield x, y
@@ -115,11 +120,11 @@ def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def _match_mix(p: Any, q: Any) -> Match | None:
-    """Match a (1 - t) + b t."""
+    """Return the ``"MIX"`` that p + q is, as a (1 - t) + b t, or None."""
     for rest, a in _factors(p):
         if isinstance(rest, Node) and rest.op == "subtract" and not isinstance(rest.args[0], Node):
-            one, t = rest.args
-            if one == 1.0:
+            constant, t = rest.args
+            if constant == 1.0:
                 for factor, b in _factors(q):
                     if factor is t:
                         return "MIX", a, b, t

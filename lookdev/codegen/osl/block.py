@@ -1,6 +1,7 @@
 """Expression graphs as OSL text, by scopes.
 
-A table is an array of the shader's parameters where `fits`, else a texture."""
+A table is a parameter that is an array if `fits_array`, else a texture.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ _MAX_INLINE = 70
 
 
 def literal(value: float | bool) -> str:
-    """Write a constant; a CodegenError if it is not finite, which has no literal in OSL."""
+    """Return the literal of a constant; a number that is not finite has none in OSL and raises CodegenError."""
     if isinstance(value, bool | np.bool_):
         return "1" if value else "0"
     if not np.isfinite(value):
@@ -62,130 +63,137 @@ def literal(value: float | bool) -> str:
     return repr(float(value))
 
 
-def bare(code: str) -> str:
-    """Return the code of an expression without parentheses around all of it."""
+def strip_parentheses(code: str) -> str:
+    """Return the code of an expression without the parentheses that enclose all of it."""
     return code[1:-1] if code.startswith("(") and code.endswith(")") else code
 
 
 Spell = Callable[["str | Uniform"], str]
-"""Returns the text of a symbol, or of a uniform; it is called when that is written."""
+"""Returns the text of a symbol or a uniform. It is called when the text is written, in the order of the code."""
 
 
-def by_name(value: str | Uniform) -> str:
-    """Spell a symbol by its name, a uniform as the number that it is."""
+def spell_by_name(value: str | Uniform) -> str:
+    """Return the name of a symbol, or the literal of a uniform."""
     return literal(value) if isinstance(value, Uniform) else value
 
 
-def fits(table: Table) -> bool:
-    """Return whether a table is an array: a look-up takes a fortieth of one in a texture, but its text is loaded."""
+def fits_array(table: Table) -> bool:
+    """Return whether a table is small enough for an array.
+
+    A look-up in an array takes a fortieth of the time of one in a texture, but Cycles loads the array as text.
+    """
     return table.values.size <= _LARGEST_ARRAY
 
 
 def table_name(table: Table) -> str:
-    """Return the name of a shader's parameter that has a table, or the path of its texture."""
-    return f"table_{table.digest[:16]}{'' if fits(table) else '_file'}"
+    """Return the name of the shader's parameter for a table, or for the path of its texture."""
+    return f"table_{table.digest[:16]}{'' if fits_array(table) else '_file'}"
 
 
 def texture_size(table: Table) -> tuple[int, int]:
     """Return width and height of a table's texture, powers of two, so that texel centres are exact in float32."""
-    rows, columns = (1 << (each - 1).bit_length() for each in table.values.shape[:2])
+    rows, columns = (1 << (size - 1).bit_length() for size in table.values.shape[:2])
     return columns, rows
 
 
 class Block:
-    """One scope of emitted code: nodes used more than once become variables, which are `named`, others are inline."""
+    """One scope of emitted code: nodes used more than once become variables, others are inline.
+
+    `variables` are the names of variables by node, also those of the scopes around.
+    """
 
     def __init__(
-        self, prefix: str, indent: int, named: Mapping[Node, str] | None = None, spell: Spell = by_name
+        self, prefix: str, indent: int, variables: Mapping[Node, str] | None = None, spell: Spell = spell_by_name
     ) -> None:
         self.lines: list[str] = []
-        self.named = dict(named or {})
+        self.variables = dict(variables or {})
         self._prefix = prefix
         self._pad = "    " * indent
         self._spell = spell
         self._uses: Counter[Node] = Counter()
-        self._chosen: dict[Node, str] = {}
+        self._preset_names: dict[Node, str] = {}
         self._cells: dict[tuple[Any, ...], str] = {}
 
-    def inner(self, prefix: str, indent: int) -> Block:
-        """Return a scope inside this one, with the names that this one has now."""
-        inner = Block(prefix, indent, self.named, self._spell)
+    def inner_block(self, prefix: str, indent: int) -> Block:
+        """Return a scope inside this one, which starts with the variables that this one has now."""
+        inner = Block(prefix, indent, self.variables, self._spell)
         inner._cells = dict(self._cells)
         return inner
 
     def write(self, text: str) -> None:
-        """Append one line of code as it is."""
+        """Append one line of code, indented."""
         self.lines.append(self._pad + text)
 
     def define(self, name: str, value: Scalar, comment: str = "") -> None:
         """Compute a number into a variable of that name."""
-        if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
-            self._chosen[value] = name
+        if isinstance(value, Node) and value.op != "symbol" and value not in self.variables:
+            self._preset_names[value] = name
             self.name(value)
         else:
             self.write(f"float {name} = {self.expression(value)};")
         self.lines[-1] += f"  // {comment}" if comment else ""
 
     def prepare(self, roots: Iterable[Any]) -> None:
-        """Count uses under `roots`, all the expressions of this block, so that shared nodes get a name."""
+        """Count uses of nodes under `roots`, all expressions of this block, so that shared nodes become variables."""
         roots = list(roots)
-        for node in reachable(roots, stop=self.named):
-            if node not in self.named:
+        for node in reachable(roots, stop=self.variables):
+            if node not in self.variables:
                 self._uses.update(node.operands())
         self._uses.update(root for root in roots if isinstance(root, Node))
 
     def name(self, value: Scalar) -> str:
-        """Compute `value` into a variable of its own; return the variable's name, or the literal of a constant."""
+        """Write a variable for `value` unless it has one; return the variable's name, or the literal of a constant."""
         code = self.expression(value)
-        if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
+        if isinstance(value, Node) and value.op != "symbol" and value not in self.variables:
             self._define(value, code)
-            return self.named[value]
+            return self.variables[value]
         return code
 
     def expression(self, value: Scalar) -> str:
-        """Return code for `value`, writing the variables it needs first."""
+        """Return code for `value`; the variables that it needs are written first."""
         inline: dict[Any, str] = {}
 
-        def shown(part: Any) -> str:
+        def code_of(part: Any) -> str:
             if isinstance(part, Uniform):
                 return self._spell(part)
             if not isinstance(part, Node):
                 return literal(part)
-            return self.named.get(part) or inline[part]
+            return self.variables.get(part) or inline[part]
 
-        for node in post_order([value], stop=lambda node: node in self.named):
+        for node in post_order([value], stop=lambda node: node in self.variables):
             if node.op == "symbol":
                 inline[node] = self._spell(str(node.args[0]))
                 continue
             if node.op == "look_up":
-                table, channel, *place = node.args
-                inline[node] = self._looked_up(table, channel, *map(shown, place))
+                table, channel, *cell_indices = node.args
+                inline[node] = self._look_up_code(table, channel, *map(code_of, cell_indices))
                 continue
-            code = CODE[node.op].format(*(shown(arg) for arg in node.args))
+            code = CODE[node.op].format(*(code_of(arg) for arg in node.args))
             if self._uses[node] > 1 or len(code) > _MAX_INLINE:
                 self._define(node, code)
             else:
                 inline[node] = code
-        return shown(value)
+        return code_of(value)
 
-    def _looked_up(self, table: Table, channel: int | None, row: str, column: str) -> str:
-        """Return code for a number of a table, writing the place, or the look-up, that all channels of it share."""
+    def _look_up_code(self, table: Table, channel: int | None, row: str, column: str) -> str:
+        """Return code for a number of a table; the cell's index or colour, which channels share, is written first."""
         name, key = table_name(table), (table.digest, row, column)
         cell = self._cells.get(key)
         if cell is None:
             cell = self._cells[key] = f"{self._prefix}cell{len(self._cells)}"
-            if fits(table):
+            if fits_array(table):
                 factor = 1 if channel is None else 3
                 self.write(f"int {cell} = {factor} * (int({row}) * {table.values.shape[1]} + int({column}));")
             else:
                 width, height = texture_size(table)
                 self.write(f"color {cell} = lookdev_texel({name}, {column}, {row}, {width}, {height});")
-        if fits(table):
+        if fits_array(table):
             return f"{name}[{cell}{f' + {channel}' if channel else ''}]"
         return f"{cell}[{channel or 0}]"
 
     def _define(self, node: Node, code: str) -> None:
-        name = self._chosen.get(node, f"{self._prefix}{len(self.named)}")
+        """Write a variable that has the value of a node."""
+        name = self._preset_names.get(node, f"{self._prefix}{len(self.variables)}")
         kind = "int" if node.op in _BOOLEAN else "float"
-        self.write(f"{kind} {name} = {bare(code)};")
-        self.named[node] = name
+        self.write(f"{kind} {name} = {strip_parentheses(code)};")
+        self.variables[node] = name

@@ -1,8 +1,8 @@
 """Sections of the light integral's template for scenes with a shadow catcher.
 
-A frame is three renders, by the number in ``caught``, in each of which what is left out holds a hole in the picture:
-1 is the asset, 2 the ground with the asset, 3 the ground without it. They concern what the camera sees; what paths find
-later is always all.
+A frame is three renders, which the number in ``caught`` selects: 1 shows the asset, 2 the ground with the asset, 3 the
+ground without it. Surfaces that a render does not show are holdouts. This concerns camera rays alone; later in a path,
+rays meet all surfaces.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 from lookdev.codegen.source import Catching
 
 ASSET, GROUND, BARE = 1, 2, 3
-"""What the renders of a frame show."""
+"""The numbers of the renders: of the asset, of the ground with it, and of the ground without it."""
 
 _TRACE = "        if (trace(start, wi)) {"
 
-# A ray of the camera also reaches what is behind surfaces that it passed through.
+# A camera ray also reaches surfaces behind those that it passed through.
 _HOLE = """
     int held_out = int(caught[0]) CONDITION;
     if (held_out && depth > 0) {
@@ -38,13 +38,13 @@ _HOLE = """
 
 
 def catching_sections(catching: Catching) -> dict[str, list[str]]:
-    """Return the lines of each section; those of a scene without a catcher leave the text as it is."""
+    """Return the lines of each section; without a catcher, the sections do not change the shader."""
     if not catching:
         return {"catching_parameter": [], "catching": [], "trace": [_TRACE]}
     condition = f"== {ASSET}" if catching == "ground" else f">= {GROUND}"
-    alone = catching == "ground"
+    is_ground = catching == "ground"
     return {
         "catching_parameter": ["    color caught = 0,"],
         "catching": _HOLE.replace("CONDITION", condition).splitlines(),
-        "trace": [f"        if (int(caught[0]) != {BARE} && trace(start, wi)) {{" if alone else _TRACE],
+        "trace": [f"        if (int(caught[0]) != {BARE} && trace(start, wi)) {{" if is_ground else _TRACE],
     }

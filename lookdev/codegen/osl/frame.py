@@ -1,7 +1,7 @@
 """The shading frame (`lookdev.scene.shading`) as OSL.
 
-It is written with OSL's own vector functions, which round as Cycles' do: the place that a path reaches next seeds its
-random numbers, so one unit in the last place of a direction makes another picture of the same noise.
+The code calls OSL's own vector functions, which round as Cycles' do. The point that a path reaches next seeds its
+random numbers: a difference in the last place of a direction makes another picture with the same amount of noise.
 """
 
 from __future__ import annotations
@@ -9,31 +9,31 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from lookdev.codegen.osl.block import CODE, bare, literal
+from lookdev.codegen.osl.block import CODE, literal, strip_parentheses
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.scene.shading import shading_frame
 
-_GIVEN = ("mesh_normal", "mesh_facet", "I")
+_VECTORS = ("mesh_normal", "mesh_facet", "I")
 _TANGENT = "mesh_tangent"
 
 
 def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
-    """Write the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
+    """Return the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal mesh_facet I``, ``vector mesh_tangent`` where the look depends on its direction, and
-    ``float hand`` where the look bends normals.
+    They read ``vector mesh_normal mesh_facet I``. If `directed`, the look depends on the direction of the tangent, and
+    they read ``vector mesh_tangent``; if `leaning`, the look bends normals, and they read ``float hand``.
     """
     graph = Graph()
-    given: dict[str, Any] = {
-        name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_GIVEN, *[_TANGENT] * directed)
+    vectors: dict[str, Any] = {
+        name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_VECTORS, *[_TANGENT] * directed)
     }
-    normal, facet, viewer = (given[name] for name in _GIVEN)
+    normal, facet, viewer = (vectors[name] for name in _VECTORS)
     hand: Any = symbol(graph, "hand") if leaning else 1.0
-    frame = shading_frame(normal, given.get(_TANGENT), facet, viewer, hand)
-    text = _Text({tuple(elements_of(vector)): name for name, vector in given.items()})
+    frame = shading_frame(normal, vectors.get(_TANGENT), facet, viewer, hand)
+    text = _Text({tuple(elements_of(vector)): name for name, vector in vectors.items()})
     for name, vector in (("facet", frame.facet), ("n", frame.normal), ("t", frame.tangent), ("b", frame.bitangent)):
         text.define(f"vector {name}", tuple(elements_of(vector)))
     for name, element in zip(WO, elements_of(frame.to_local(viewer)), strict=True):
@@ -44,44 +44,46 @@ def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
 class _Text:
     """Lines of code, and the names of the vectors and numbers that they define."""
 
-    def __init__(self, named: dict[Any, str]) -> None:
+    def __init__(self, names: dict[Any, str]) -> None:
         self.lines: list[str] = []
-        self._named = named
+        self._names = names
 
     def define(self, variable: str, value: Node | Triple) -> None:
         """Compute a number, or a vector, into a variable."""
-        self.lines.append(f"    {variable} = {bare(self._computed(value))};")
-        name = self._named[value] = variable.split()[1]
+        self.lines.append(f"    {variable} = {strip_parentheses(self._compute(value))};")
+        name = self._names[value] = variable.split()[1]
         if isinstance(value, tuple):
-            self._named |= {each: f"{name}[{i}]" for i, each in enumerate(value) if isinstance(each, Node)}
+            self._names |= {
+                component: f"{name}[{i}]" for i, component in enumerate(value) if isinstance(component, Node)
+            }
 
     def _code(self, value: Any) -> str:
         if not isinstance(value, Node | tuple):
             return literal(value)
-        if value not in self._named and isinstance(value, Node) and (match_dot(value) or value.op == "where"):
-            # Numbers that cost something have a name; vectors stand where they are used.
-            code = self._computed(value)
-            self._named[value] = f"g{len(self.lines)}"
-            self.lines.append(f"    float {self._named[value]} = {bare(code)};")
-        return self._named.get(value) or self._computed(value)
+        if value not in self._names and isinstance(value, Node) and (match_dot(value) or value.op == "where"):
+            # Costly numbers become variables; vectors are inline.
+            code = self._compute(value)
+            self._names[value] = f"g{len(self.lines)}"
+            self.lines.append(f"    float {self._names[value]} = {strip_parentheses(code)};")
+        return self._names.get(value) or self._compute(value)
 
-    def _computed(self, value: Node | Triple) -> str:
+    def _compute(self, value: Node | Triple) -> str:
         if isinstance(value, Node):
             if value.op == "symbol":
                 return str(value.args[0])
             factors = match_dot(value)
-            return self._called("dot", factors) if factors else self._operation(value.op, value.args)
+            return self._call("dot", factors) if factors else self._operation(value.op, value.args)
         vector, factors = match_normalize(value), match_cross(value)
         if vector or factors:
-            return self._called("normalize", [vector]) if vector else self._called("cross", factors or ())
-        if len({node.op if isinstance(node, Node) else "" for node in value}) > 1:
-            return self._called("vector", value)
-        # Component by component the same operation, of vectors and of numbers that all three share.
-        operands = zip(*(node.args for node in value), strict=True)
-        return self._operation(value[0].op, (each[0] if len(set(each)) == 1 else each for each in operands))
+            return self._call("normalize", [vector]) if vector else self._call("cross", factors or ())
+        if len({component.op if isinstance(component, Node) else "" for component in value}) > 1:
+            return self._call("vector", value)
+        # All components have the same operation: it applies to vectors, and to numbers that all three share.
+        triples = zip(*(component.args for component in value), strict=True)
+        return self._operation(value[0].op, (triple[0] if len(set(triple)) == 1 else triple for triple in triples))
 
-    def _called(self, function: str, operands: Iterable[Any]) -> str:
-        return f"{function}({', '.join(bare(self._code(each)) for each in operands)})"
+    def _call(self, function: str, operands: Iterable[Any]) -> str:
+        return f"{function}({', '.join(strip_parentheses(self._code(operand)) for operand in operands)})"
 
     def _operation(self, op: str, operands: Iterable[Any]) -> str:
         return CODE[op].format(*map(self._code, operands))

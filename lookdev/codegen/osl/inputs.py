@@ -14,9 +14,10 @@ _WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mi
 
 @dataclass
 class Names:
-    """Names of look-ups in a shader, `given` by look-up in the order in which the text first reads them.
+    """Names of look-ups and constants in a shader, numbered in the order in which the text first reads them.
 
-    Those of the look's constants are ``look_0``, ``look_1``, ... in the same order; `constants` are their values.
+    `given` are the names ``texture0``, ``texture1``, ... by look-up. Constants of the look are ``look_0``, ``look_1``,
+    ...; `constants` are their values.
     """
 
     inputs: Inputs
@@ -25,11 +26,11 @@ class Names:
     _numbers: dict[float, str] = field(default_factory=dict)
 
     def spell(self, symbol: str | Uniform) -> str:
-        """Return the text of a symbol, or of a uniform."""
+        """Return the text of a symbol or of a uniform."""
         if isinstance(symbol, Uniform):
             if symbol not in self._numbers:
                 self._numbers[symbol] = f"look_{len(self.constants)}"
-                literal(symbol)  # finite
+                literal(symbol)  # raises if it is not finite
                 self.constants.append(float(symbol))
             return self._numbers[symbol]
         source = self.inputs.look_up_of(symbol)
@@ -48,14 +49,14 @@ def emit_look_up(name: str, look_up: LookUp) -> tuple[list[str], list[TextureBin
         wraps = f'"{_WRAP[texture.wrap_s]}", "{_WRAP[texture.wrap_t]}"'
         code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
         return code, [TextureBinding(f"{name}_file", look_up.files[0])]
-    # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); without a tile, all is 0.
+    # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.
     code = [f"float {name}_a = 0; color {name} = 0; float {name}_s = {s}; float {name}_t = {t};"]
     number = f"1001 + int({name}_s) + 10 * int(floor({name}_t))"
     code += [f"int {name}_tile = {name}_s < 0 || {name}_s >= 10 ? 0 : {number};"]
     bindings = []
     for tile, image in look_up.files.items():
         file = f"{name}_{tile}_file"
-        place = f"{name}_s - floor({name}_s), {name}_t - floor({name}_t)"
-        code.append(f'if ({name}_tile == {tile}) {name} = {function}({file}, {place}, "clamp", "clamp", {name}_a);')
+        tile_uv = f"{name}_s - floor({name}_s), {name}_t - floor({name}_t)"
+        code.append(f'if ({name}_tile == {tile}) {name} = {function}({file}, {tile_uv}, "clamp", "clamp", {name}_a);')
         bindings.append(TextureBinding(file, image))
     return code, bindings

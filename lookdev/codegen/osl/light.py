@@ -10,15 +10,15 @@ drawn from the BSDF alone: then no other macro or variable of sampling exists.
 ``functions``
     In front of the shader.
 ``setup``
-    At each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble,
+    Runs at each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
     ``front_samples`` and ``back_samples`` are the numbers of directions for light from the viewer's side of the surface
     and, with ``TRANSMITS``, from the other side.
 ``sample``
-    Draws sample ``number`` of the pixel, for the other side where ``back`` is 1: sets ``wi``, ``radiance`` and, where
-    the probability of the draw is not exactly the pdf, ``ratio``, the pdf over the probability. Numbers of a pixel are
-    consecutive from 0, for front and back each.
+    Draws sample ``number`` of the pixel, for the other side if ``back`` is 1. Sets ``wi``, ``radiance`` and, if the
+    probability of the draw is not exactly the pdf, ``ratio``, the pdf over the probability. Numbers of a pixel count
+    from 0, separately for front and back.
 ``density``
-    Adds the pdf of ``wi`` at front and back, times the samples of each, to ``density``; ``radiance`` is set.
+    Adds the pdf of ``wi`` at front and back, times the samples of each side, to ``density``, and sets ``radiance``.
 ``lookup``
     Sets ``radiance`` from ``wi``.
 """
@@ -43,18 +43,18 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     CodegenError
         The file of a kind lacks a section, or has an unknown one.
     """
-    alone = coded(lights)
-    if alone is None:
+    single = coded(lights)
+    if single is None:
         return rig_sections(CodedRig.of(lights))
-    osl = LIGHT_KINDS[alone.kind].osl
-    assert osl is not None, "only such a light is coded"
+    osl = LIGHT_KINDS[single.kind].osl
+    assert osl is not None, "a light that is coded has OSL"
     sections = read_sections(osl)
-    if different := sorted(sections.keys() ^ set(SECTIONS)):
-        names = ", ".join(different)
+    if mismatched := sorted(sections.keys() ^ set(SECTIONS)):
+        names = ", ".join(mismatched)
         raise CodegenError(f"{osl.name}: a light has sections {', '.join(SECTIONS)}; unknown or missing: {names}")
-    plain = {"constants": ["#define RIG 0"], "samples": ["    int samples = int(control[2]);"]}
+    constants = {"constants": ["#define RIG 0"], "samples": ["    int samples = int(control[2]);"]}
     return {
-        **plain,
+        **constants,
         "rig_setup": [],
         "rig_seen": [],
         "rig_arrive": [],

@@ -1,4 +1,4 @@
-"""The shader that evaluates a stack of layers at listed points, whose numbers it reads from a table."""
+"""The shader that evaluates a stack of layers at listed points, whose inputs it reads from a table."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from lookdev.codegen.trace.lobes import present_lobes
 
 
 def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
-    """Generate the shader of a stack of layers, or of some of its lobes.
+    """Generate the shader of a stack of layers, or of the named lobes alone.
 
-    A row of its table has `point_columns`, in `point_cells` texels of three channels.
+    A row of its table has the `point_columns`, in `point_cells` texels of three channels.
     """
     graph = Graph()
     bsdf = point_bsdf(graph, layers)
-    kept = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
-    code = emit_brdf(trace_lobes(graph, kept))
+    present = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
+    code = emit_brdf(trace_lobes(graph, present))
     columns = point_columns(layers)
-    rows = [f"    float {name} = 0;" for name in columns]
+    lines = [f"    float {name} = 0;" for name in columns]
     for index in range(0, len(columns), 3):
-        rows.append(f"    cell = points_cell(points_file, {index // 3}, number);")
-        rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
+        lines.append(f"    cell = points_cell(points_file, {index // 3}, number);")
+        lines += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
     constants = [
         f"#define POINT_CELLS {point_cells(layers)}",
         f"#define TRANSMITS {int(code.transmits or code.crosses)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
     tables = bind_tables(code.tables)
-    sections = {"constants": constants, "parameters": tables.parameters, "columns": rows, **code.sections}
+    sections = {"constants": constants, "parameters": tables.parameters, "columns": lines, **code.sections}
     osl = expand_template("points.osl", sections)
     digest = hashlib.sha256(osl.encode()).hexdigest()
     return ShaderSource("points", osl, (), (), digest, code.transmits, tables=tables.bindings)

@@ -1,4 +1,4 @@
-"""A rig of several lights in the shader of a look: sections as of one light's kind, and functions of its lamps.
+"""A rig of several lights in the shader of a look: the sections that one light has, and functions of its lamps.
 
 The functions of each shape are traced from `lookdev.light`: radiance, pdf and samples follow the code that the
 reference renderer evaluates.
@@ -35,12 +35,12 @@ _SHADOW = ("shadow", "limit", "zone", "gamma")
 _MEET = "vector p, vector w, output float distance, output float pdf"
 _DRAW = "vector p, float u1, float u2, output vector w, output float distance, output float pdf"
 _SAMPLES = ("    int samples = int(control[2]);",)
-# The fraction of the number, a power of two, is half the element's turn (`cycles.scene`).
+# The number is a power of two, the samples, times 1 plus half the element's turn (`cycles.scene`).
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
 def read_sections(osl: Traversable) -> dict[str, list[str]]:
-    """Return the lines of a file by its sections, which begin with ``//@ section NAME``."""
+    """Return the lines of a file by section; a section begins with ``//@ section NAME``."""
     sections: dict[str, list[str]] = {}
     lines: list[str] = []
     for line in osl.read_text(encoding="utf-8").splitlines():
@@ -52,12 +52,12 @@ def read_sections(osl: Traversable) -> dict[str, list[str]]:
 
 
 def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
-    """Return the lines of each section of several lights, by its name in templates."""
+    """Return the lines of each section of several lights, by the section's name in templates."""
     shaders = files("lookdev") / "shaders"
     sections = read_sections(shaders / "rig.osl.h")
-    kinds = {_dome_kind(each) for each in rig.domes}
-    filled = {
-        name: [each for line in sections[name] for each in _repeated(rig, sections, line)]
+    kinds = {_dome_kind(light) for light in rig.domes}
+    expanded = {
+        name: [part_line for line in sections[name] for part_line in _expand_line(rig, sections, line)]
         for name in ("macros", "parameters", "setup", "seen", "sample", "arrive")
     }
     functions = read_sections(shaders / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
@@ -70,15 +70,15 @@ def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
     return {
         "constants": ["#define RIG 1"],
         "samples": list(_SAMPLES_AND_TURN if rig.still else _SAMPLES),
-        "light_parameters": filled["parameters"],
-        "light_functions": [*functions, *filled["macros"]],
+        "light_parameters": expanded["parameters"],
+        "light_functions": [*functions, *expanded["macros"]],
         "light_setup": [],
-        "light_sample": filled["sample"],
+        "light_sample": expanded["sample"],
         "light_density": [],
         "light_lookup": [],
-        "rig_setup": filled["setup"],
-        "rig_seen": filled["seen"],
-        "rig_arrive": filled["arrive"],
+        "rig_setup": expanded["setup"],
+        "rig_seen": expanded["seen"],
+        "rig_arrive": expanded["arrive"],
     }
 
 
@@ -86,33 +86,33 @@ def _dome_kind(light: Light) -> str:
     return "constant_dome" if light.constant else light.kind
 
 
-def _repeated(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
-    """Return the lines that stand for a line ``//@ domes NAME`` or ``//@ pictures NAME``, else the line."""
+def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
+    """Return the lines that replace a line ``//@ domes NAME`` or ``//@ pictures NAME``; other lines stay."""
     match line.split():
         case ["//@", "domes", name]:
-            return _of_domes(rig, sections, name)
+            return _dome_lines(rig, sections, name)
         case ["//@", "pictures", name]:
             lines = sections[f"picture_{name}"]
-            return (each.replace("@", str(number)) for number in range(len(rig.pictures)) for each in lines)
+            return (part_line.replace("@", str(number)) for number in range(len(rig.pictures)) for part_line in lines)
     return (line,)
 
 
-def _of_domes(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
+def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
     for number, light in enumerate(rig.domes):
         kind = _dome_kind(light)
-        own = f"{kind}_{name}"
-        for line in sections[own if own in sections else f"dome_{name}"]:
-            yield line.replace("@", str(number)) if line.startswith("//") else _numbered(line, number, rig)
+        section = f"{kind}_{name}"
+        for line in sections[section if section in sections else f"dome_{name}"]:
+            yield line.replace("@", str(number)) if line.startswith("//") else _fill_numbers(line, number, rig)
 
 
-def _numbered(line: str, number: int, rig: CodedRig) -> str:
-    # "#" begins the lines of the preprocessor, too.
+def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
+    # A "#" at the beginning of a line is one of the preprocessor's.
     begin = len(line) - len(line.lstrip("#"))
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
 
 def _shapes(rig: CodedRig) -> Iterator[str]:
-    """Yield the functions of what lamps of all kinds have, and of each shape."""
+    """Yield the functions that lamps of all kinds share, and those of each shape."""
     beam, falloff, passed = _control_functions()
     yield from (*beam * rig.shaped, *falloff * rig.falling, *passed * rig.shadowed)
     for kind in rig.kinds:
@@ -141,11 +141,11 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield functions of all kinds of lamps, which call those of the lamp's kind."""
+    """Yield functions for all kinds of lamps, which call those of a lamp's kind."""
     if rig.lamps:
-        yield from _dispatched(rig, "void lamp_meet", _MEET, tables=True)
-        yield from _dispatched(rig, "void lamp_draw", _DRAW, tables=True)
-        yield from _dispatched(rig, "float lamp_weight", "vector p, vector n")
+        yield from _dispatch_function(rig, "void lamp_meet", _MEET, tables=True)
+        yield from _dispatch_function(rig, "void lamp_draw", _DRAW, tables=True)
+        yield from _dispatch_function(rig, "float lamp_weight", "vector p, vector n")
 
 
 @cache
@@ -153,11 +153,11 @@ def _shape_functions(kind: str) -> Lines:
     trace = _Tracer()
     shape = trace.shape(kind)
     p, w = trace.vector("p"), trace.vector("w")
-    met = {"distance": shape.distance(p, w), "pdf": shape.pdf(p, w)}
-    meet = trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", met)
-    drawn = shape.sample(p, trace.numbers("u1", "u2"))
-    outputs = {f"w[{i}]": drawn[..., i] for i in range(3)}
-    outputs |= {"distance": shape.distance(p, drawn), "pdf": shape.pdf(p, drawn)}
+    outputs_of_meet = {"distance": shape.distance(p, w), "pdf": shape.pdf(p, w)}
+    meet = trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", outputs_of_meet)
+    direction = shape.sample(p, trace.numbers("u1", "u2"))
+    outputs = {f"w[{i}]": direction[..., i] for i in range(3)}
+    outputs |= {"distance": shape.distance(p, direction), "pdf": shape.pdf(p, direction)}
     return meet + trace.function(f"void {kind}_draw(float lamps[], float tables[], int at, {_DRAW})", outputs)
 
 
@@ -177,51 +177,54 @@ def _weight_function(kind: str, shaped: bool, falling: bool) -> Lines:
 
 @cache
 def _picture_functions() -> Lines:
-    """Return functions of parts of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`)."""
+    """Return functions of a part of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`).
+
+    s, t and the size are fractions of the rectangle's sides.
+    """
     trace = _Tracer()
     width, height = trace.fields("a", "b")
     p, w = trace.vector("p"), trace.vector("w")
     s, t, size = (symbol(trace.graph, name) for name in ("part_s", "part_t", "size"))
-    part = "float part_s, float part_t, float size"
+    size_parameters = "float part_s, float part_t, float size"
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
-    functions = trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {part})", {}, angle)
+    functions = trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {size_parameters})", {}, angle)
     distance, point = meet_plane(p, w, width, height)
     places = {"distance": distance, "s": point.s, "t": point.t}
     head = "vector p, vector w, output float distance, output float s, output float t"
     functions += trace.function(f"void rect_place(float lamps[], int at, {head})", places)
-    seen = seen_part(p, width, height, s, t, size)
+    part_seen = seen_part(p, width, height, s, t, size)
 
     def pdf(point: Point) -> Any:
-        within = [np.clip((each - start) / size, 0.0, 1.0) for each, start in ((point.s, s), (point.t, t))]
-        return density(seen, Point(within[0], within[1], point.x, point.y))
+        within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
+        return density(part_seen, Point(within[0], within[1], point.x, point.y))
 
-    head = f"vector p, vector w, {part}"
+    head = f"vector p, vector w, {size_parameters}"
     functions += trace.function(f"float rect_part_density(float lamps[], int at, {head})", {}, pdf(point))
-    drawn = towards_plane(p, draw(seen, trace.numbers("u1", "u2")))
-    distance, point = meet_plane(p, drawn, width, height)
-    outputs = {**{f"w[{i}]": drawn[..., i] for i in range(3)}, "distance": distance, "pdf": pdf(point)}
-    head = f"vector p, {part}, float u1, float u2, output vector w, output float distance, output float pdf"
+    direction = towards_plane(p, draw(part_seen, trace.numbers("u1", "u2")))
+    distance, point = meet_plane(p, direction, width, height)
+    outputs = {**{f"w[{i}]": direction[..., i] for i in range(3)}, "distance": distance, "pdf": pdf(point)}
+    head = f"vector p, {size_parameters}, float u1, float u2, output vector w, output float distance, output float pdf"
     return functions + trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
 
 
-def _dispatched(rig: CodedRig, name: str, given: str, *, tables: bool = False) -> Iterator[str]:
-    """Yield a function of all kinds of lamps that calls that of the lamp's kind."""
-    called = name.split()[-1].removeprefix("lamp_")
+def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: bool = False) -> Iterator[str]:
+    """Yield the lines of a function for all kinds of lamps, which calls that of a lamp's kind."""
+    suffix = name.split()[-1].removeprefix("lamp_")
     first = "lamps, tables, at" if tables else "lamps, at"
-    names = ", ".join((first, *(each.split()[-1] for each in given.split(", "))))
-    yield f"{name}(float lamps[],{' float tables[],' * tables} int at, {given})"
+    names = ", ".join((first, *(parameter.split()[-1] for parameter in parameters.split(", "))))
+    yield f"{name}(float lamps[],{' float tables[],' * tables} int at, {parameters})"
     yield "{"
     *others, last = rig.kinds
     for kind in others:
         yield f"    if (lamps[at] == {list(SHAPES).index(kind)}) {{"
-        yield f"        {'return ' * name.startswith('float')}{kind}_{called}({names});"
+        yield f"        {'return ' * name.startswith('float')}{kind}_{suffix}({names});"
         yield "    } else"
-    yield f"    {'return ' * name.startswith('float')}{last}_{called}({names});"
+    yield f"    {'return ' * name.startswith('float')}{last}_{suffix}({names});"
     yield "}"
 
 
 class _Tracer:
-    """A graph of symbols that are read from a lamp's row or from the arguments of a function."""
+    """A graph whose symbols are fields of a lamp's row, or arguments of a function."""
 
     def __init__(self) -> None:
         self.graph = Graph()
@@ -240,7 +243,7 @@ class _Tracer:
         return symbols(self.graph, codes) if stacked else tuple(symbol(self.graph, code) for code in codes)
 
     def function(self, head: str, outputs: Mapping[str, Any], returned: Any = None) -> Lines:
-        """Return the lines of a function that sets outputs, and returns a number or a colour."""
+        """Return the lines of a function that sets outputs, and returns a number or a colour if `returned` is set."""
         block = Block("v", indent=1)
         values: dict[str, Scalar] = {name: elements_of(value)[0] for name, value in outputs.items()}
         result = [] if returned is None else elements_of(returned)

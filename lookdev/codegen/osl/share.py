@@ -1,4 +1,4 @@
-"""Programs that looks share: shaders whose texts differ in the looks' constants alone are compiled once."""
+"""Programs that looks share: shaders whose texts differ only in the looks' constants are compiled once."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from lookdev.codegen.source import ShaderSource
 
 
 def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, ShaderSource]:
-    """Return, for each source, one that shares its program with all that have its text; what is equal stays constant.
+    """Return, for each source, an equivalent one that shares its program with all sources of the same text.
 
-    The picture is the same: a number is read where another stood in the code.
+    Constants that are equal in all these sources stay constants. The picture does not change: the shader reads a number
+    that was a literal in its code.
     """
-    alike: dict[ShaderSource, list[ShaderSource]] = {}
+    by_text: dict[ShaderSource, list[ShaderSource]] = {}
     for source in dict.fromkeys(sources):
-        alike.setdefault(replace(source, name="", digest="", constants=()), []).append(source)
-    found: dict[ShaderSource, ShaderSource] = {}
-    for group in alike.values():
-        columns = zip(*(source.constants for source in group), strict=True)
-        varying = tuple(place for place, column in enumerate(columns) if len(set(column)) > 1)
-        found |= {source: replace(source, varying=varying) for source in group}
-    return found
+        by_text.setdefault(replace(source, name="", digest="", constants=()), []).append(source)
+    shared: dict[ShaderSource, ShaderSource] = {}
+    for members in by_text.values():
+        columns = zip(*(source.constants for source in members), strict=True)
+        varying = tuple(index for index, column in enumerate(columns) if len(set(column)) > 1)
+        shared |= {source: replace(source, varying=varying) for source in members}
+    return shared

@@ -1,4 +1,4 @@
-"""Tables that a model looks up, in a shader: parameters of it, and the files that their values come from."""
+"""Tables that a model looks up, as parameters of a shader, and the files that have their values."""
 
 from __future__ import annotations
 
@@ -11,30 +11,38 @@ import OpenEXR
 
 from lookdev.brdf.table import Table
 from lookdev.cache import Content, derived, from_memory
-from lookdev.codegen.osl.block import fits, table_name, texture_size
+from lookdev.codegen.osl.block import fits_array, table_name, texture_size
 from lookdev.codegen.source import TableBinding
 
 
 @dataclass(frozen=True)
 class BoundTables:
-    """Tables as parameters of a shader, and the lines that declare these."""
+    """The lines that declare tables as parameters of a shader, and the bindings of these parameters to files."""
 
     parameters: tuple[str, ...]
     bindings: tuple[TableBinding, ...]
 
 
 def bind_tables(tables: Iterable[Table]) -> BoundTables:
-    """Put tables into the store, each once; raises OutputError where that fails."""
+    """Put tables into the store, each once, and bind them to parameters.
+
+    Raises
+    ------
+    OutputError
+        A table cannot be stored.
+    """
     parameters, bindings = [], []
     for table in tables:
         name = table_name(table)
         array, path = f"float {name}[{table.values.size}] = {{0}}", f'string {name} = ""'
-        parameters.append(f"    {array if fits(table) else path},")
-        bindings.append(TableBinding(name, _content(table)))
+        parameters.append(f"    {array if fits_array(table) else path},")
+        bindings.append(TableBinding(name, _store_table(table)))
     return BoundTables(tuple(parameters), tuple(bindings))
 
 
-def _content(table: Table) -> Content:
+def _store_table(table: Table) -> Content:
+    """Put the values of a table into the store, as the array or the texture that a shader reads."""
+
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 
@@ -46,6 +54,6 @@ def _content(table: Table) -> Content:
         with OpenEXR.File(header, {"RGB": image}) as exr, from_memory(path) as name:
             exr.write(name)
 
-    suffix, write = (".npy", save) if fits(table) else (".exr", paint)
+    suffix, write = (".npy", save) if fits_array(table) else (".exr", paint)
     (content,) = derived("tables", table.digest + suffix, lambda: (Content.written(suffix, write),))
     return content

@@ -69,10 +69,10 @@ class Compiled:
         """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does for layers with these parameters."""
         values_once = {
             **self.constants,
-            **{place: numbers[name] for name, place in self.symbols.items() if name in numbers},
+            **{number: numbers[name] for name, number in self.symbols.items() if name in numbers},
         }
         for step in self.once:
-            values_once[step.place] = step.run(*(values_once[place] for place in step.operands))
+            values_once[step.place] = step.run(*(values_once[number] for number in step.operands))
         # Components that the program does not read get unused numbers.
         places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
@@ -88,11 +88,11 @@ class Compiled:
                 columns[:3, ~above] = _ZENITH
             values = {**values_once, **dict(zip(places, columns, strict=True))}
             for step in self.each:
-                values[step.place] = step.run(*(values[place] for place in step.operands))
-                for place in step.dead:
-                    del values[place]
-            for channel, place in enumerate(self.result):
-                out[part, channel] = values[place]
+                values[step.place] = step.run(*(values[number] for number in step.operands))
+                for number in step.dead:
+                    del values[number]
+            for channel, number in enumerate(self.result):
+                out[part, channel] = values[number]
             if not all_above:
                 out[part][~above] = 0.0
 
@@ -129,6 +129,7 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
 
 
 def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
+    """Return the steps of a program: those that depend on a direction run for each pair, the others once."""
     varying: set[int] = set()
     constants: dict[int, Any] = {}
     names: dict[str, int] = {}

@@ -107,7 +107,7 @@ def shadow_operations() -> Functions:
 
 @cache
 def part_operations() -> Functions:
-    """Return the functions of a square part of a picture: it begins at fractions part_s and part_t and has a ``size``.
+    """Return the functions of a part of a picture: from fractions part_s and part_t of its sides on, of a size in both.
 
     ``angle``
         Roughly the solid angle of the part from p (`lookdev.light.picture`).
@@ -148,8 +148,8 @@ def ball_operations() -> Functions:
     ``share``
         The share of its light that arrives at p.
     ``meet``
-        Whether a direction w from p meets the dome, the distance, and the solid angle seen from p per solid angle seen
-        from the dome's centre.
+        Whether a direction w from p meets the dome, the distance, and the solid angle at the dome's centre over the
+        solid angle at p.
     ``draw``
         The direction from p to the point where the direction `onto` from the centre meets the dome.
     """

@@ -106,12 +106,12 @@ def generate_program(
     writer = ProgramWriter()
     for name, result in outputs.items():
         writer.add(name, elements_of(result))
-    attributes = inputs.read_by(writer.symbols)
+    attributes = inputs.attributes_read_by(writer.symbols)
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
     for name, result in _frame_outputs(graph, directed, leaning).items():
         writer.add(name, elements_of(result))
     attributes += [TANGENT_BINDING] * directed
-    look_ups = tuple(_image_binding(inputs, name) for name in inputs.looked_up_by(writer.symbols))
+    look_ups = tuple(_image_binding(inputs, name) for name in inputs.look_ups_read_by(writer.symbols))
     tables = tuple(_store_table(table) for table in writer.tables)
     source = ProgramSource(
         look.name,
@@ -153,9 +153,11 @@ def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
 
 def stated(look: Look) -> Live:
     """Return which constants of a look can be live: those that its layers state, if all models are in `MODELS`."""
-    given = [{name for name, each in layer.inputs.items() if isinstance(each, float | tuple)} for layer in look.layers]
-    ours = all(layer.model in MODELS for layer in look.layers)
-    return lambda number, name: ours and name in given[number]
+    names_by_layer = [
+        {name for name, value in layer.inputs.items() if isinstance(value, float | tuple)} for layer in look.layers
+    ]
+    is_own_model = all(layer.model in MODELS for layer in look.layers)
+    return lambda number, name: is_own_model and name in names_by_layer[number]
 
 
 def live_name(layer: int, parameter: str) -> str:
@@ -250,6 +252,8 @@ def _image_binding(inputs: Inputs, name: str) -> ImageBinding:
 
 
 def _store_table(table: Table) -> Content:
+    """Put the values of a table into the store, as an array of float32."""
+
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 

@@ -53,6 +53,7 @@ class ProgramWriter:
                 return Operation(op, tuple(map(self._number, operands)))
 
     def _number(self, value: Any) -> int:
+        """Return the number of a node's operation, or that of a constant, which is appended if it is new."""
         if isinstance(value, Node):
             return self._numbers[value]
         key = (isinstance(value, Uniform), type(value).__name__, str(value))

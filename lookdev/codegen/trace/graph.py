@@ -101,6 +101,7 @@ class Graph:
         return float(cell if channel is None else cell[channel])
 
     def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
+        """Return the node of an operation, the same for equal arguments, or its value if that is assumed."""
         key = (op, *map(_argument_key, args))
         node = self._nodes.get(key)
         if node is None:

@@ -118,6 +118,7 @@ def _elements(value: Any) -> NDArray[np.object_]:
 
 
 def _wrap(graph: Graph, elements: Any) -> Any:
+    """Return elements as a symbolic array, or as an ordinary or uniform array if all are constants."""
     array = np.asarray(elements, dtype=object)
     if any(isinstance(element, Node) for element in array.ravel()):
         return SymbolicArray(graph, array)
