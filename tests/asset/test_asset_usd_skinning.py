@@ -53,7 +53,7 @@ class Rig(Leg):
         self.animation.GetBlendShapeWeightsAttr().Set(weights, EARLY if time is None else time)
 
     def deformed(self, time=10.0, prim=None):
-        return Skinning(Usd.TimeCode(time)).deformed((prim or self.mesh).GetPrim())
+        return Skinning(Usd.TimeCode(time)).deform((prim or self.mesh).GetPrim())
 
     def world(self, time=10.0):
         """Return the deformed points in the world (n, 3)."""
@@ -88,7 +88,7 @@ def test_a_bent_knee_linearly_and_by_dual_quaternions(rig):
 def test_the_pose_is_that_of_the_time(rig):
     np.testing.assert_allclose(rig.world(0.0), POINTS, atol=1e-6)
     np.testing.assert_allclose(rig.world(5.0)[2], (0, -HALF, 1 + HALF), atol=1e-4)  # quaternions of 32 bits, slerped
-    np.testing.assert_allclose(Skinning(EARLY).deformed(rig.mesh.GetPrim()).points, POINTS, atol=1e-6)
+    np.testing.assert_allclose(Skinning(EARLY).deform(rig.mesh.GetPrim()).points, POINTS, atol=1e-6)
 
 
 def test_the_skeleton_places_the_points_and_the_mesh_does_not(rig):
@@ -259,7 +259,7 @@ def test_blend_shapes_turn_normals_by_point(rig):
 def test_a_gprim_without_points_is_moved_as_a_whole(rig):
     ball = UsdGeom.Sphere.Define(rig.stage, "/Leg/Foot")
     rig.bind(ball, [1], [1.0], constant=True)
-    got = Skinning(Usd.TimeCode(10.0)).deformed(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
+    got = Skinning(Usd.TimeCode(10.0)).deform(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
     np.testing.assert_allclose(got.points, [(0, -2, 1), (0, 0, 2)], atol=1e-6)
 
 
@@ -284,14 +284,14 @@ NOTED = {
 def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
-    assert skinning.deformed(rig.mesh.GetPrim()) is None
+    assert skinning.deform(rig.mesh.GetPrim()) is None
     assert skinning.space(rig.mesh.GetPrim()) == rig.mesh.GetPrim()
     assert len(skinning.notes) == 1
     assert skinning.notes[0].startswith(note)
 
 
 RESTING = {
-    "/Leg/Bones: skel:animationSource /Leg/Gone is no SkelAnimation": lambda r: (
+    "/Leg/Bones: skel:animationSource /Leg/Gone is not a SkelAnimation": lambda r: (
         r.api(r.skeleton).GetAnimationSourceRel().SetTargets(["/Leg/Gone"])
     ),
     "/Leg/Bend: has no scales": without("animation", "scales"),
@@ -304,7 +304,7 @@ def test_an_animation_that_usd_ignores_leaves_the_rest_pose(rig, spoil, note):
     rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
-    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points, np.add(POINTS, (0, 0, 1)), atol=1e-6)
+    np.testing.assert_allclose(skinning.deform(rig.mesh.GetPrim()).points, np.add(POINTS, (0, 0, 1)), atol=1e-6)
     assert len(skinning.notes) == 1
     assert skinning.notes[0].startswith(note)
 
@@ -313,14 +313,14 @@ def test_an_inbetween_without_effect_is_noted(rig):
     rig.shape("Up", [(0, 0, 5)], [3]).CreateInbetween("end").SetWeight(1.0)
     rig.weigh(["Up"], [1.0])
     skinning = Skinning(EARLY)
-    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points[3], (1, 0, 7), atol=1e-6)
+    np.testing.assert_allclose(skinning.deform(rig.mesh.GetPrim()).points[3], (1, 0, 7), atol=1e-6)
     assert skinning.notes == ("/Leg/Skin/Up.inbetweens:end: no weight, or that of another shape: it has no effect",)
 
 
 def test_what_is_bound_to_nothing_is_not_deformed(rig):
     plain = UsdGeom.Mesh.Define(rig.stage, "/Leg/Plain")
     skinning = Skinning(Usd.TimeCode(10.0))
-    assert skinning.deformed(plain.GetPrim()) is None
+    assert skinning.deform(plain.GetPrim()) is None
     assert skinning.notes == ()
 
 
@@ -382,7 +382,7 @@ BROKEN = {
         "skel:joints names toe": lambda r: r.skin.CreateJointsAttr().Set(["hip", "toe"]),
         "primvars:skel:skinningMethod is 'magic'": lambda r: r.skin.CreateSkinningMethodAttr().Set("magic"),
         "primvars:skel:geomBindTransform[0] is nan": lambda r: r.skin.CreateGeomBindTransformAttr().Set(NO_MATRIX),
-        "skel:skeleton /Leg/Gone is no Skeleton": lambda r: r.skin.GetSkeletonRel().SetTargets([GONE]),
+        "skel:skeleton /Leg/Gone is not a Skeleton": lambda r: r.skin.GetSkeletonRel().SetTargets([GONE]),
         "skel:blendShapeTargets /Leg/Gone": shaped(lambda r, s: r.skin.GetBlendShapeTargetsRel().SetTargets([GONE])),
         "has 2 skel:blendShapes, but 1 skel:": shaped(lambda r, s: r.skin.GetBlendShapesAttr().Set(["Up", "Down"])),
     },
