@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.subdivision.batch import joined
+from lookdev.asset.subdivision.batch import join_cages
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import limit
-from lookdev.asset.subdivision.refine import masks_of
+from lookdev.asset.subdivision.refine import mask_rules
 from lookdev.asset.subdivision.rules import interpolate
 from lookdev.asset.subdivision.topology import split
 
@@ -64,7 +64,7 @@ def own_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], 
 def limits(mesh: Mesh, level: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return limit positions and normals (m, 3) at all corners, normals zero where there is no tangent plane."""
     assert mesh.subdivision is not None
-    control, rules = joined([mesh]), masks_of(mesh.subdivision)
+    control, rules = join_cages([mesh]), mask_rules(mesh.subdivision)
     half_edges, points = build_cage(control, mesh.subdivision).level, control.points
     for _ in range(level):
         points, half_edges = interpolate(half_edges, points, rules), split(half_edges, rules.triangles)

@@ -125,7 +125,7 @@ def test_a_mesh_without_subdivision_is_returned_as_it_is():
 
 @pytest.mark.parametrize("levels", [[2] * 30, [i % 3 for i in range(30)]])
 def test_many_cages_are_refined_as_each_is_alone(levels, monkeypatch):
-    monkeypatch.setattr("lookdev.asset.subdivision.batch._BATCH", 3000)
+    monkeypatch.setattr("lookdev.asset.subdivision.batch._BATCH_CORNERS", 3000)
     meshes = [replace(CAGES[name], name=f"/{i}") for i, name in enumerate([*CAGES, *CAGES][: len(levels)])]
     for mesh, level, together in zip(meshes, levels, refine_all(meshes, levels), strict=True):
         alone = refine(mesh, level)
