@@ -167,9 +167,9 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
         parent = parent.GetParentPath()
     children = [str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren()]
     more = max(len(children) - _MOST_NAMES, 0)
-    listed = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
+    child_list = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
     close = close_hint(composition.prim, children) if more else ""
-    hint = close or f"below {parent} there are: {listed or 'none'}"
+    hint = close or f"below {parent} there are: {child_list or 'none'}"
     return [Fault(str(composition.file), composition.prim, "there is no such prim", hint)]
 
 

@@ -99,14 +99,14 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
     not manifold stays smooth along two edges of three or more faces. With the boundary rule `none`, faces at the ends
     of a boundary edge are not part of the surface, unless the boundary edges there are infinitely sharp creases.
     """
-    count, tagged, boundary = len(control.points), control.tags, rules.interpolate_boundary
+    count, tags, boundary = len(control.points), control.tags, rules.interpolate_boundary
     level, joints = connect(control.corners, control.sizes, count)
     manifold = joints.manifold_points(level.ends)
     crease_sharpness = np.zeros(len(level.ends))
-    crease_edges = _find_edges(level, tagged.crease_edges)
-    crease_sharpness[crease_edges[crease_edges >= 0]] = tagged.crease_sharpness[crease_edges >= 0]
+    crease_edges = _find_edges(level, tags.crease_edges)
+    crease_sharpness[crease_edges[crease_edges >= 0]] = tags.crease_sharpness[crease_edges >= 0]
     np.maximum(level.edge_sharpness, crease_sharpness, out=level.edge_sharpness)
-    level.point_sharpness[tagged.corner_points] = tagged.corner_sharpness
+    level.point_sharpness[tags.corner_points] = tags.corner_sharpness
 
     face_counts = np.bincount(control.corners, minlength=count)
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
@@ -122,7 +122,7 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
         is_loose = np.zeros(count, bool)
         is_loose[level.ends[level.boundary & np.isfinite(crease_sharpness)]] = True
         hidden[level.faces[is_loose[control.corners]]] = True
-    hidden[tagged.holes] = True
+    hidden[tags.holes] = True
     return Cage(level, manifold, hidden)
 
 

@@ -112,9 +112,8 @@ def refinement_levels(
         mesh_numbers = [refinable[i] for i in numbers]
         longest_edges = np.array([DETAIL if i in detailed else np.inf for i in mesh_numbers])
         finest_levels = np.array([FINEST_DETAIL if i in detailed else finest for i in mesh_numbers])
-        levels = _surface_levels(
-            [bare_cages[i] for i in numbers], sizes[mesh_numbers], longest_edges, finest_levels
-        ).tolist()
+        batch = [bare_cages[i] for i in numbers]
+        levels = _surface_levels(batch, sizes[mesh_numbers], longest_edges, finest_levels).tolist()
         for i, level in zip(mesh_numbers, levels, strict=True):
             desired[i] = level
     unrefined = [i for i in refinable if desired[i] == 0 and asset.meshes[i].uvs]
@@ -128,9 +127,8 @@ def refinement_levels(
         desired[i] = min(1, finest)
     levels = _limit_corners([len(mesh.corner_points) for mesh in asset.meshes], desired, corners)
     reduced = [i for i in cages if levels[i] < desired[i]]
-    return Refinement(
-        tuple(levels), (_reduction_note(asset.meshes, reduced, desired, levels, corners),) if reduced else ()
-    )
+    notes = (_reduction_note(asset.meshes, reduced, desired, levels, corners),) if reduced else ()
+    return Refinement(tuple(levels), notes)
 
 
 def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelSize) -> Doubles:
@@ -160,17 +158,17 @@ def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, fines
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
-    level, mesh = cage.level, np.repeat(np.arange(len(meshes)), [len(cage_mesh.face_sizes) for cage_mesh in meshes])
+    level, mesh_numbers = (
+        cage.level,
+        np.repeat(np.arange(len(meshes)), [len(cage_mesh.face_sizes) for cage_mesh in meshes]),
+    )
     child = split(level, rules.triangles)
     limits, normals = limit(child, interpolate(level, control.points, rules), rules)
     complete_normals(child, limits, normals)
 
     first = first_child(np.arange(len(level.points)), rules.triangles)
-    start, middle, turn = (
-        limits[level.points],
-        limits[len(control.points) + level.edges],
-        _turn_angles(level, normals, first),
-    )
+    start, middle = limits[level.points], limits[len(control.points) + level.edges]
+    turn = _turn_angles(level, normals, first)
     chord = start[level.next] - start
     length = np.linalg.norm(chord, axis=1)
     offset = middle - 0.5 * (start + start[level.next])
@@ -187,21 +185,21 @@ def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, fines
         center_offset = limits[len(limits) - len(level.sizes) :] - means
         distance = np.maximum(distance, np.abs(np.einsum("ij,ij->i", center_offset[level.faces], normals[first + 2])))
 
-    size = pixels[mesh[level.faces]]
+    size = pixels[mesh_numbers[level.faces]]
     with np.errstate(divide="ignore", invalid="ignore"):
         by_distance = np.log2(distance / (TOLERANCE * size)) / 2.0
         # The arc at a semi-sharp feature is within half of the last edge, until its sharpness has decayed.
         arc, delay = np.log2(length * turn / (8.0 * TOLERANCE * size)), _sharpness_delay(level)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / TURN) + np.ceil(delay), np.log2(length / (FACET * size)))
-        by_length = np.log2(length / (longest[mesh[level.faces]] * size))
+        by_length = np.log2(length / (longest[mesh_numbers[level.faces]] * size))
         is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > TOLERANCE * size
     required = np.where(is_displaced, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
     is_visible: Flags = ~cage.hidden[level.faces]
-    level_of = np.ceil(np.minimum(required, finest[mesh[level.faces]])).astype(np.intp)[is_visible]
-    return _level_of_most_edges(mesh[level.faces][is_visible], level_of, length[is_visible], len(meshes))
+    edge_levels = np.ceil(np.minimum(required, finest[mesh_numbers[level.faces]])).astype(np.intp)[is_visible]
+    return _level_of_most_edges(mesh_numbers[level.faces][is_visible], edge_levels, length[is_visible], len(meshes))
 
 
 def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:

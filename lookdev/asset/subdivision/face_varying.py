@@ -36,34 +36,34 @@ def weld(points: Index, values: Doubles, count: int) -> tuple[Index, Index]:
     return numbers, np.concatenate([np.arange(count), points[other][first]])
 
 
-def value_level(cage: Cage, values: Index, of_value: Index, rule: FaceVaryingRule) -> Level:
+def value_level(cage: Cage, values: Index, value_points: Index, rule: FaceVaryingRule) -> Level:
     """Return the half-edges of values, from their numbers (m,) at corners and their points (v,), as from `weld`."""
     surface = cage.level
-    level, joints = connect(values, surface.sizes, len(of_value))
+    level, joints = connect(values, surface.sizes, len(value_points))
     value_sharpness, surface_sharpness = level.edge_sharpness[level.edges], surface.edge_sharpness[surface.edges]
     level.edge_sharpness[level.edges] = np.maximum(value_sharpness, surface_sharpness)
-    sharpness = surface.point_sharpness[of_value]
+    sharpness = surface.point_sharpness[value_points]
     spans = _find_spans(level, joints, surface)
-    at_seam = _at_seams(level, surface)[of_value]
-    siblings = np.bincount(of_value[spans.used], minlength=len(surface.point_sharpness))[of_value]
+    at_seam = _at_seams(level, surface)[value_points]
+    siblings = np.bincount(value_points[spans.used], minlength=len(surface.point_sharpness))[value_points]
 
-    sharp = at_seam & ((spans.fans > 1) | ~cage.manifold[of_value])
+    sharp = at_seam & ((spans.fans > 1) | ~cage.manifold[value_points])
     if rule != "none":
         sharp |= spans.faces == 1
     if rule in _DEPENDENT:
         is_divided = spans.used & ((spans.fans > 1) | (spans.sharp > 0))
-        sharp |= at_seam & ((siblings > 2) | ((siblings == 2) & _shares_point(is_divided, of_value)))
+        sharp |= at_seam & ((siblings > 2) | ((siblings == 2) & _shares_point(is_divided, value_points)))
     if rule == "cornersPlus2":
-        sharp |= (siblings == 2) & _shares_point(spans.faces == 1, of_value)
+        sharp |= (siblings == 2) & _shares_point(spans.faces == 1, value_points)
     on_boundary = np.zeros(len(surface.point_sharpness), bool)
     on_boundary[surface.ends[surface.boundary]] = True
     if rule in ("cornersPlus2", "boundaries"):
-        sharp |= at_seam & (siblings == 1) & ~on_boundary[of_value]
+        sharp |= at_seam & (siblings == 1) & ~on_boundary[value_points]
     if rule == "boundaries":
-        sharp |= at_seam | on_boundary[of_value]
+        sharp |= at_seam | on_boundary[value_points]
     if rule in _DEPENDENT:
         is_pair = at_seam & (siblings == 2) & (sharpness == 0.0)
-        sharpness = np.where(is_pair, _dependent_sharpness(spans, of_value), sharpness)
+        sharpness = np.where(is_pair, _dependent_sharpness(spans, value_points), sharpness)
     level.point_sharpness[:] = np.where(sharp, np.inf, sharpness)
     return level
 
@@ -117,15 +117,15 @@ def _twisted_seams(level: Level, surface: Level) -> Flags:
     return differs[surface.edges]
 
 
-def _shares_point(is_marked: Flags, of_value: Index) -> Flags:
+def _shares_point(is_marked: Flags, value_points: Index) -> Flags:
     """Return which values (v,) have a marked value at their point."""
-    points = np.zeros(int(of_value.max()) + 1, bool)
-    points[of_value[is_marked]] = True
-    return points[of_value]
+    points = np.zeros(int(value_points.max()) + 1, bool)
+    points[value_points[is_marked]] = True
+    return points[value_points]
 
 
-def _dependent_sharpness(spans: _Spans, of_value: Index) -> Doubles:
+def _dependent_sharpness(spans: _Spans, value_points: Index) -> Doubles:
     """Return the sharpness (v,) of values without semi-sharp edges from the other value at their point, else 0."""
-    highest = np.zeros(int(of_value.max()) + 1)
-    np.maximum.at(highest, of_value, spans.soft)
-    return np.where(spans.soft > 0.0, 0.0, highest[of_value])
+    highest = np.zeros(int(value_points.max()) + 1)
+    np.maximum.at(highest, value_points, spans.soft)
+    return np.where(spans.soft > 0.0, 0.0, highest[value_points])

@@ -45,9 +45,9 @@ def find_sectors(level: Level, selected: Flags) -> Sectors:
     """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
     edges = level.sharp_edges(_FINITE)
     corner = np.isinf(level.point_sharpness) | (edges > 2)
-    of_point = np.select([corner, edges == 2, edges == 1], [Kind.CORNER, Kind.CREASE, Kind.DART], Kind.SMOOTH)
+    point_kinds = np.select([corner, edges == 2, edges == 1], [Kind.CORNER, Kind.CREASE, Kind.DART], Kind.SMOOTH)
     sharp = np.isinf(level.edge_sharpness[level.edges])
-    is_divided = (of_point >= Kind.CREASE)[level.points]
+    is_divided = (point_kinds >= Kind.CREASE)[level.points]
     # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
     ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
@@ -68,7 +68,7 @@ def find_sectors(level: Level, selected: Flags) -> Sectors:
         example[level.points[remaining]] = remaining
         starts = example[example >= 0]
     firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
-    kind = of_point[level.points[firsts]]
+    kind = point_kinds[level.points[firsts]]
     kind[is_closed != (kind < Kind.CREASE)] = Kind.NONE
     kind[(kind == Kind.CORNER) & (sizes > 1)] = Kind.NONE
     return Sectors(firsts, sizes, kind, of_corner)
@@ -127,9 +127,8 @@ def complete_normals(level: Level, positions: Doubles, normals: Floats) -> None:
     areas = area_vectors(positions[points][ring.points], ring.sizes)
     of_corner = find_sectors(ring, lacks_normal[points]).of_corner
     ring_corners = np.flatnonzero(missing[corners])
-    means = sum_by(of_corner[ring_corners], areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[
-        of_corner[ring_corners]
-    ]
+    corner_sectors = of_corner[ring_corners]
+    means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[corner_sectors]
     normals[corners[ring_corners]] = unit_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 

@@ -116,12 +116,12 @@ def _group_values(
         elif interpolation == "vertex":
             surface = surface.with_values(number, _values_by_number(control.corners, values, count))
         else:
-            numbers, of_value = weld(control.corners, values, count)
+            numbers, value_points = weld(control.corners, values, count)
             key = numbers.tobytes()
             if key not in others:
-                level = value_level(cage, numbers, of_value, rule)
-                others[key] = _Stack(level, np.zeros((len(of_value), 0)), [], rule == "boundaries")
-            others[key] = others[key].with_values(number, _values_by_number(numbers, values, len(of_value)))
+                level = value_level(cage, numbers, value_points, rule)
+                others[key] = _Stack(level, np.zeros((len(value_points), 0)), [], rule == "boundaries")
+            others[key] = others[key].with_values(number, _values_by_number(numbers, values, len(value_points)))
     for key, stack in list(others.items()):
         # Values without seams and without corners of their own are refined with the points.
         if len(stack.values) == count and np.array_equal(stack.level.point_sharpness, cage.level.point_sharpness):

@@ -89,10 +89,8 @@ def _smooth_loop_edges(level: Level, values: Doubles, edge_points: Doubles) -> N
 
 def _refine_points(level: Level, values: Doubles, around: Doubles, rules: Rules) -> Doubles:
     """Return the new values of the old points. `around` (m, k) are the terms of the corners in a smooth point's sum."""
-    (is_corner, is_crease), (stays_corner, becomes_crease) = (
-        _corners_and_creases(level, 0.0),
-        _corners_and_creases(level, 1.0),
-    )
+    is_corner, is_crease = _corners_and_creases(level, 0.0)
+    stays_corner, becomes_crease = _corners_and_creases(level, 1.0)
     share = np.where((is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level))
     corner = share * is_corner + (1.0 - share) * stays_corner
     crease = share * is_crease + (1.0 - share) * becomes_crease

@@ -140,14 +140,12 @@ def _fans(level: Level) -> Index:
 
     count = len(level.points)
     neighbours = level.twins[level.previous]
-    has_neighbour = np.flatnonzero(neighbours >= 0)
-    graph = coo_array(
-        (np.ones(len(has_neighbour), np.int8), (has_neighbour, neighbours[has_neighbour])), shape=(count, count)
-    )
+    paired = np.flatnonzero(neighbours >= 0)
+    graph = coo_array((np.ones(len(paired), np.int8), (paired, neighbours[paired])), shape=(count, count))
     fans, member = connected_components(graph, directed=False)
-    of_point = np.empty(fans, np.intp)
-    of_point[member] = level.points
-    return np.bincount(of_point, minlength=len(level.point_sharpness))
+    fan_points = np.empty(fans, np.intp)
+    fan_points[member] = level.points
+    return np.bincount(fan_points, minlength=len(level.point_sharpness))
 
 
 def split(level: Level, triangles: bool) -> Level:

@@ -134,11 +134,8 @@ class UsdScene:
                         self._note("without a point of a width, left out", prim)
                         continue
                     placed_gprim = self._walk.place_in_space(gprim, self._gprims.skinning.space(prim), copies)
-                    surfaces.append(
-                        _PlacedSurface(
-                            placed_gprim, number, surface.subsets, self._gprims.primvars.inherited_primvars(prim)
-                        )
-                    )
+                    inherited = self._gprims.primvars.inherited_primvars(prim)
+                    surfaces.append(_PlacedSurface(placed_gprim, number, surface.subsets, inherited))
             except AssetError as error:
                 faults.append(str(error))
         raise_all(faults)

@@ -92,11 +92,11 @@ class DeformedGprim:
                 values = offset.offset_normals(values)
             values = unit_or(values, values)
         if (influences := self._binding.influences) is not None:
-            skinned = Vt.Vec3fArray.FromNumpy(values.astype(np.float32))
+            vectors = Vt.Vec3fArray.FromNumpy(values.astype(np.float32))
             normal_matrices = Vt.Matrix3dArray.FromNumpy(_inverse_transposes(influences.transforms))
             bind = Gf.Matrix3d(*_inverse_transposes(influences.bind).ravel().tolist())
-            UsdSkel.SkinNormals(influences.method, bind, normal_matrices, *influences.for_points(points), skinned)
-            values = unit_or(np.asarray(skinned, np.float64), values)
+            UsdSkel.SkinNormals(influences.method, bind, normal_matrices, *influences.for_points(points), vectors)
+            values = unit_or(np.asarray(vectors, np.float64), values)
         return Attribute(normals.name, values, normals.interpolation)
 
 
@@ -262,11 +262,11 @@ def _read_influences(path: str, properties: dict[str, Any], pose: Pose, time: Us
 def _skin_points(points: Doubles, influences: _Influences, path: str) -> Doubles:
     if len(influences.indices) not in (1, len(points)):
         raise AssetError(f"{path}: has joints for {len(influences.indices)} points, but {len(points)} points")
-    skinned = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
+    positions = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
     transforms = Vt.Matrix4dArray.FromNumpy(influences.transforms)
     bind = Gf.Matrix4d(*influences.bind.ravel().tolist())
-    UsdSkel.SkinPoints(influences.method, bind, transforms, *influences.for_points(np.arange(len(points))), skinned)
-    return np.asarray(skinned, np.float64).reshape(-1, 3)
+    UsdSkel.SkinPoints(influences.method, bind, transforms, *influences.for_points(np.arange(len(points))), positions)
+    return np.asarray(positions, np.float64).reshape(-1, 3)
 
 
 def _inverse_transposes(matrices: Doubles) -> Doubles:
