@@ -248,7 +248,7 @@ def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
 
 
 def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
-    """Return the session layer's spec of a prim; the instances above it become uninstanced, so that it can differ."""
+    """Return the session layer's spec of a prim; instances above it become ordinary prims, so that it can differ."""
     session = stage.GetSessionLayer()
     for prefix in path.GetPrefixes()[:-1]:
         if (prim := stage.GetPrimAtPath(prefix)) and prim.IsInstance():

@@ -1,7 +1,7 @@
 """The topology of values at corners, such as UVs: it has a point for each distinct value at a point of the surface.
 
 By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is,
-with seams between them as boundaries, and the rule decides which values at seams are corners. Values therefore have
+with seams between them as boundaries, and the rule determines which values at seams are corners. Values therefore have
 half-edges of their own, with the sharpness of the surface's edges and points.
 """
 

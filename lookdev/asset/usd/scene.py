@@ -159,7 +159,7 @@ class UsdScene:
         for surface in surfaces:
             if surface.shape not in used_parts:
                 mesh = bases[surface.shape]
-                assert mesh is not None, "what has no face is left out"
+                assert mesh is not None, "surfaces without a face are dropped"
                 used_parts[surface.shape] = tuple(np.unique(mesh.face_slots).tolist()) if surface.subsets else (0,)
             prim = surface.seen.prim
             parts += [prim.GetChild(surface.subsets[part - 1]) if part else prim for part in used_parts[surface.shape]]
@@ -180,7 +180,7 @@ class UsdScene:
                     for prim, material in zip(parts[first : first + count], surface_materials, strict=True)
                 ]
                 mesh = bases[surface.shape]
-                assert mesh is not None, "what has no face is left out"
+                assert mesh is not None, "surfaces without a face are dropped"
                 self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
                 self._slots += slots
             result.append(numbers[key])
