@@ -261,7 +261,7 @@ def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
     return list(relation.GetForwardedTargets() or relation.GetTargets())
 
 
-def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
+def binding_targets(prim: Usd.Prim) -> dict[str, Sdf.Path]:
     """Return the material path of each material binding of a prim, by the name of the binding's relationship."""
     return {
         relation.GetName(): targets[-1]

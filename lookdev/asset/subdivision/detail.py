@@ -2,8 +2,9 @@
 
 A refinement halves the edges. It divides the distance between the limit surface and its chord by four, and the angle by
 which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit surface itself. The
-level is the least at which the distance is at most `TOLERANCE` pixels and the angle at most `TURN`, or the edge at most
-`FACET` pixels. The edges that need the highest levels, up to `REST` of the total length, may miss this by one level.
+level is the least at which the distance is at most `TOLERANCE` pixels and the angle at most `MAX_TURN`, or the edge at
+most `SMALL_EDGE` pixels. The edges that need the highest levels, up to `OUTLIERS` of the total length, may miss this by
+one level.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, fir
 TOLERANCE = 0.1
 """Pixels between the limit surface and its facets: not visible in an antialiased silhouette."""
 
-TURN = 0.1
+MAX_TURN = 0.1
 """Radians from one end of an edge to the other: larger turns are visible at a terminator despite smooth normals."""
 
-FACET = 3.0
+SMALL_EDGE = 3.0
 """Pixels: a shorter edge may turn by any angle."""
 
-REST = 0.01
+OUTLIERS = 0.01
 """A fraction of the length of a cage's edges: a few sharp bends do not multiply all faces of a large cage by four."""
 
 TEXTURE = 0.5
@@ -191,7 +192,7 @@ def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, fines
         # The arc at a semi-sharp feature is within half of the last edge, until its sharpness has decayed.
         arc, delay = np.log2(length * turn / (8.0 * TOLERANCE * size)), _sharpness_delay(level)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
-        by_turn = np.minimum(np.log2(turn / TURN) + np.ceil(delay), np.log2(length / (FACET * size)))
+        by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
         by_length = np.log2(length / (longest[mesh_numbers[level.faces]] * size))
         is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > TOLERANCE * size
     required = np.where(is_displaced, 1.0, 0.0)
@@ -231,11 +232,11 @@ def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
 
 
 def _level_of_most_edges(mesh: Index, edge_levels: Index, length: Doubles, count: int) -> Index:
-    """Return the level (k,) that suffices for all but `REST` of the length of each mesh's half-edges."""
+    """Return the level (k,) that suffices for all but `OUTLIERS` of the length of each mesh's half-edges."""
     counts = int(edge_levels.max(initial=0)) + 1
     total = np.bincount(mesh * counts + edge_levels, length, count * counts).reshape(count, counts)
     length_from_level = np.cumsum(total[:, ::-1], axis=1)[:, ::-1]
-    level = (length_from_level > REST * length_from_level[:, :1]).sum(axis=1) - 1
+    level = (length_from_level > OUTLIERS * length_from_level[:, :1]).sum(axis=1) - 1
     lowest = np.zeros(count, np.intp)
     np.maximum.at(lowest, mesh, edge_levels - 1)
     return np.maximum(np.maximum(level, lowest), 0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.asset.mesh import Floats
 from lookdev.asset.normals import area_vectors, dot, flat_normals, sum_by, unit_or
-from lookdev.asset.subdivision.masks import Kind, Masks, limit_masks
+from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
 from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
 
@@ -32,7 +32,7 @@ class Sectors:
     """The faces around each point, between the sharp edges that meet there.
 
     first (s,): the half-edge at the point of each sector's first face, clockwise; size (s,): the number of faces; kind
-    (s,): the `Kind` of its masks; of_corner (m,): the sector of each corner, -1 at points that are not selected.
+    (s,): the `SectorKind` of its masks; of_corner (m,): the sector of each corner, -1 at points that are not selected.
     """
 
     first: Index
@@ -45,9 +45,11 @@ def find_sectors(level: Level, selected: Flags) -> Sectors:
     """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
     edges = level.sharp_edges(_FINITE)
     corner = np.isinf(level.point_sharpness) | (edges > 2)
-    point_kinds = np.select([corner, edges == 2, edges == 1], [Kind.CORNER, Kind.CREASE, Kind.DART], Kind.SMOOTH)
+    point_kinds = np.select(
+        [corner, edges == 2, edges == 1], [SectorKind.CORNER, SectorKind.CREASE, SectorKind.DART], SectorKind.SMOOTH
+    )
     sharp = np.isinf(level.edge_sharpness[level.edges])
-    is_divided = (point_kinds >= Kind.CREASE)[level.points]
+    is_divided = (point_kinds >= SectorKind.CREASE)[level.points]
     # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
     ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
@@ -69,8 +71,8 @@ def find_sectors(level: Level, selected: Flags) -> Sectors:
         starts = example[example >= 0]
     firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
     kind = point_kinds[level.points[firsts]]
-    kind[is_closed != (kind < Kind.CREASE)] = Kind.NONE
-    kind[(kind == Kind.CORNER) & (sizes > 1)] = Kind.NONE
+    kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE
+    kind[(kind == SectorKind.CORNER) & (sizes > 1)] = SectorKind.NONE
     return Sectors(firsts, sizes, kind, of_corner)
 
 
@@ -171,8 +173,8 @@ def _apply_masks(
     changes = np.diff(sectors.kind[order]) | np.diff(sectors.size[order])
     cuts = np.union1d(np.flatnonzero(changes) + 1, np.arange(_BLOCK, len(order), _BLOCK))
     for group in np.split(order, cuts.astype(np.intp)) if len(order) else []:
-        kind, size = Kind(sectors.kind[group[0]]), int(sectors.size[group[0]])
-        if kind != Kind.NONE:
+        kind, size = SectorKind(sectors.kind[group[0]]), int(sectors.size[group[0]])
+        if kind != SectorKind.NONE:
             half = sectors.first[group]
             masks = limit_masks(kind, size, rules)
             rows, reach = _ring_sums(level, values, half, masks if has_normals else masks.position())

@@ -24,7 +24,7 @@ _LARGEST_DART = 64
 """The most faces around a dart whose sharp edge counts: with more, masks differ by less than 1e-3 of the ring."""
 
 
-class Kind(IntEnum):
+class SectorKind(IntEnum):
     """The kind of a sector's masks. A sector of kind `NONE` has no tangent plane, and its point does not move."""
 
     SMOOTH = 0
@@ -52,10 +52,10 @@ class Masks:
 
 
 @cache
-def limit_masks(kind: Kind, size: int, rules: Rules) -> Masks:
+def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
     """Return the masks of a sector of `size` faces: its position and two tangents whose cross product is outward."""
     point, edges, faces = np.zeros(3), np.zeros((3, size + 1)), np.zeros((3, size))
-    if kind in (Kind.SMOOTH, Kind.DART):
+    if kind in (SectorKind.SMOOTH, SectorKind.DART):
         edges[0, :size], faces[0] = _smooth_position(size, rules)
         if size > 2:
             theta, i = 2.0 * np.pi / size, np.arange(size)
@@ -63,11 +63,11 @@ def limit_masks(kind: Kind, size: int, rules: Rules) -> Masks:
             across = edges[1:, :size] + np.roll(edges[1:, :size], -1, axis=1)
             faces[1:] = _face_weight(theta, rules) * across
         point[0] = 1.0 - edges[0].sum() - faces[0].sum()
-        if kind == Kind.DART and size <= _LARGEST_DART:
+        if kind == SectorKind.DART and size <= _LARGEST_DART:
             point[:2], edges[:2, :size], faces[:2] = _dart_weights(size, rules, along=edges[1, :size])
-    elif kind == Kind.CORNER:
+    elif kind == SectorKind.CORNER:
         point[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0
-    elif kind == Kind.CREASE:
+    elif kind == SectorKind.CREASE:
         # A crease is a cubic B-spline, which has this limit and this tangent.
         point[0], edges[0, [0, size]] = 2.0 / 3.0, 1.0 / 6.0
         edges[1, [0, size]] = 1.0, -1.0

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.stage import bound_paths
+from lookdev.stage import binding_targets
 
 
 def bound_materials(prims: Sequence[Usd.Prim]) -> list[Usd.Prim | None]:
@@ -23,7 +23,7 @@ def dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Path
     for prim in prims:
         while prim and prim.GetPath() not in visited:
             visited.add(prim.GetPath())
-            for name, path in bound_paths(prim).items():
+            for name, path in binding_targets(prim).items():
                 if not UsdShade.Material(prim.GetStage().GetPrimAtPath(path)):
                     yield name, path, prim
             prim = prim.GetParent()
