@@ -159,10 +159,8 @@ def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, fines
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
-    level, mesh_numbers = (
-        cage.level,
-        np.repeat(np.arange(len(meshes)), [len(cage_mesh.face_sizes) for cage_mesh in meshes]),
-    )
+    level = cage.level
+    mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     child = split(level, rules.triangles)
     limits, normals = limit(child, interpolate(level, control.points, rules), rules)
     complete_normals(child, limits, normals)
@@ -212,9 +210,9 @@ def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
     corners, following = np.flatnonzero(np.repeat(is_visible, control.sizes)), next_corners(control.sizes[is_visible])
     first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
-    mesh = np.repeat(np.arange(len(meshes)), [len(cage_mesh.face_sizes) for cage_mesh in meshes])
-    mesh = np.repeat(mesh, control.sizes)[corners]
-    length = np.linalg.norm(points[following] - points, axis=1) / pixels[mesh]
+    face_meshes = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
+    mesh_numbers = np.repeat(face_meshes, control.sizes)[corners]
+    length = np.linalg.norm(points[following] - points, axis=1) / pixels[mesh_numbers]
     required = np.zeros(len(corners))
     for (interpolation, values), refined in zip(control.values, refined_columns, strict=True):
         if interpolation in ("constant", "uniform"):
@@ -227,7 +225,7 @@ def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
                 required, np.where(edge_length > 0.0, np.log2(error / edge_length * length / TEXTURE) / 2.0, 0.0)
             )
     levels = np.zeros(len(meshes), np.intp)
-    np.maximum.at(levels, mesh, np.ceil(np.minimum(required, finest)).astype(np.intp))
+    np.maximum.at(levels, mesh_numbers, np.ceil(np.minimum(required, finest)).astype(np.intp))
     return levels
 
 
