@@ -59,42 +59,42 @@ def folder(tmp_path):
     return tmp_path
 
 
-def composed(folder, **options):
+def compose_car(folder, **options):
     return compose(Composition(folder / "car.usda", **options))
 
 
-def there(stage, *paths):
+def prims_exist(stage, *paths):
     return [bool(stage.GetPrimAtPath(path)) for path in paths]
 
 
 def test_a_file_as_it_is(folder):
-    result = composed(folder)
-    assert there(result.stage, "/Car/Plain", "/Van/Plain", "/Car/Sport") == [True, True, False]
+    result = compose_car(folder)
+    assert prims_exist(result.stage, "/Car/Plain", "/Van/Plain", "/Car/Sport") == [True, True, False]
     assert result.notes == ()
     assert result.stage.GetDefaultPrim().GetPath() == "/Car"
     assert UsdGeom.GetStageUpAxis(result.stage) == "Z"
 
 
 def test_variants_are_selected_wherever_a_prim_has_the_set_those_inside_variants_too(folder):
-    stage = composed(folder, variants=(("trim", "wing"), ("model", "sport"))).stage
-    assert there(stage, "/Car/Plain", "/Car/Wing", "/Van/Wing") == [False, True, True]
+    stage = compose_car(folder, variants=(("trim", "wing"), ("model", "sport"))).stage
+    assert prims_exist(stage, "/Car/Plain", "/Car/Wing", "/Van/Wing") == [False, True, True]
 
 
 def test_variants_are_those_of_prims_above_and_below_the_chosen_one(folder):
-    stage = composed(folder, prim="/Car/Sport", variants=(("model", "sport"),)).stage
-    assert there(stage, "/Car/Sport", "/Van/Sport") == [True, False]
+    stage = compose_car(folder, prim="/Car/Sport", variants=(("model", "sport"),)).stage
+    assert prims_exist(stage, "/Car/Sport", "/Van/Sport") == [True, False]
 
 
 def test_variants_inside_an_instance_are_selected_in_that_instance(folder):
-    stage = composed(folder, prim="/Car/Wheel", variants=(("tread", "rain"),)).stage
-    assert there(stage, "/Car/Wheel/Tire/Rain", "/Car/Wheel/Tire/Slick") == [True, False]
-    assert there(stage, "/Van/Wheel/Tire/Rain", "/Van/Wheel/Tire/Slick") == [False, True]
+    stage = compose_car(folder, prim="/Car/Wheel", variants=(("tread", "rain"),)).stage
+    assert prims_exist(stage, "/Car/Wheel/Tire/Rain", "/Car/Wheel/Tire/Slick") == [True, False]
+    assert prims_exist(stage, "/Van/Wheel/Tire/Rain", "/Van/Wheel/Tire/Slick") == [False, True]
 
 
 def test_a_prim_whose_set_lacks_the_variant_keeps_its_own_with_a_note(folder):
     (folder / "car.usda").write_text(CAR.partition('def Xform "Van"')[0] + VAN)
-    result = composed(folder, variants=(("model", "sport"),))
-    assert there(result.stage, "/Car/Sport", "/Van/Long") == [True, True]
+    result = compose_car(folder, variants=(("model", "sport"),))
+    assert prims_exist(result.stage, "/Car/Sport", "/Van/Long") == [True, True]
     note = f"{folder}/car.usda: /Van: variant set 'model' has no variant 'sport'; 'long' stays selected"
     assert result.notes == (note,)
 
@@ -120,7 +120,7 @@ VAN = """def Xform "Van" (variants = { string model = "long" }; prepend variantS
 )
 def test_unknown_variants_are_faults_that_list_the_known_ones(folder, variants, message):
     with pytest.raises(StageError, match=message):
-        composed(folder, variants=variants)
+        compose_car(folder, variants=variants)
 
 
 def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder):
@@ -136,12 +136,12 @@ over "Cra" {
     over "Plain" {}
 }
 """)
-    result = composed(folder, layer=other / "looks.usda")
+    result = compose_car(folder, layer=other / "looks.usda")
     assert UsdGeom.Sphere(result.stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 7.0
-    assert there(result.stage, "/Car/Added/Cone") == [True]
+    assert prims_exist(result.stage, "/Car/Added/Cone") == [True]
     assert result.notes == (f"{other}/looks.usda: /Cra: overrides a prim that is not there, and has no effect",)
     # The layers on disk and in memory are as before.
-    assert UsdGeom.Sphere(composed(folder).stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 1.0
+    assert UsdGeom.Sphere(compose_car(folder).stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 1.0
 
 
 def test_of_many_prims_the_nearest_is_named(tmp_path):
@@ -170,7 +170,7 @@ def test_faults_of_the_options(folder, options, message):
     if "layer" in options:
         options = {"layer": folder / options["layer"]}
     with pytest.raises(StageError, match=message):
-        composed(folder, **options)
+        compose_car(folder, **options)
 
 
 BROKEN = {
@@ -189,19 +189,19 @@ def test_what_cannot_be_composed_is_a_fault_at_its_prim_or_a_note(folder, arc, m
     inside = 'def Xform "B" (references = </A>) {}\n' if "</A" in arc else ""
     (folder / "car.usda").write_text(f'{CAR}def Xform "A" ({arc}) {{\n{inside}}}\n')
     with pytest.raises(StageError, match=r"(?s)car\.usda: " + message) as caught:
-        composed(folder)
+        compose_car(folder)
     assert isinstance(caught.value, LookError)  # a look's file is a USD file, too
-    result = composed(folder, missing="warn")
+    result = compose_car(folder, missing="warn")
     assert result.notes == tuple(map(str, caught.value.faults))
-    assert there(result.stage, "/A", "/Car/Plain") == [True, True]
+    assert prims_exist(result.stage, "/A", "/Car/Plain") == [True, True]
     assert capfd.readouterr().err == ""
 
 
 def test_a_missing_sublayer_is_a_fault_of_the_file(folder):
     (folder / "car.usda").write_text(CAR.replace("( defaultPrim", "( subLayers = [@none.usda@]\n  defaultPrim"))
     with pytest.raises(StageError, match=r"car\.usda: Could not load sublayer @none.usda@"):
-        composed(folder)
-    assert len(composed(folder, missing="warn").notes) == 1
+        compose_car(folder)
+    assert len(compose_car(folder, missing="warn").notes) == 1
 
 
 def test_one_missing_file_of_many_prims_is_one_fault(folder):
@@ -209,7 +209,7 @@ def test_one_missing_file_of_many_prims_is_one_fault(folder):
     text = f'#usda 1.0\nclass Xform "Y" (references = @none.usda@</X>) {{}}\n{prims}'
     (folder / "car.usda").write_text(text)
     with pytest.raises(StageError) as caught:
-        composed(folder)
+        compose_car(folder)
     assert len(caught.value.faults) == 1
     assert str(caught.value).endswith("(and 5 more prims)")
 
@@ -227,7 +227,7 @@ def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
         '#usda 1.0\ndef "A" (references = @part.usda@</Part>) {}\n'
         'def "B" (references = @part.usda@</Part>; instanceable = true) {}\n'
     )
-    result = composed(folder)
+    result = compose_car(folder)
     assert result.notes == ()
     for name in "AB":
         ball = UsdShade.MaterialBindingAPI(result.stage.GetPrimAtPath(f"/{name}/Ball"))
@@ -236,7 +236,7 @@ def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
 
 def test_payloads_are_loaded(folder):
     (folder / "car.usda").write_text('#usda 1.0\ndef "A" (payload = @wheel.usda@) {}\n')
-    assert there(composed(folder).stage, "/A/Tire/Slick") == [True]
+    assert prims_exist(compose_car(folder).stage, "/A/Tire/Slick") == [True]
 
 
 CLIPPED = """#usda 1.0
@@ -254,7 +254,7 @@ def "Root" (references = @still.usda@</Root>
 
 
 @pytest.fixture
-def clipped(tmp_path):
+def clips_folder(tmp_path):
     (tmp_path / "asset.usda").write_text(CLIPPED)
     (tmp_path / "still.usda").write_text('#usda 1.0\ndef Sphere "Root" { double radius = 1; }')
     (tmp_path / "manifest.usda").write_text('#usda 1.0\nover "Root" { double radius; }')
@@ -262,8 +262,8 @@ def clipped(tmp_path):
     return tmp_path
 
 
-def test_values_of_clips(clipped):
-    stage = compose(Composition(clipped / "asset.usda")).stage
+def test_values_of_clips(clips_folder):
+    stage = compose(Composition(clips_folder / "asset.usda")).stage
     assert UsdGeom.Sphere(stage.GetPrimAtPath("/Root")).GetRadiusAttr().Get(3.0) == 5.0
 
 
@@ -280,15 +280,15 @@ def test_values_of_clips(clipped):
         ("double2[] active = [(0, 0)]", 'string active = "a"', "active is not of type double2[]"),
     ],
 )
-def test_clips_that_usd_passes_over_are_faults_or_notes(clipped, old, new, message, capfd):
-    (clipped / "bad.usda").write_text("#usda 1.0\ndef {")
+def test_clips_that_usd_passes_over_are_faults_or_notes(clips_folder, old, new, message, capfd):
+    (clips_folder / "bad.usda").write_text("#usda 1.0\ndef {")
     assert old in CLIPPED
-    (clipped / "asset.usda").write_text(CLIPPED.replace(old, new))
+    (clips_folder / "asset.usda").write_text(CLIPPED.replace(old, new))
     with pytest.raises(StageError) as caught:
-        compose(Composition(clipped / "asset.usda"))
+        compose(Composition(clips_folder / "asset.usda"))
     assert any(fault.where == "/Root.clips[default]" and message in fault.what for fault in caught.value.faults)
-    composed = compose(Composition(clipped / "asset.usda", missing="warn"))
-    assert any(message in note for note in composed.notes)
+    result = compose(Composition(clips_folder / "asset.usda", missing="warn"))
+    assert any(message in note for note in result.notes)
     assert capfd.readouterr().err == ""
 
 

@@ -44,8 +44,8 @@ class Faces:
     holes: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, shapes: Sequence[Shape]) -> Faces:
-        """Return the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself."""
+    def collect(cls, shapes: Sequence[Shape]) -> Faces:
+        """Collect the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself."""
         counts = np.array(
             [(len(shape.points), len(shape.face_sizes), len(shape.face_points)) for shape in shapes], np.intp
         )

@@ -52,7 +52,7 @@ def _shape_faults(shapes: Sequence[Shape], y_up: bool) -> Iterator[str]:
 
 
 def _finish_batch(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
-    faces = Faces.of(shapes)
+    faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
     point_numbers, used_points = _used_points(faces)

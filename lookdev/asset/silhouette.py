@@ -104,9 +104,9 @@ class _Polytope:
 
         A point (x, y, z, 1) is beyond a plane if their dot product is positive.
         """
-        about = matrices.copy()
-        about[:, :3, 3] -= self._middle
-        return np.asarray(self.planes @ about)
+        centered = matrices.copy()
+        centered[:, :3, 3] -= self._middle
+        return np.asarray(self.planes @ centered)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
 
 from lookdev.asset.shape import LARGEST, Doubles
-from lookdev.asset.usd.walk import affine, misplaced_by
+from lookdev.asset.usd.walk import faulty_transform_path, is_affine
 from lookdev.errors import Fault, FaultsError, nearest_hint
 from lookdev.stage import error_words, shown
 from lookdev.stage.units import Z_UP, is_y_up
@@ -131,7 +131,9 @@ def _camera_faults(file: str, prim: Any) -> Iterator[Fault]:
         except Tf.ErrorException as error:
             problem = f"USD cannot compute its transform: {error_words(error)}"
         if problem:
-            yield Fault(file, misplaced_by(prim, _TIME), problem, "a camera is placed by translation and rotation")
+            yield Fault(
+                file, faulty_transform_path(prim, _TIME), problem, "a camera is placed by translation and rotation"
+            )
 
 
 def _is_range(value: Any) -> bool:
@@ -154,7 +156,7 @@ def _transform_problem(matrix: Doubles) -> str:
     """Return why a matrix (4, 4) for row vectors cannot place a camera; '' if it can."""
     axes = matrix[:3, :3]
     sizes = np.linalg.norm(axes, axis=1)
-    if not (affine(matrix) and (sizes > 0.0).all()):
+    if not (is_affine(matrix) and (sizes > 0.0).all()):
         return f"its transform is singular, not affine, or has a number not within +-{LARGEST:g}"
     unit = axes / sizes[:, None]
     if np.abs(unit @ unit.T - np.eye(3)).max() > _MAX_COSINE:

@@ -167,9 +167,9 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
         parent = parent.GetParentPath()
     children = [str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren()]
     more = max(len(children) - _MOST_NAMES, 0)
-    listed = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
+    child_list = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
     close = close_hint(composition.prim, children) if more else ""
-    hint = close or f"below {parent} there are: {listed or 'none'}"
+    hint = close or f"below {parent} there are: {child_list or 'none'}"
     return [Fault(str(composition.file), composition.prim, "there is no such prim", hint)]
 
 
@@ -248,7 +248,7 @@ def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
 
 
 def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
-    """Return the session layer's spec of a prim; the instances above it become uninstanced, so that it can differ."""
+    """Return the session layer's spec of a prim; instances above it become ordinary prims, so that it can differ."""
     session = stage.GetSessionLayer()
     for prefix in path.GetPrefixes()[:-1]:
         if (prim := stage.GetPrimAtPath(prefix)) and prim.IsInstance():
@@ -261,7 +261,7 @@ def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
     return list(relation.GetForwardedTargets() or relation.GetTargets())
 
 
-def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
+def binding_targets(prim: Usd.Prim) -> dict[str, Sdf.Path]:
     """Return the material path of each material binding of a prim, by the name of the binding's relationship."""
     return {
         relation.GetName(): targets[-1]

@@ -79,25 +79,25 @@ BALL = make_sphere(segments=16, rings=8)
 
 
 def pair(scale: float) -> Asset:
-    sheared = scale * np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    places = (1.0, (0.0, 0.0, 0.0)), (0.4, (1.2, -0.8, 0.5))
-    instances = [Instance(0, affine(FAR + scale * np.array(offset), size * sheared)) for size, offset in places]
+    shear = scale * np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    placements = (1.0, (0.0, 0.0, 0.0)), (0.4, (1.2, -0.8, 0.5))
+    instances = [Instance(0, affine(FAR + scale * np.array(offset), size * shear)) for size, offset in placements]
     return make_asset("pair", BALL.meshes, instances, BALL.slots)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-4, 1e4])
 def test_placements_far_away_lose_nothing(scale: float) -> None:
     asset = pair(scale)
-    moved = about_origin(asset)
-    assert moved.center == (0.0, 0.0, 0.0)
-    assert (moved.radius, moved.digest) == (asset.radius, asset.digest)
-    for there, here in zip(world_points(asset), world_points(moved), strict=True):
+    centered = about_origin(asset)
+    assert centered.center == (0.0, 0.0, 0.0)
+    assert (centered.radius, centered.digest) == (asset.radius, asset.digest)
+    for original, local in zip(world_points(asset), world_points(centered), strict=True):
         # float64 at 1e5 has steps of 1.5e-11.
-        np.testing.assert_allclose(here + asset.center, there, rtol=0.0, atol=1e-10 + 1e-7 * asset.radius)
-    for matrix in (instance.matrix for instance in moved.instances):
+        np.testing.assert_allclose(local + asset.center, original, rtol=0.0, atol=1e-10 + 1e-7 * asset.radius)
+    for matrix in (instance.matrix for instance in centered.instances):
         assert np.abs(matrix[:3, 3]).max() < 2.0 * asset.radius
         np.testing.assert_allclose(matrix.astype(np.float32), matrix, rtol=1e-7)
-    center, radius = bounding_sphere(moved.meshes, moved.instances)
+    center, radius = bounding_sphere(centered.meshes, centered.instances)
     assert np.linalg.norm(center) < 1e-5 * asset.radius
     assert radius == pytest.approx(asset.radius, rel=1e-5)
 
@@ -105,7 +105,7 @@ def test_placements_far_away_lose_nothing(scale: float) -> None:
 def test_points_far_from_their_own_origin_come_near_it() -> None:
     mesh = replace(BALL.meshes[0], points=(BALL.meshes[0].points + FAR).astype(np.float32))
     asset = make_asset("far", [mesh], [Instance(0, np.eye(4))], BALL.slots)
-    moved = about_origin(asset)
-    assert np.abs(moved.meshes[0].points).max() < 1.1
-    assert np.abs(moved.instances[0].matrix[:3, 3]).max() < 0.01
-    np.testing.assert_allclose(world_points(moved)[0] + asset.center, world_points(asset)[0], rtol=0.0, atol=1e-6)
+    centered = about_origin(asset)
+    assert np.abs(centered.meshes[0].points).max() < 1.1
+    assert np.abs(centered.instances[0].matrix[:3, 3]).max() < 0.01
+    np.testing.assert_allclose(world_points(centered)[0] + asset.center, world_points(asset)[0], rtol=0.0, atol=1e-6)

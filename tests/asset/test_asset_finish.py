@@ -24,25 +24,27 @@ def random_shape(rng: np.random.Generator, name: str) -> Shape:
     counts = dict(zip(INTERPOLATIONS, (1, len(sizes), len(points), len(points), sizes.sum()), strict=True))
 
     def attribute(name: str, width: int, is_uv: bool = False) -> Attribute:
-        kind = str(rng.choice(INTERPOLATIONS))
-        values = rng.normal(size=(counts[kind], width)) if width > 1 else rng.normal(size=counts[kind])
-        return Attribute(name, values, kind, is_uv)  # type: ignore[arg-type]
+        interpolation = str(rng.choice(INTERPOLATIONS))
+        values = (
+            rng.normal(size=(counts[interpolation], width)) if width > 1 else rng.normal(size=counts[interpolation])
+        )
+        return Attribute(name, values, interpolation, is_uv)  # type: ignore[arg-type]
 
     attributes = [attribute("wear", 1), attribute("tint", 3)]
     if rng.random() < 0.5:
         attributes += [attribute("map1", 2, True), attribute("st", 2, True)]
-    cage = rng.random() < 0.3
+    is_cage = rng.random() < 0.3
     return Shape(
         name,
         points,
         sizes,
         corners,
         attributes=tuple(attributes),
-        normals=attribute("normals", 3) if not cage and rng.random() < 0.5 else None,
-        flat=not cage and rng.random() < 0.5,
+        normals=attribute("normals", 3) if not is_cage and rng.random() < 0.5 else None,
+        flat=not is_cage and rng.random() < 0.5,
         left_handed=rng.random() < 0.5,
         holes=np.flatnonzero(rng.random(len(sizes)) < 0.2),
-        subdivision=Subdivision("catmullClark") if cage else None,
+        subdivision=Subdivision("catmullClark") if is_cage else None,
         parts=rng.integers(0, 3, len(sizes)) if rng.random() < 0.5 else None,
     )
 
@@ -53,10 +55,10 @@ def assert_same(left: Mesh | None, right: Mesh | None) -> None:
         return
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-    for these, those in ((left.uvs, right.uvs), (left.primvars, right.primvars)):
-        assert list(these) == list(those)
-        for name in these:
-            np.testing.assert_array_equal(these[name], those[name])
+    for left_values, right_values in ((left.uvs, right.uvs), (left.primvars, right.primvars)):
+        assert list(left_values) == list(right_values)
+        for name in left_values:
+            np.testing.assert_array_equal(left_values[name], right_values[name])
     assert (left.name, left.default_uv) == (right.name, right.default_uv)
 
 
@@ -86,7 +88,7 @@ def square(**changes: object) -> Shape:
     return replace(shape, **changes)  # type: ignore[arg-type]
 
 
-def one(shape: Shape) -> Mesh:
+def finish_one(shape: Shape) -> Mesh:
     (mesh,) = finish([shape])
     assert mesh is not None
     check_mesh(mesh)
@@ -105,22 +107,25 @@ SHOWN = {"its back": [3, 4, 1, 0], "a bow tie": [0, 4, 1, 3], "a triangle": [0, 
 def test_which_faces_are_left_out(name: str) -> None:
     face = (DROPPED | SHOWN)[name]
     shape = square(face_sizes=np.array([4, 4, len(face)]), face_points=np.array([0, 1, 4, 3, 1, 2, 5, 4, *face]))
-    assert len(one(shape).face_sizes) == 2 + (name in SHOWN)
+    assert len(finish_one(shape).face_sizes) == 2 + (name in SHOWN)
 
 
 def test_a_face_is_no_copy_of_one_that_has_the_first_point_twice() -> None:
     shape = square(face_sizes=np.array([4, 3]), face_points=np.array([1, 0, 0, 3, 3, 1, 0]))
-    np.testing.assert_array_equal(one(shape).face_sizes, [3])
+    np.testing.assert_array_equal(finish_one(shape).face_sizes, [3])
 
 
 def test_an_edge_of_three_faces_is_no_fault() -> None:
     points = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], np.float64)
-    assert len(one(Shape("/Fan", points, np.array([3, 3, 3]), np.array([0, 1, 2, 0, 1, 3, 0, 1, 4]))).face_sizes) == 3
+    assert (
+        len(finish_one(Shape("/Fan", points, np.array([3, 3, 3]), np.array([0, 1, 2, 0, 1, 3, 0, 1, 4]))).face_sizes)
+        == 3
+    )
 
 
 def test_points_without_a_face_do_not_matter() -> None:
     points = np.vstack([square().points[:3], [[np.nan, 0, 1e300]], square().points[3:]])
-    mesh = one(square(points=points, face_points=np.array([0, 1, 5, 4, 1, 2, 6, 5])))
+    mesh = finish_one(square(points=points, face_points=np.array([0, 1, 5, 4, 1, 2, 6, 5])))
     np.testing.assert_array_equal(mesh.points, square().points)
     np.testing.assert_array_equal(mesh.corner_points, square().face_points)
 
@@ -129,7 +134,7 @@ def test_points_without_a_face_do_not_matter() -> None:
 @pytest.mark.parametrize("at", [0.0, 1e3])
 def test_normals_and_tangents_do_not_depend_on_scale(scale: float, at: float) -> None:
     uv = Attribute("st", square().points[:, :2], "vertex", is_uv=True)
-    mesh = one(square(points=(square().points + at) * scale, attributes=(uv,)))
+    mesh = finish_one(square(points=(square().points + at) * scale, attributes=(uv,)))
     np.testing.assert_allclose(mesh.normals, np.tile([0.0, 0.0, 1.0], (8, 1)), atol=1e-6)
     np.testing.assert_allclose(tangents_of([mesh])[0], np.tile([1.0, 0.0, 0.0], (8, 1)), atol=1e-6)
 
@@ -142,9 +147,9 @@ def test_nothing_is_nothing() -> None:
 def test_faults_of_all_shapes_are_reported() -> None:
     far = square(name="/Far", points=square().points + np.array([np.inf, 1.0, 1.0]))
     wrong = square(name="/Wrong", face_sizes=np.array([4, 5]))
-    textured = (Attribute("st", np.zeros((5, 2)), "vertex", is_uv=True),)
+    attributes = (Attribute("st", np.zeros((5, 2)), "vertex", is_uv=True),)
     with pytest.raises(AssetError) as caught:
-        finish([square(), far, replace(square(), name="/Uv", attributes=textured)])
+        finish([square(), far, replace(square(), name="/Uv", attributes=attributes)])
     uv, points = sorted(str(caught.value).splitlines(), reverse=True)
     assert uv == "/Uv: primvars:st has 5 values; interpolation 'vertex' needs 6"
     assert points == "/Far: points[0] is not a number of metres within +-1e+18"

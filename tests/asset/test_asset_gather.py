@@ -31,28 +31,28 @@ def many(count: int = 80, mesh: Mesh = BALL, spread: float = 10.0) -> Asset:
 
 
 def surface(asset: Asset) -> dict[int, np.ndarray]:
-    """Return, for the number of each slot, all that its corners have in the world, (m, ...), normals unit."""
+    """Return, by slot number, the world-space values of its corners (m, ...), with unit normals and tangents."""
     rows_by_slot = {}
     for instance in asset.instances:
         mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
-        places = mesh.points[mesh.corner_points] @ linear.T + instance.matrix[:3, 3]
+        positions = mesh.points[mesh.corner_points] @ linear.T + instance.matrix[:3, 3]
         normals, tangents = mesh.normals @ np.linalg.inv(linear), tangents_of([mesh])[0] @ linear.T
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-        carried = [values.reshape(len(places), -1) for values in (*mesh.uvs.values(), *mesh.primvars.values())]
+        attributes = [values.reshape(len(positions), -1) for values in (*mesh.uvs.values(), *mesh.primvars.values())]
         sizes = np.repeat(mesh.face_sizes, mesh.face_sizes)[:, None]
-        rows = np.concatenate([places, normals, tangents, *carried, sizes], axis=1)
+        rows = np.concatenate([positions, normals, tangents, *attributes, sizes], axis=1)
         slots = np.repeat(mesh.face_slots, mesh.face_sizes)
         rows_by_slot |= {slot: rows[slots == slot] for slot in np.unique(slots)}
     return rows_by_slot
 
 
-def assert_same_surface(one: Asset, other: Asset) -> None:
-    expected, rows_of = surface(one), surface(other)
-    assert expected.keys() == rows_of.keys()
+def assert_same_surface(asset: Asset, other: Asset) -> None:
+    expected, other_rows = surface(asset), surface(other)
+    assert expected.keys() == other_rows.keys()
     for slot, rows in expected.items():
-        # A few roundings to float32, of places as far away as the radius.
-        np.testing.assert_allclose(rows_of[slot], rows, rtol=0.0, atol=4e-7 * max(1.0, one.radius))
+        # A few roundings to float32, of positions as far away as the radius.
+        np.testing.assert_allclose(other_rows[slot], rows, rtol=0.0, atol=4e-7 * max(1.0, asset.radius))
 
 
 def test_unstretched_instances_are_rotations_and_show_the_same_surface() -> None:
@@ -108,26 +108,26 @@ def test_meshes_of_other_attributes_are_joined_by_themselves() -> None:
     assert_same_surface(asset, joined)
 
 
-def scaled(asset: Asset, *scales: float) -> Asset:
+def scale_first(asset: Asset, *scales: float) -> Asset:
     first, *others = asset.instances
     return replace(asset, instances=(replace(first, matrix=first.matrix @ np.diag([*scales, 1.0])), *others))
 
 
-def twice(asset: Asset) -> Asset:
+def repeat_first(asset: Asset) -> Asset:
     first = asset.instances[0]
     moved = affine(first.matrix[:3, 3] + 1.0, first.matrix[:3, :3])
     return replace(asset, instances=(*asset.instances, replace(first, matrix=moved)))
 
 
-def large(asset: Asset) -> Asset:
+def refine_first(asset: Asset) -> Asset:
     return replace(asset, meshes=(replace(make_sphere(64, 32).meshes[0], name="/0"), *asset.meshes[1:]))
 
 
 CHANGES = {
-    "reflected": lambda asset: scaled(asset, -1.0, 1.0, 1.0),
-    "fine": lambda asset: scaled(asset, 1e-5, 1e-5, 1e-5),
-    "twice": twice,
-    "large": large,
+    "reflected": lambda asset: scale_first(asset, -1.0, 1.0, 1.0),
+    "fine": lambda asset: scale_first(asset, 1e-5, 1e-5, 1e-5),
+    "twice": repeat_first,
+    "large": refine_first,
 }
 
 

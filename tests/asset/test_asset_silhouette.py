@@ -29,15 +29,15 @@ def asset_of(mesh: Mesh, matrices: Iterable[np.ndarray]) -> Asset:
     return Asset("asset", (mesh,), instances, (Slot("/a"),), (0.0, 0.0, 0.0), 1.0)
 
 
-def scattered(count, points_of, spread) -> Callable[[], Asset]:
-    """Return a function that makes instances of meshes in turn, each turned, scaled and placed at random."""
+def scatter(count, points_of, spread) -> Callable[[], Asset]:
+    """Return a function that makes instances of alternating meshes, rotated, scaled and placed at random."""
 
     def make() -> Asset:
         rng = RNG(0)
         meshes = tuple(faces_of(points) for points in points_of(rng))
-        places = rng.normal(size=(count, 3)) * spread
-        turns = (np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.5, 2.0) for _ in places)
-        matrices = [affine(offset, linear) for offset, linear in zip(places, turns, strict=True)]
+        positions = rng.normal(size=(count, 3)) * spread
+        rotations = (np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.5, 2.0) for _ in positions)
+        matrices = [affine(offset, linear) for offset, linear in zip(positions, rotations, strict=True)]
         instances = tuple(Instance(number % len(meshes), matrix) for number, matrix in enumerate(matrices))
         return Asset("asset", meshes, instances, (Slot("/a"),), (0.0, 0.0, 0.0), 1.0)
 
@@ -70,15 +70,15 @@ def ball(rng, count):
 
 # An asset, and the part of its points that its outline has at most.
 ASSETS: dict[str, tuple[Callable[[], Asset], float]] = {
-    "one mesh": (scattered(1, lambda rng: [rng.normal(size=(300, 3))], 1.0), 1.0),
-    "a few": (scattered(5, lambda rng: rng.normal(size=(5, 90, 3)), 3.0), 1.0),
-    "instances": (scattered(200, lambda rng: [rng.normal(size=(900, 3))], 10.0), 0.02),
-    "flat instances": (scattered(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 1, 0]], 10.0), 1.0),
-    "instances on a line": (scattered(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 0, 0]], [10.0, 0.0, 0.0]), 1.0),
-    "large flat instances": (scattered(20, lambda rng: [rng.normal(size=(3000, 3)) * [1, 1, 0]], 10.0), 1.0),
-    "large instances in a plane": (scattered(60, lambda rng: [ball(rng, 3000)], [50.0, 50.0, 0.0]), 0.2),
-    "large and small": (scattered(40, lambda r: [ball(r, 3000), ball(r, 60), r.normal(size=(9, 3))], 9.0), 1.0),
-    "large instances in one place": (scattered(15, lambda rng: [ball(rng, 3000)], 0.0), 1.0),
+    "one mesh": (scatter(1, lambda rng: [rng.normal(size=(300, 3))], 1.0), 1.0),
+    "a few": (scatter(5, lambda rng: rng.normal(size=(5, 90, 3)), 3.0), 1.0),
+    "instances": (scatter(200, lambda rng: [rng.normal(size=(900, 3))], 10.0), 0.02),
+    "flat instances": (scatter(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 1, 0]], 10.0), 1.0),
+    "instances on a line": (scatter(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 0, 0]], [10.0, 0.0, 0.0]), 1.0),
+    "large flat instances": (scatter(20, lambda rng: [rng.normal(size=(3000, 3)) * [1, 1, 0]], 10.0), 1.0),
+    "large instances in a plane": (scatter(60, lambda rng: [ball(rng, 3000)], [50.0, 50.0, 0.0]), 0.2),
+    "large and small": (scatter(40, lambda r: [ball(r, 3000), ball(r, 60), r.normal(size=(9, 3))], 9.0), 1.0),
+    "large instances in one place": (scatter(15, lambda rng: [ball(rng, 3000)], 0.0), 1.0),
     "flat meshes": (flat(0.0, 1, 1, 0), 100 / 3000),
     "flat meshes, turned": (flat(0.7, 1, 1, 0), 100 / 3000),
     "upright meshes": (flat(0.0, 0, 1, 1), 100 / 3000),
@@ -93,7 +93,7 @@ ASSETS: dict[str, tuple[Callable[[], Asset], float]] = {
 
 
 def support(asset: Asset) -> np.ndarray:
-    """Return how far the asset reaches along each direction."""
+    """Return the greatest coordinate of the asset along each direction."""
     reach = [
         (asset.meshes[instance.mesh].points @ (instance.matrix[:3, :3].T @ DIRECTIONS)).max(axis=0)
         + instance.matrix[:3, 3] @ DIRECTIONS

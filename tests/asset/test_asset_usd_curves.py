@@ -130,21 +130,21 @@ def linear(points, t):
     return BSpline(np.linspace(-1.0, len(points), len(points) + 2), points, 1)(t * (len(points) - 1))
 
 
-def same(points):
+def identity(points):
     return points
 
 
-def closed(count):
+def close_curve(count):
     """Return a function that repeats the first points at the end."""
     return lambda points: np.concatenate([points, points[:count]])
 
 
 WRAPS = ("nonperiodic", "pinned", "periodic")
 EXTENDED = {
-    ("cubic", "bezier"): (bezier, (same, same, closed(1))),
-    ("cubic", "bspline"): (bspline, (same, phantoms, closed(3))),
-    ("cubic", "catmullRom"): (catmull_rom, (same, phantoms, closed(3))),
-    ("linear", "bezier"): (linear, (same, same, closed(1))),
+    ("cubic", "bezier"): (bezier, (identity, identity, close_curve(1))),
+    ("cubic", "bspline"): (bspline, (identity, phantoms, close_curve(3))),
+    ("cubic", "catmullRom"): (catmull_rom, (identity, phantoms, close_curve(3))),
+    ("linear", "bezier"): (linear, (identity, identity, close_curve(1))),
 }
 BASES = {
     (*key, wrap): (evaluate, extended)

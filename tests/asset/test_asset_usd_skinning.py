@@ -53,7 +53,7 @@ class Rig(Leg):
         self.animation.GetBlendShapeWeightsAttr().Set(weights, EARLY if time is None else time)
 
     def deformed(self, time=10.0, prim=None):
-        return Skinning(Usd.TimeCode(time)).deformed((prim or self.mesh).GetPrim())
+        return Skinning(Usd.TimeCode(time)).deform((prim or self.mesh).GetPrim())
 
     def world(self, time=10.0):
         """Return the deformed points in the world (n, 3)."""
@@ -80,7 +80,7 @@ def rig():
 def test_a_bent_knee_linearly_and_by_dual_quaternions(rig):
     # About the knee, (0, 0, 1): (x, y, z) becomes (x, -z, y). The last point is the mean of staying and turning.
     np.testing.assert_allclose(rig.world(), [(0, 0, 0), (0, 0, 1), (0, -1, 1), (1, -0.5, 1.5)], atol=1e-6)
-    dual(rig)
+    use_dual_quaternions(rig)
     # Half of the way is half of the angle, which keeps the length.
     np.testing.assert_allclose(rig.world()[2:], [(0, -1, 1), (1, -HALF, 1 + HALF)], atol=1e-6)
 
@@ -88,7 +88,7 @@ def test_a_bent_knee_linearly_and_by_dual_quaternions(rig):
 def test_the_pose_is_that_of_the_time(rig):
     np.testing.assert_allclose(rig.world(0.0), POINTS, atol=1e-6)
     np.testing.assert_allclose(rig.world(5.0)[2], (0, -HALF, 1 + HALF), atol=1e-4)  # quaternions of 32 bits, slerped
-    np.testing.assert_allclose(Skinning(EARLY).deformed(rig.mesh.GetPrim()).points, POINTS, atol=1e-6)
+    np.testing.assert_allclose(Skinning(EARLY).deform(rig.mesh.GetPrim()).points, POINTS, atol=1e-6)
 
 
 def test_the_skeleton_places_the_points_and_the_mesh_does_not(rig):
@@ -100,7 +100,7 @@ def test_the_skeleton_places_the_points_and_the_mesh_does_not(rig):
     np.testing.assert_allclose(rig.world()[2], (1, 0, 6), atol=1e-6)
 
 
-def placed(rig):
+def place_gprim(rig):
     UsdGeom.Xformable(rig.mesh).AddTranslateOp().Set((1, 2, 3))
     UsdGeom.Xformable(rig.mesh).AddRotateYOp().Set(30.0)
     UsdGeom.Xformable(rig.skeleton).AddRotateXOp().Set(20.0)
@@ -108,20 +108,20 @@ def placed(rig):
     rig.skin.CreateGeomBindTransformAttr().Set(Gf.Matrix4d(1.0).SetTranslate((0.5, 0, 0.25)))
 
 
-def reordered(rig):
+def reorder_joints(rig):
     rig.skin.CreateJointsAttr().Set(["hip/knee"])
     rig.skin.CreateJointIndicesPrimvar(False, 1).Set([0] * 4)
     rig.skin.CreateJointWeightsPrimvar(False, 1).Set([1.0] * 4)
 
 
-def rigid(rig):
+def bind_whole(rig):
     rig.skin.CreateJointIndicesPrimvar(True, 2).Set([1, 0])
     rig.skin.CreateJointWeightsPrimvar(True, 2).Set([1.0, 0.0])
     for primvar in (rig.skin.GetJointIndicesPrimvar(), rig.skin.GetJointWeightsPrimvar()):
         primvar.SetInterpolation(UsdGeom.Tokens.constant)
 
 
-def inherited(rig):
+def inherit_binding(rig):
     rig.mesh.GetPrim().RemoveProperty("skel:skeleton")
     rig.api(rig.root).CreateSkeletonRel().SetTargets(["/Leg/Bones"])
     rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
@@ -135,16 +135,16 @@ def sparse_animation(rig):
     rig.animation.GetRotationsAttr().Set([BENT], 10.0)
 
 
-def still(rig):
+def remove_animation(rig):
     rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
     rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
 
 
-def dual(rig):
+def use_dual_quaternions(rig):
     rig.skin.CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
 
 
-def blended(rig):
+def add_blend_shape(rig):
     rig.shape("Bulge", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
     shape = rig.shape("Tip", [(0, 0, 2), (2, 0, 0)], [2, 3])
     shape.CreateInbetween("half").SetWeight(0.5)
@@ -153,8 +153,20 @@ def blended(rig):
     rig.weigh(["Other", "Tip", "Bulge"], [0.9, 0.7, 0.3], 10.0)
 
 
-WAYS = [(placed,), (reordered,), (rigid, placed), (inherited, placed), (sparse_animation,), (still,), (blended,)]
-WAYS += [(blended, placed), (dual, placed), (dual, blended, reordered)]
+WAYS = [
+    (place_gprim,),
+    (reorder_joints,),
+    (bind_whole, place_gprim),
+    (inherit_binding, place_gprim),
+    (sparse_animation,),
+    (remove_animation,),
+    (add_blend_shape,),
+]
+WAYS += [
+    (add_blend_shape, place_gprim),
+    (use_dual_quaternions, place_gprim),
+    (use_dual_quaternions, add_blend_shape, reorder_joints),
+]
 
 
 @pytest.mark.parametrize("ways", WAYS, ids=lambda ways: "-".join(way.__name__ for way in ways))
@@ -244,7 +256,7 @@ def test_normals_turn_with_the_points(rig):
 
 def test_normals_of_a_squashed_limb_are_those_of_its_surface(rig):
     rig.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1), Gf.Vec3h(1, 4, 1)]))
-    rigid(rig)
+    bind_whole(rig)
     got = rig.deformed(0.0).normals(Attribute("normals", np.array([(0, 1, 1)] * 4), "vertex"), np.arange(4))
     np.testing.assert_allclose(got.values, [np.array([0, 1, 4]) / np.sqrt(17.0)] * 4, atol=1e-6)
 
@@ -259,11 +271,11 @@ def test_blend_shapes_turn_normals_by_point(rig):
 def test_a_gprim_without_points_is_moved_as_a_whole(rig):
     ball = UsdGeom.Sphere.Define(rig.stage, "/Leg/Foot")
     rig.bind(ball, [1], [1.0], constant=True)
-    got = Skinning(Usd.TimeCode(10.0)).deformed(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
+    got = Skinning(Usd.TimeCode(10.0)).deform(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
     np.testing.assert_allclose(got.points, [(0, -2, 1), (0, 0, 2)], atol=1e-6)
 
 
-def outside(rig):
+def leave_skel_root(rig):
     Sdf.CopySpec(rig.stage.GetRootLayer(), "/Leg/Skin", rig.stage.GetRootLayer(), "/Loose")
     rig.mesh = UsdGeom.Mesh.Get(rig.stage, "/Loose")
 
@@ -274,7 +286,7 @@ def without(attribute, *names):
 
 
 NOTED = {
-    "/Loose: is below no SkelRoot": outside,
+    "/Loose: is below no SkelRoot": leave_skel_root,
     "/Leg/Skin: is bound to no skeleton": without("mesh", "skel:skeleton"),
     "/Leg/Bones: has neither an animation nor rest": without("skeleton", "skel:animationSource", "restTransforms"),
 }
@@ -284,14 +296,14 @@ NOTED = {
 def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
-    assert skinning.deformed(rig.mesh.GetPrim()) is None
+    assert skinning.deform(rig.mesh.GetPrim()) is None
     assert skinning.space(rig.mesh.GetPrim()) == rig.mesh.GetPrim()
     assert len(skinning.notes) == 1
     assert skinning.notes[0].startswith(note)
 
 
 RESTING = {
-    "/Leg/Bones: skel:animationSource /Leg/Gone is no SkelAnimation": lambda r: (
+    "/Leg/Bones: skel:animationSource /Leg/Gone is not a SkelAnimation": lambda r: (
         r.api(r.skeleton).GetAnimationSourceRel().SetTargets(["/Leg/Gone"])
     ),
     "/Leg/Bend: has no scales": without("animation", "scales"),
@@ -304,7 +316,7 @@ def test_an_animation_that_usd_ignores_leaves_the_rest_pose(rig, spoil, note):
     rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
-    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points, np.add(POINTS, (0, 0, 1)), atol=1e-6)
+    np.testing.assert_allclose(skinning.deform(rig.mesh.GetPrim()).points, np.add(POINTS, (0, 0, 1)), atol=1e-6)
     assert len(skinning.notes) == 1
     assert skinning.notes[0].startswith(note)
 
@@ -313,14 +325,14 @@ def test_an_inbetween_without_effect_is_noted(rig):
     rig.shape("Up", [(0, 0, 5)], [3]).CreateInbetween("end").SetWeight(1.0)
     rig.weigh(["Up"], [1.0])
     skinning = Skinning(EARLY)
-    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points[3], (1, 0, 7), atol=1e-6)
+    np.testing.assert_allclose(skinning.deform(rig.mesh.GetPrim()).points[3], (1, 0, 7), atol=1e-6)
     assert skinning.notes == ("/Leg/Skin/Up.inbetweens:end: no weight, or that of another shape: it has no effect",)
 
 
 def test_what_is_bound_to_nothing_is_not_deformed(rig):
     plain = UsdGeom.Mesh.Define(rig.stage, "/Leg/Plain")
     skinning = Skinning(Usd.TimeCode(10.0))
-    assert skinning.deformed(plain.GetPrim()) is None
+    assert skinning.deform(plain.GetPrim()) is None
     assert skinning.notes == ()
 
 
@@ -330,7 +342,7 @@ def three_of_each(rig):
 
 
 def constant(rig):
-    rigid(rig)
+    bind_whole(rig)
     rig.skin.GetJointIndicesAttr().Set([1, 0, 1, 0])
     rig.skin.GetJointWeightsAttr().Set([1.0, 0.0, 1.0, 0.0])
 
@@ -345,7 +357,7 @@ def sparse_without_rest(rig):
     sparse_animation(rig)
 
 
-def shaped(spoil):
+def with_blend_shape(spoil):
     """Return a function that adds a blend shape and changes the rig and the shape."""
 
     def apply(rig):
@@ -382,9 +394,13 @@ BROKEN = {
         "skel:joints names toe": lambda r: r.skin.CreateJointsAttr().Set(["hip", "toe"]),
         "primvars:skel:skinningMethod is 'magic'": lambda r: r.skin.CreateSkinningMethodAttr().Set("magic"),
         "primvars:skel:geomBindTransform[0] is nan": lambda r: r.skin.CreateGeomBindTransformAttr().Set(NO_MATRIX),
-        "skel:skeleton /Leg/Gone is no Skeleton": lambda r: r.skin.GetSkeletonRel().SetTargets([GONE]),
-        "skel:blendShapeTargets /Leg/Gone": shaped(lambda r, s: r.skin.GetBlendShapeTargetsRel().SetTargets([GONE])),
-        "has 2 skel:blendShapes, but 1 skel:": shaped(lambda r, s: r.skin.GetBlendShapesAttr().Set(["Up", "Down"])),
+        "skel:skeleton /Leg/Gone is not a Skeleton": lambda r: r.skin.GetSkeletonRel().SetTargets([GONE]),
+        "skel:blendShapeTargets /Leg/Gone": with_blend_shape(
+            lambda r, s: r.skin.GetBlendShapeTargetsRel().SetTargets([GONE])
+        ),
+        "has 2 skel:blendShapes, but 1 skel:": with_blend_shape(
+            lambda r, s: r.skin.GetBlendShapesAttr().Set(["Up", "Down"])
+        ),
     },
     "/Leg/Bones": {
         "joints must be paths": lambda r: r.skeleton.GetJointsAttr().Set(Vt.TokenArray()),
@@ -401,15 +417,15 @@ BROKEN = {
     "/Leg/Bend": {
         "has 1 translations, but 2 joints": lambda r: r.animation.GetTranslationsAttr().Set([(0, 0, 0)]),
         "rotations[1] is nan": lambda r: r.animation.GetRotationsAttr().Set(TURN, 10.0),
-        "has 1 blendShapeWeights, but 2 blendShapes": shaped(lambda r, s: r.weigh(["Up", "Down"], [1.0])),
-        "blendShapeWeights[0] is nan": shaped(lambda r, s: r.weigh(["Up"], [NAN])),
+        "has 1 blendShapeWeights, but 2 blendShapes": with_blend_shape(lambda r, s: r.weigh(["Up", "Down"], [1.0])),
+        "blendShapeWeights[0] is nan": with_blend_shape(lambda r, s: r.weigh(["Up"], [NAN])),
     },
     "/Leg/Skin/Up": {
-        "pointIndices must lie in 0..3": shaped(lambda r, s: s.GetPointIndicesAttr().Set([4])),
-        "pointIndices must lie in 0": shaped(lambda r, s: s.GetPointIndicesAttr().Set([-1])),
-        "has 2 offsets, but 1 points": shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, 0, 1)] * 2)),
-        "offsets[0] is nan": shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, NAN, 0)])),
-        "its shapes have 3 and 1 offsets": shaped(two_inbetweens),
+        "pointIndices must lie in 0..3": with_blend_shape(lambda r, s: s.GetPointIndicesAttr().Set([4])),
+        "pointIndices must lie in 0": with_blend_shape(lambda r, s: s.GetPointIndicesAttr().Set([-1])),
+        "has 2 offsets, but 1 points": with_blend_shape(lambda r, s: s.GetOffsetsAttr().Set([(0, 0, 1)] * 2)),
+        "offsets[0] is nan": with_blend_shape(lambda r, s: s.GetOffsetsAttr().Set([(0, NAN, 0)])),
+        "its shapes have 3 and 1 offsets": with_blend_shape(two_inbetweens),
     },
 }
 

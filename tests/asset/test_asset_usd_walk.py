@@ -36,7 +36,7 @@ def test_up_axis_and_units_become_z_and_metres(file):
     np.testing.assert_allclose(world_points(asset)[0], np.stack([x + 1, -z - 3, y + 2], axis=-1), atol=1e-6)
 
 
-def nested(file):
+def nest_instances(file):
     """/World/A and B, instances of /Big, in which X and Y are instances of /Small, which holds a cube."""
     file.mesh("/Small/Cube")
     for number, prim in enumerate(file.instances("/Small", "/Big/X", "/Big/Y"), 1):
@@ -46,7 +46,7 @@ def nested(file):
 
 
 def test_nested_instances_are_one_mesh(file):
-    nested(file)
+    nest_instances(file)
     asset = file.read()
     assert len(asset.meshes) == 1
     expected = {f"/World/{a}/{b}/Cube": (x, y, 0) for a, y in (("A", 10), ("B", 20)) for b, x in (("X", 1), ("Y", 2))}
@@ -72,7 +72,7 @@ def test_instancers_of_instances_of_instancers(file):
     assert set(paths(asset)) == {"/Leaf/Cube"}
 
 
-def scattered(file, specifier=Sdf.SpecifierOver):
+def scatter_instances(file, specifier=Sdf.SpecifierOver):
     """Cubes, the first of them turned and doubled, and a square, by an instancer at a height of 100."""
     cube = file.mesh("/World/Scatter/Protos/Cube")
     UsdGeom.Xformable(cube).AddTranslateOp().Set((0.0, 1.0, 0.0))
@@ -91,7 +91,7 @@ def scattered(file, specifier=Sdf.SpecifierOver):
 
 @pytest.mark.parametrize("specifier", [Sdf.SpecifierOver, Sdf.SpecifierClass])
 def test_point_instances(file, specifier):
-    instancer = scattered(file, specifier)
+    instancer = scatter_instances(file, specifier)
     instancer.GetInvisibleIdsAttr().Set([2])
     asset = file.load()
     assert [mesh.name for mesh in asset.meshes] == ["/World/Scatter/Protos/Cube", "/Library/Group/Square"]
@@ -117,7 +117,7 @@ def test_point_instances(file, specifier):
     ],
 )
 def test_faults_of_an_instancer_are_located(file, spoil, message):
-    spoil(scattered(file))
+    spoil(scatter_instances(file))
     with pytest.raises(AssetError, match=r"thing\.usda: /World/Scatter: .*" + message):
         file.load()
 
@@ -162,7 +162,7 @@ def test_instancers_nest_so_deep_and_no_deeper(file):
 
 
 def test_constant_primvars_from_outside_an_instance_are_its_own(file):
-    nested(file)
+    nest_instances(file)
     for path, value in (("/World", 1.0), ("/World/B", 2.0)):
         primvar(file.stage.GetPrimAtPath(path), "wear", TYPES.FloatArray, "constant", [value])
     primvar(file.stage.GetPrimAtPath("/World/B"), "displayColor", TYPES.Color3fArray, "constant", [(1, 0, 0)])
@@ -248,7 +248,7 @@ TRIANGLE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 
 
-def splashing(file, velocities):
+def make_splash(file, velocities):
     """A triangle at frame 24, which rises by a unit a frame, and a square at 48, at 24 frames a second."""
     mesh = UsdGeom.Mesh.Define(file.stage, "/Splash")
     for time, points, speeds in ((24, TRIANGLE, velocities), (48, SQUARE, [(0.0, 0.0, 0.0)] * 4)):
@@ -265,7 +265,7 @@ def splashing(file, velocities):
     ids=["earliest", "at a sample", "after it", "before the next", "at the next"],
 )
 def test_points_are_carried_from_the_sample_before(file, time, expected):
-    splashing(file, [(0.0, 0.0, 24.0)] * 3)
+    make_splash(file, [(0.0, 0.0, 24.0)] * 3)
     (points,) = world_points(file.read(time=time))
     np.testing.assert_allclose(points[:, 2], expected, atol=1e-5)
     assert len(points) == (4 if time == 48.0 else 3)
@@ -298,14 +298,14 @@ def test_instances_stay_at_the_earliest_time(file):
 
 @pytest.mark.parametrize("count", [0, 2, 4])
 def test_velocities_that_do_not_fit_have_no_effect(file, count):
-    splashing(file, [(0.0, 0.0, 24.0)] * count)
+    make_splash(file, [(0.0, 0.0, 24.0)] * count)
     asset = file.read(time=30.0)
     np.testing.assert_allclose(world_points(asset)[0][:, 2], 0.0)
     assert count == 0 or "/Splash -- found" in " ".join(asset.notes)
 
 
 def test_velocities_that_are_not_finite_are_a_fault(file):
-    splashing(file, [(0.0, np.nan, 24.0)] * 3)
+    make_splash(file, [(0.0, np.nan, 24.0)] * 3)
     with pytest.raises(AssetError, match=r"/Splash: velocities\[0\] is nan"):
         file.read(time=30.0)
 

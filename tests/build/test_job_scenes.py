@@ -329,7 +329,7 @@ KNOWN = "known: /Car/Bare, /Car/Body, /Car/Hood, /Car/Left, /Car/Right"
 PATTERNS = {
     "/Cra": "fits no part (did you mean '/Car'?)",
     "/Car.collection:empty": "fits no part (it includes none that is rendered)",
-    "/Car.collection:trin": "is no collection of the asset: /Car has no 'trin' (did you mean 'trim'?) ()",
+    "/Car.collection:trin": "is not a collection of the asset: /Car has no 'trin' (did you mean 'trim'?) ()",
     "/Car/Paint": "fits no part (the asset has this prim, but renders nothing of it)",
     "/Car/Wheel*": f"fits no part ({KNOWN})",
 }

@@ -19,7 +19,7 @@ from usd_sound import SOUND, Sound, sound_layer
 from lookdev.asset.subdivision import refine
 from lookdev.asset.usd import read_usd
 from lookdev.asset.usd.collections import collection_members
-from lookdev.asset.usd.scene import located
+from lookdev.asset.usd.scene import name_file_in_errors
 from lookdev.asset.usd_camera import read_camera
 from lookdev.material.usd.bound import read_bound
 from lookdev.stage import Composition, compose
@@ -150,7 +150,7 @@ def read(file: Path, sound: Sound) -> Reading:
         result["camera"] = repr(camera)
         notes += camera.notes
     if sound.collection is not None:
-        with located(str(file)):
+        with name_file_in_errors(str(file)):
             result["members"] = collection_members(composed.stage, sound.collection, [s.path for s in asset.slots])
     return Reading(result, tuple(notes))
 

@@ -23,7 +23,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def look(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, Finding]:
+def findings_by_subject(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, Finding]:
     return {finding.subject: finding for finding in examine(bpy, self_test)}
 
 
@@ -32,7 +32,7 @@ def program(text: str) -> tuple[str, ...]:
 
 
 def test_a_good_machine(cache: Path) -> None:
-    findings = look()
+    findings = findings_by_subject()
     assert all(finding.good for finding in findings.values())
     assert not any(finding.remedy for finding in findings.values())
     assert findings["bpy (Blender)"].found == f"{VERSION}.7 LTS"
@@ -42,7 +42,7 @@ def test_a_good_machine(cache: Path) -> None:
 
 def test_a_missing_system_library_names_its_debian_package() -> None:
     error = "ImportError: libXrender.so.1: cannot open shared object file: No such file or directory"
-    findings = look(bpy=program(f"import sys; sys.exit('{error}')"))
+    findings = findings_by_subject(bpy=program(f"import sys; sys.exit('{error}')"))
     bpy = findings["bpy (Blender)"]
     assert (bpy.good, bpy.found, bpy.remedy) == (False, error, "sudo apt-get install libxrender1")
     assert "OSL in Cycles" not in findings
@@ -53,7 +53,7 @@ def test_all_missing_system_libraries_are_one_command(monkeypatch: pytest.Monkey
     libraries = {there: "here", "libnowhere.so.1": "libnowhere1", "libneither.so.6": "libneither6"}
     monkeypatch.setattr(doctor, "SYSTEM_LIBRARIES", libraries)
     lacks, remedy = "lacks libnowhere.so.1, libneither.so.6", "sudo apt-get install libneither6 libnowhere1"
-    assert look()["system libraries"] == Finding("system libraries", lacks, False, remedy)
+    assert findings_by_subject()["system libraries"] == Finding("system libraries", lacks, False, remedy)
 
 
 CRASH = "import os; os.kill(os.getpid(), 11)"
@@ -61,7 +61,7 @@ CRASH = "import os; os.kill(os.getpid(), 11)"
 
 @pytest.mark.parametrize("text", ["import sys; sys.exit('ModuleNotFoundError: bpy')", "print('1.23.4')", CRASH])
 def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
-    bpy = look(bpy=program(text))["bpy (Blender)"]
+    bpy = findings_by_subject(bpy=program(text))["bpy (Blender)"]
     assert bpy.found
     assert (bpy.good, bpy.remedy) == (False, f"python -m pip install 'bpy=={VERSION}.*'")
 
@@ -75,13 +75,13 @@ def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
     ],
 )
 def test_osl_that_does_not_work(text: str, findings: str) -> None:
-    osl = look(self_test=program(text))["OSL in Cycles"]
+    osl = findings_by_subject(self_test=program(text))["OSL in Cycles"]
     assert (osl.good, osl.found, bool(osl.remedy)) == (False, findings, True)
 
 
 def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "MODULES", {"usd-nowhere": "pxr_nowhere.Usd", "lookdev": "lookdev"})
-    findings = look()
+    findings = findings_by_subject()
     assert findings["usd-nowhere"].remedy == "python -m pip install usd-nowhere"
     assert "pxr_nowhere" in findings["usd-nowhere"].found
     assert findings["lookdev"].good
@@ -89,7 +89,7 @@ def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyP
 
 def test_another_python_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "BLENDER_PYTHONS", {(2, 7): "2.79"})
-    findings = look()
+    findings = findings_by_subject()
     assert (findings["Python"].good, findings["bpy (Blender)"].good) == (False, False)
     assert "2.7" in findings["Python"].remedy
 
@@ -97,11 +97,11 @@ def test_another_python_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_cache_that_cannot_be_written_or_on_a_full_disk(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(doctor, "FREE_DISK", 1e9)
-        full = look()["cache folder"]
+        full = findings_by_subject()["cache folder"]
     assert (full.good, "GB free" in full.found) == (False, True)
     cache.rmdir()
     cache.write_text("a file where a folder should be")
-    unwritable = look()["cache folder"]
+    unwritable = findings_by_subject()["cache folder"]
     assert (unwritable.good, "LOOKDEV_CACHE" in unwritable.remedy) == (False, True)
 
 
@@ -143,8 +143,10 @@ def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monke
     monkeypatch.setattr(doctor, "find_llvm", lambda: "libLLVM.so.19")
     for fault, words in (("no driver here", "no driver here"), (None, "an NVIDIA GPU is there")):
         monkeypatch.setattr(doctor, "lacking_gpu", lambda fault=fault: fault)
-        findings = look()["Mitsuba"]
+        findings = findings_by_subject()["Mitsuba"]
         assert findings.good
         assert findings.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
     monkeypatch.setattr(doctor, "find_llvm", missing)
-    assert look()["Mitsuba"] == Finding("Mitsuba", "found: none", False, "sudo apt-get install libllvm19")
+    assert findings_by_subject()["Mitsuba"] == Finding(
+        "Mitsuba", "found: none", False, "sudo apt-get install libllvm19"
+    )

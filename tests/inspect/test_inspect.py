@@ -61,12 +61,12 @@ def robot(tmp_path: Path) -> Path:
     return file
 
 
-def inspected(file: Path, **options: object) -> Inspection:
+def inspect_one(file: Path, **options: object) -> Inspection:
     return inspect_file(Composition(file, **options))[0]  # type: ignore[arg-type]
 
 
 def test_parts_counts_and_bounds_are_data_and_a_tree(robot: Path) -> None:
-    inspection = inspected(robot)
+    inspection = inspect_one(robot)
     counts = (inspection.meshes, inspection.instances, inspection.points, inspection.faces, inspection.faces_shown)
     assert counts == (2, 2, 8, 3, 3)
     np.testing.assert_allclose([inspection.minimum, inspection.maximum], [[0, 0, 0], [1, 1, 0.5]], atol=1e-7)
@@ -87,7 +87,7 @@ def test_parts_counts_and_bounds_are_data_and_a_tree(robot: Path) -> None:
 
 
 def test_what_is_not_rendered_is_listed(robot: Path) -> None:
-    inspection = inspected(robot)
+    inspection = inspect_one(robot)
     assert "/Robot/Smoke" in " ".join(inspection.notes)
     (lamp,) = inspection.materials
     assert lamp.layers == ("UsdPreviewSurface as Disney",)
@@ -106,7 +106,7 @@ def test_subsets_are_listed_below_their_mesh(robot: Path) -> None:
         }
         float[] primvars:wear"""
     robot.write_text(ROBOT.replace("float[] primvars:wear", subset))
-    lines = inspected(robot).text().splitlines()[2:6]
+    lines = inspect_one(robot).text().splitlines()[2:6]
     assert [line.partition(" 1 face")[0].rstrip() for line in lines] == ["Robot", "  Body", "  Lid", "    part"]
 
 
@@ -119,31 +119,31 @@ def test_a_part_has_the_path_of_each_prim_that_shows_it(tmp_path: Path) -> None:
     """
     wheels = wheel.format("Left", translate(0, 0, 0)) + wheel.format("Right", translate(200, 0, 0))
     file.write_text(f'#usda 1.0\nclass Xform "Wheel"\n{{\n{card("Lid")}\n}}\n{wheels}')
-    (part,) = inspected(file).parts
+    (part,) = inspect_one(file).parts
     assert (part.path, part.instances, part.paths) == ("/Left/Lid", 2, ("/Left/Lid", "/Right/Lid"))
 
 
 def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
-    assert inspected(robot, variants=(("size", "large"),)).maximum == pytest.approx((2.0, 2.0, 1.0))
+    assert inspect_one(robot, variants=(("size", "large"),)).maximum == pytest.approx((2.0, 2.0, 1.0))
     inspection, _ = inspect_file(Composition(robot), purposes=("default", "guide"))
     assert [part.path for part in inspection.parts] == ["/Robot/Body", "/Robot/Lid", "/Robot/Guide"]
     with pytest.raises(StageError, match="no variant 'huge'"):
-        inspected(robot, variants=(("size", "huge"),))
+        inspect_one(robot, variants=(("size", "huge"),))
     with pytest.raises(AssetError, match="no surface"):
-        inspected(robot, prim="/Robot/Looks")
+        inspect_one(robot, prim="/Robot/Looks")
 
 
 def test_a_part_without_material_shows_its_colour(robot: Path) -> None:
     color = "color3f[] primvars:displayColor = [(1, 0, 0)]\nfloat[] primvars:wear"
     robot.write_text(ROBOT.replace("float[] primvars:wear", color))
-    assert inspected(robot).text().splitlines()[4].endswith("  displayColor")
+    assert inspect_one(robot).text().splitlines()[4].endswith("  displayColor")
 
 
 def test_a_long_list_is_cut_in_text_only(tmp_path: Path) -> None:
     cards = "".join(card(f"m{i}") for i in range(MOST_LINES + 2))
     file = tmp_path / "many.usda"
     file.write_text(f"#usda 1.0\n{cards}\n", encoding="utf-8")
-    inspection = inspected(file)
+    inspection = inspect_one(file)
     assert len(inspection.parts) == MOST_LINES + 2
     assert "... and 2 more parts" in inspection.text()
 
@@ -164,13 +164,13 @@ def test_parts_of_many_share_colours_by_group(paths: list[str], names: list[str]
 def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
     picture = np.full((40, 60, 3), 7, np.uint8)
 
-    def written(title: str, *names: str) -> NDArray[np.uint8]:
+    def render_legend(title: str, *names: str) -> NDArray[np.uint8]:
         file = tmp_path / "legend.png"
         write_legend(file, picture, title, [(name, (0.5, 0.0, 0.0)) for name in names], "Raw")
         return np.asarray(oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8))
 
     names = [f"part {number}" for number in range(4)]
-    pixels = written("robot", *names)
+    pixels = render_legend("robot", *names)
     assert (pixels[:40, :60] == 7).all()
     assert pixels.shape[0] > 40  # the list is longer than the picture
     squares = (pixels == (128, 0, 0)).all(axis=-1)
@@ -178,20 +178,20 @@ def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
     right = 60 + np.flatnonzero(squares[:, 60:].any(axis=0)).max()
     tops = np.flatnonzero(np.diff(squares.any(axis=1).astype(int)) == 1) + 1
 
-    def changed(other: NDArray[np.uint8]) -> tuple[int, int, int]:
+    def changed_region(other: NDArray[np.uint8]) -> tuple[int, int, int]:
         """Return the first and last row, and the first column, in which pictures differ."""
         rows, columns = np.nonzero((other != pixels).any(axis=-1))
         return rows.min(), rows.max(), columns.min()
 
     # The title is above the list, and each name beside its square.
-    first, last, left = changed(written("lamp", *names))
+    first, last, left = changed_region(render_legend("lamp", *names))
     assert 0 < first < last < tops[0]
     assert left > 60
     for number, top in enumerate(tops):
-        first, last, left = changed(written("robot", *names[:number], "gqX", *names[number + 1 :]))
+        first, last, left = changed_region(render_legend("robot", *names[:number], "gqX", *names[number + 1 :]))
         assert top - 4 <= first < last <= top + 18
         assert left > right
     # A name that is too long is cut, and stays in the picture.
-    long = written("robot" * 20, "part" * 40, *names[1:])
-    assert long.shape == pixels.shape
-    assert (long[:, -4:] == long[0, -1]).all()
+    pixels_of_long_names = render_legend("robot" * 20, "part" * 40, *names[1:])
+    assert pixels_of_long_names.shape == pixels.shape
+    assert (pixels_of_long_names[:, -4:] == pixels_of_long_names[0, -1]).all()

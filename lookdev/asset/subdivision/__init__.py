@@ -1,12 +1,12 @@
 """Subdivision surfaces: control cages refined to meshes on the limit surface, by the rules of OpenSubdiv and USD.
 
-`batch` refines cages, `detail` says how often by their size in the frame. Below them: `cage` reads tags, `topology` has
-half-edges and splits faces, `rules` moves points, `face_varying` gives UVs half-edges of their own, `refine` brings
-these together, `limit` and `masks` go to the limit surface.
+`batch` refines cages, `detail` chooses their levels by their size in the frame. Below them: `cage` reads tags,
+`topology` has half-edges and splits faces, `rules` computes the points of the next level, `face_varying` gives UVs
+half-edges of their own, `refine` combines these, `limit` and `masks` compute the limit surface.
 
-It is written here, in NumPy over all faces at once, since nothing that is maintained obeys all of the rules where the
-arrays are needed, above every backend: no wheel of OpenSubdiv for these versions of Python is maintained, and Blender's
-modifier, OpenSubdiv too, has neither loop nor holes nor boundary faces left out. docs/geometry.md has the comparison.
+The implementation uses NumPy over all faces at once. No maintained library follows all of the rules and returns the
+arrays to all backends: no wheel of OpenSubdiv is maintained for these versions of Python, and Blender's modifier, based
+on OpenSubdiv too, supports neither `loop` nor holes nor the omission of boundary faces. docs/geometry.md compares them.
 """
 
 from lookdev.asset.subdivision.batch import refine, refine_all

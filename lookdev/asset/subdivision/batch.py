@@ -1,4 +1,4 @@
-"""Cages of an asset, refined: those that share their rules together, so that many small ones cost little."""
+"""Refinement of many cages: those that share their rules are refined together, so that small ones cost little."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import Any
 import numpy as np
 
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
-from lookdev.asset.subdivision.cage import Control, Tags, tags
+from lookdev.asset.subdivision.cage import Control, Tags, read_tags
 from lookdev.asset.subdivision.refine import Refined, refine_cage
 from lookdev.asset.subdivision.topology import Index
 from lookdev.errors import AssetError
 
-_BATCH = 1_000_000
-"""Refined corners that are made at once: small cages share the cost of a call, and what is freed is used again."""
+_BATCH_CORNERS = 1_000_000
+"""Refined corners of a batch: small cages share the cost of a call, and freed memory is used again."""
 
 
 def refine(mesh: Mesh, level: int) -> Mesh:
-    """Return a cage refined `level` times, its points on the limit surface, with the limit surface's normals.
+    """Return a cage refined `level` times, with points on the limit surface and the limit surface's normals.
 
-    Level 0 is the cage's own polygons with area-weighted normals, smooth but for infinitely sharp edges (of scheme
-    bilinear: flat). Faces that are holes are gone, so are points without faces; faces keep their slots. UV sets and
-    primvars are refined by their interpolation, that of names that `Subdivision.interpolation` lacks is faceVarying.
-    A mesh without subdivision is returned as it is.
+    Level 0 is the cage's own polygons with area-weighted normals, smooth except at infinitely sharp edges; with scheme
+    bilinear they are flat. Holes and points without faces are dropped; faces keep their slots. UV sets and primvars are
+    refined by their interpolation; a name that `Subdivision.interpolation` lacks is faceVarying. A mesh without
+    subdivision is returned unchanged.
 
     Raises
     ------
     AssetError
-        A tag of the cage is wrong (`cage.tags`), or no face is left.
+        A tag of the cage is wrong (`cage.read_tags`), or no face remains.
     """
     return refine_all([mesh], [level])[0]
 
@@ -45,31 +45,31 @@ def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
 
 
 def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
-    """Yield the numbers of cages of the same level, rules and kinds of values, at most `_BATCH` corners together."""
+    """Yield (numbers, level) of cages that share level, rules and kinds of values, in batches of `_BATCH_CORNERS`."""
     groups: dict[tuple[Any, ...], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
         if (rules := mesh.subdivision) is not None:
-            kinds = tuple((kind, values.shape[1:]) for kind, values in _values(mesh, rules))
-            own = (rules.scheme, rules.interpolate_boundary, rules.face_varying, rules.triangle_rule)
-            groups.setdefault((level, *own, kinds), []).append(number)
+            value_kinds = tuple((interpolation, values.shape[1:]) for interpolation, values in _values(mesh, rules))
+            mesh_rules = (rules.scheme, rules.interpolate_boundary, rules.face_varying, rules.triangle_rule)
+            groups.setdefault((level, *mesh_rules, value_kinds), []).append(number)
     for (level, *_), numbers in groups.items():
         corners = np.cumsum([len(meshes[i].corner_points) * 4**level for i in numbers])
-        cuts = np.flatnonzero(np.diff(corners // _BATCH)) + 1
+        cuts = np.flatnonzero(np.diff(corners // _BATCH_CORNERS)) + 1
         for group in np.split(np.array(numbers), cuts):
             yield group.tolist(), level
 
 
 def _values(mesh: Mesh, rules: Subdivision) -> list[tuple[Interpolation, Any]]:
     """Return the interpolation and the values at corners of each UV set, then of each primvar."""
-    both = [*mesh.uvs.items(), *mesh.primvars.items()]
-    return [(rules.interpolation.get(name, "faceVarying"), values) for name, values in both]
+    arrays = [*mesh.uvs.items(), *mesh.primvars.items()]
+    return [(rules.interpolation.get(name, "faceVarying"), values) for name, values in arrays]
 
 
 def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
-    """Return cages that share rules and kinds of values, refined."""
+    """Refine cages that share rules and kinds of values."""
     rules = meshes[0].subdivision
     assert rules is not None, "a batch has cages only"
-    refined = refine_cage(joined(meshes), rules, level)
+    refined = refine_cage(join_cages(meshes), rules, level)
     face_counts = [len(mesh.face_sizes) for mesh in meshes]
     face_mesh = np.repeat(np.arange(len(meshes)), face_counts)[refined.origin]
     faces = np.searchsorted(face_mesh, np.arange(len(meshes) + 1))
@@ -81,30 +81,33 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
     for i, mesh in enumerate(meshes):
         if faces[i] == faces[i + 1]:
             raise AssetError(_nothing_left(mesh))
-        own = slice(corners[i], corners[i + 1])
-        uvs = dict(zip(mesh.uvs, [values[own] for values in refined.values], strict=False))
-        others = [values[own] for values in refined.values[len(uvs) :]]
-        shaped = [each.reshape(-1, *old.shape[1:]) for each, old in zip(others, mesh.primvars.values(), strict=True)]
+        corner_slice = slice(corners[i], corners[i + 1])
+        uvs = dict(zip(mesh.uvs, [values[corner_slice] for values in refined.values], strict=False))
+        primvar_values = [values[corner_slice] for values in refined.values[len(uvs) :]]
+        primvars = [
+            array.reshape(-1, *cage_values.shape[1:])
+            for array, cage_values in zip(primvar_values, mesh.primvars.values(), strict=True)
+        ]
         result.append(
             replace(
                 mesh,
                 points=positions[points[i] : points[i + 1]],
-                corner_points=(rank[refined.corners[own]] - points[i]).astype(np.int32),
+                corner_points=(rank[refined.corners[corner_slice]] - points[i]).astype(np.int32),
                 face_sizes=refined.sizes[faces[i] : faces[i + 1]].astype(np.int32),
                 face_slots=slots[faces[i] : faces[i + 1]],
-                normals=refined.normals[own],
+                normals=refined.normals[corner_slice],
                 tangents=None,
                 uvs=uvs,
-                primvars=dict(zip(mesh.primvars, shaped, strict=True)),
+                primvars=dict(zip(mesh.primvars, primvars, strict=True)),
                 subdivision=None,
             )
         )
     return result
 
 
-def joined(meshes: list[Mesh]) -> Control:
-    """Return several cages as one."""
-    tagged = [tags(mesh) for mesh in meshes]
+def join_cages(meshes: list[Mesh]) -> Control:
+    """Join several cages to one."""
+    all_tags = [read_tags(mesh) for mesh in meshes]
     columns = [_values(mesh, mesh.subdivision) for mesh in meshes if mesh.subdivision is not None]
     points = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
     faces = np.cumsum([0, *(len(mesh.face_sizes) for mesh in meshes)])
@@ -113,23 +116,23 @@ def joined(meshes: list[Mesh]) -> Control:
         corners=np.concatenate([mesh.corner_points.astype(np.intp) + points[i] for i, mesh in enumerate(meshes)]),
         sizes=np.concatenate([mesh.face_sizes for mesh in meshes]).astype(np.intp),
         tags=Tags(
-            np.concatenate([each.crease_edges + points[i] for i, each in enumerate(tagged)]),
-            np.concatenate([each.crease_sharpness for each in tagged]),
-            np.concatenate([each.corner_points + points[i] for i, each in enumerate(tagged)]),
-            np.concatenate([each.corner_sharpness for each in tagged]),
-            np.concatenate([each.holes + faces[i] for i, each in enumerate(tagged)]),
+            np.concatenate([mesh_tags.crease_edges + points[i] for i, mesh_tags in enumerate(all_tags)]),
+            np.concatenate([mesh_tags.crease_sharpness for mesh_tags in all_tags]),
+            np.concatenate([mesh_tags.corner_points + points[i] for i, mesh_tags in enumerate(all_tags)]),
+            np.concatenate([mesh_tags.corner_sharpness for mesh_tags in all_tags]),
+            np.concatenate([mesh_tags.holes + faces[i] for i, mesh_tags in enumerate(all_tags)]),
         ),
         values=[
-            (same[0][0], np.concatenate([values.reshape(len(values), -1) for _, values in same]).astype(np.float64))
-            for same in zip(*columns, strict=True)
+            (column[0][0], np.concatenate([values.reshape(len(values), -1) for _, values in column]).astype(np.float64))
+            for column in zip(*columns, strict=True)
         ],
     )
 
 
 def _points_by_mesh(refined: Refined, corner_mesh: Index, count: int) -> tuple[Index, Index, Index]:
-    """Return the points in the order of their meshes, each point's place in it, and where each mesh's begin.
+    """Return the points' order by mesh, each point's position in that order, and the start of each mesh in it.
 
-    Points that no face has are in front.
+    Points without a face come first.
     """
     owner = np.full(len(refined.points), -1)
     owner[refined.corners] = corner_mesh

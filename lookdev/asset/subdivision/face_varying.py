@@ -1,7 +1,7 @@
-"""Values at corners, such as UVs, as a topology of their own: one point for each value that a point has.
+"""The topology of values at corners, such as UVs: it has a point for each distinct value at a point of the surface.
 
 By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is,
-with the seams between them as boundaries, and the rule decides which values at seams are corners. So they have
+with seams between them as boundaries, and the rule determines which values at seams are corners. Values therefore have
 half-edges of their own, with the sharpness of the surface's edges and points.
 """
 
@@ -19,13 +19,14 @@ _DEPENDENT: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus2")
 
 
 def weld(points: Index, values: Doubles, count: int) -> tuple[Index, Index]:
-    """Return the value (m,) of each corner and the point (v,) of each value, the first of each point by its number.
+    """Return the number of the value (m,) of each corner, and the point (v,) of each value.
 
-    points (m,) < `count` and values (m, k) of the corners. Values of one point that are equal are one.
+    points (m,) < `count` and values (m, k) are those of the corners. Equal values of one point become one value. The
+    first value of each point has the number of the point.
     """
-    some = np.zeros((count, values.shape[1]))
-    some[points] = values
-    other = np.flatnonzero((values != some[points]).any(axis=1))
+    first_values = np.zeros((count, values.shape[1]))
+    first_values[points] = values
+    other = np.flatnonzero((values != first_values[points]).any(axis=1))
     numbers = points.copy()
     if len(other) == 0:
         return numbers, np.arange(count)
@@ -35,44 +36,44 @@ def weld(points: Index, values: Doubles, count: int) -> tuple[Index, Index]:
     return numbers, np.concatenate([np.arange(count), points[other][first]])
 
 
-def value_level(cage: Cage, values: Index, of_value: Index, rule: FaceVaryingRule) -> Level:
-    """Return the half-edges of values: their numbers (m,) at corners and their points (v,), as `weld` returns them."""
+def value_level(cage: Cage, values: Index, value_points: Index, rule: FaceVaryingRule) -> Level:
+    """Return the half-edges of values, from their numbers (m,) at corners and their points (v,), as from `weld`."""
     surface = cage.level
-    level, joints = connect(values, surface.sizes, len(of_value))
-    own, of_surface = level.edge_sharpness[level.edges], surface.edge_sharpness[surface.edges]
-    level.edge_sharpness[level.edges] = np.maximum(own, of_surface)
-    sharpness = surface.point_sharpness[of_value]
-    spans = _spans(level, joints, surface)
-    seam = _at_seams(level, surface)[of_value]
-    siblings = np.bincount(of_value[spans.used], minlength=len(surface.point_sharpness))[of_value]
+    level, joints = connect(values, surface.sizes, len(value_points))
+    value_sharpness, surface_sharpness = level.edge_sharpness[level.edges], surface.edge_sharpness[surface.edges]
+    level.edge_sharpness[level.edges] = np.maximum(value_sharpness, surface_sharpness)
+    sharpness = surface.point_sharpness[value_points]
+    spans = _find_spans(level, joints, surface)
+    at_seam = _at_seams(level, surface)[value_points]
+    siblings = np.bincount(value_points[spans.used], minlength=len(surface.point_sharpness))[value_points]
 
-    sharp = seam & ((spans.fans > 1) | ~cage.manifold[of_value])
+    sharp = at_seam & ((spans.fans > 1) | ~cage.manifold[value_points])
     if rule != "none":
         sharp |= spans.faces == 1
     if rule in _DEPENDENT:
-        broken = spans.used & ((spans.fans > 1) | (spans.sharp > 0))
-        sharp |= seam & ((siblings > 2) | ((siblings == 2) & _at_point(broken, of_value)))
+        is_divided = spans.used & ((spans.fans > 1) | (spans.sharp > 0))
+        sharp |= at_seam & ((siblings > 2) | ((siblings == 2) & _shares_point(is_divided, value_points)))
     if rule == "cornersPlus2":
-        sharp |= (siblings == 2) & _at_point(spans.faces == 1, of_value)
+        sharp |= (siblings == 2) & _shares_point(spans.faces == 1, value_points)
     on_boundary = np.zeros(len(surface.point_sharpness), bool)
     on_boundary[surface.ends[surface.boundary]] = True
     if rule in ("cornersPlus2", "boundaries"):
-        sharp |= seam & (siblings == 1) & ~on_boundary[of_value]
+        sharp |= at_seam & (siblings == 1) & ~on_boundary[value_points]
     if rule == "boundaries":
-        sharp |= seam | on_boundary[of_value]
+        sharp |= at_seam | on_boundary[value_points]
     if rule in _DEPENDENT:
-        pair = seam & (siblings == 2) & (sharpness == 0.0)
-        sharpness = np.where(pair, _depending(spans, of_value), sharpness)
+        is_pair = at_seam & (siblings == 2) & (sharpness == 0.0)
+        sharpness = np.where(is_pair, _dependent_sharpness(spans, value_points), sharpness)
     level.point_sharpness[:] = np.where(sharp, np.inf, sharpness)
     return level
 
 
 @dataclass(frozen=True, eq=False)
 class _Spans:
-    """The faces that have each value (v,): whether there are any, how many, and in how many fans.
+    """The faces that have each value (v,): whether any has it, their number, and the number of their fans.
 
-    `sharp` is the number of infinitely sharp edges between them; `soft` the sharpness of a corner that
-    fades as the semi-sharp ones do.
+    `sharp` is the number of infinitely sharp edges between the faces; `soft` is the sharpness of a corner that decays
+    as the semi-sharp edges between them do.
     """
 
     used: Flags
@@ -82,14 +83,14 @@ class _Spans:
     soft: Doubles
 
 
-def _spans(level: Level, joints: Joints, surface: Level) -> _Spans:
+def _find_spans(level: Level, joints: Joints, surface: Level) -> _Spans:
     count = len(level.point_sharpness)
     faces = np.bincount(level.points, minlength=count)
     inner = level.twins >= 0
     ends, sharpness = level.points[inner], surface.edge_sharpness[surface.edges[inner]]
     semi = (sharpness > 0.0) & np.isfinite(sharpness)
     sharp = np.bincount(ends[np.isinf(sharpness)], minlength=count)
-    # Those that fade last do so together; the corner's weight is then the mean of what is left of them.
+    # The edges that decay last do so together; the corner's weight is then the mean of their remaining sharpness.
     last = np.zeros(count)
     np.maximum.at(last, ends[semi], np.ceil(sharpness[semi]))
     final = semi & (np.ceil(sharpness) == last[ends])
@@ -99,7 +100,7 @@ def _spans(level: Level, joints: Joints, surface: Level) -> _Spans:
 
 
 def _at_seams(level: Level, surface: Level) -> Flags:
-    """Return which points (n,) of the surface are ends of an edge that is a seam."""
+    """Return which points (n,) of the surface are ends of a seam."""
     seams = (level.twins < 0) & (surface.twins >= 0)
     seams |= _twisted_seams(level, surface)
     at_seams = np.zeros(len(surface.point_sharpness), bool)
@@ -108,7 +109,7 @@ def _at_seams(level: Level, surface: Level) -> Flags:
 
 
 def _twisted_seams(level: Level, surface: Level) -> Flags:
-    """Return the half-edges (m,) of edges of three or more faces whose values are not all the same."""
+    """Return which half-edges (m,) are on edges of three or more faces with different values."""
     first = np.empty(len(surface.ends), np.intp)
     first[surface.edges] = level.edges
     differs = np.zeros(len(surface.ends), bool)
@@ -116,15 +117,15 @@ def _twisted_seams(level: Level, surface: Level) -> Flags:
     return differs[surface.edges]
 
 
-def _at_point(marked: Flags, of_value: Index) -> Flags:
-    """Return for each value whether a value of its point is marked."""
-    points = np.zeros(int(of_value.max()) + 1, bool)
-    points[of_value[marked]] = True
-    return points[of_value]
+def _shares_point(is_marked: Flags, value_points: Index) -> Flags:
+    """Return which values (v,) have a marked value at their point."""
+    points = np.zeros(int(value_points.max()) + 1, bool)
+    points[value_points[is_marked]] = True
+    return points[value_points]
 
 
-def _depending(spans: _Spans, of_value: Index) -> Doubles:
-    """Return the sharpness of each value, of two at a point, that has no semi-sharp edge where the other has one."""
-    highest = np.zeros(int(of_value.max()) + 1)
-    np.maximum.at(highest, of_value, spans.soft)
-    return np.where(spans.soft > 0.0, 0.0, highest[of_value])
+def _dependent_sharpness(spans: _Spans, value_points: Index) -> Doubles:
+    """Return the sharpness (v,) of values without semi-sharp edges from the other value at their point, else 0."""
+    highest = np.zeros(int(value_points.max()) + 1)
+    np.maximum.at(highest, value_points, spans.soft)
+    return np.where(spans.soft > 0.0, 0.0, highest[value_points])

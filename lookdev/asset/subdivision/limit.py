@@ -1,8 +1,8 @@
-"""Where refinement ends: the position of each point on the limit surface, and the surface's normal at each corner.
+"""The limit surface: the limit position of each point, and the surface's normal at each corner.
 
 A smooth point has one normal. At a point on a crease or at a corner, each sector of faces between sharp edges has its
-own. A corner has a tangent plane where its sector is one face; a wider sector comes to it as a cone or a cusp, and has
-the mean normal of its refined faces. So has any sector whose tangents vanish.
+own. A sector of one face has a tangent plane at a corner. A wider sector meets the corner as a cone or a cusp and has
+the mean normal of its refined faces, as has any sector whose tangents vanish.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import numpy as np
 
 from lookdev.asset.mesh import Floats
 from lookdev.asset.normals import area_vectors, dot, flat_normals, sum_by, unit_or
-from lookdev.asset.subdivision.masks import Kind, Masks, limit_masks
+from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
 from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
 
-# The sine of the angle between two tangents, as a part of the ring's size, below which they span no plane: far below
-# what an asset in float32 contains, far above the rounding of float64.
+# The sine of the angle between two tangents, relative to the ring's size, below which they span no plane: far below the
+# angles in an asset of float32, far above the rounding of float64.
 _NO_PLANE = 1e-9
 
-# Sectors at a time: arrays over them stay in a processor's cache.
+# Sectors in a block: arrays over them stay in the processor's cache.
 _BLOCK = 1 << 14
 
 _FINITE = float(np.finfo(np.float64).max)
@@ -32,7 +32,7 @@ class Sectors:
     """The faces around each point, between the sharp edges that meet there.
 
     first (s,): the half-edge at the point of each sector's first face, clockwise; size (s,): the number of faces; kind
-    (s,): which mask holds; of_corner (m,): the sector of each corner, -1 at points not asked for.
+    (s,): the `SectorKind` of its masks; of_corner (m,): the sector of each corner, -1 at points that are not selected.
     """
 
     first: Index
@@ -41,146 +41,151 @@ class Sectors:
     of_corner: Index
 
 
-def sectors(level: Level, wanted: Flags) -> Sectors:
-    """Return the sectors at the points wanted (n,), as they are when all that is semi-sharp has become smooth."""
+def find_sectors(level: Level, selected: Flags) -> Sectors:
+    """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
     edges = level.sharp_edges(_FINITE)
     corner = np.isinf(level.point_sharpness) | (edges > 2)
-    of_point = np.select([corner, edges == 2, edges == 1], [Kind.CORNER, Kind.CREASE, Kind.DART], Kind.SMOOTH)
+    point_kinds = np.select(
+        [corner, edges == 2, edges == 1], [SectorKind.CORNER, SectorKind.CREASE, SectorKind.DART], SectorKind.SMOOTH
+    )
     sharp = np.isinf(level.edge_sharpness[level.edges])
-    parted = (of_point >= Kind.CREASE)[level.points]
-    # The next half-edge around the point, counter-clockwise, if the sector goes on.
-    ahead = np.where(sharp[level.previous] & parted, -1, level.twins[level.previous])
+    is_divided = (point_kinds >= SectorKind.CREASE)[level.points]
+    # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
+    ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
     of_corner = np.full(len(level.points), -1)
-    first, size, closed = [], [], []
-    # A sector begins at a sharp edge; then there are only closed fans, which begin anywhere, one a point at a time.
-    starts, count = np.flatnonzero((sharp | (level.twins < 0)) & wanted[level.points]), 0
+    first, size, closed_parts = [], [], []
+    # A sector begins at a sharp edge. The others are closed fans, which begin anywhere: one per point in each round.
+    starts, count = np.flatnonzero((sharp | (level.twins < 0)) & selected[level.points]), 0
     while True:
-        sizes, around = _walk(starts, ahead, of_corner, count)
+        sizes, is_closed = _number_corners(starts, ahead, of_corner, count)
         first.append(starts)
         size.append(sizes)
-        closed.append(around)
+        closed_parts.append(is_closed)
         count += len(starts)
-        rest = np.flatnonzero((of_corner < 0) & wanted[level.points])
-        if len(rest) == 0:
+        remaining = np.flatnonzero((of_corner < 0) & selected[level.points])
+        if len(remaining) == 0:
             break
-        one = np.full(len(wanted), -1)
-        one[level.points[rest]] = rest
-        starts = one[one >= 0]
-    firsts, sizes, around = np.concatenate(first), np.concatenate(size), np.concatenate(closed)
-    kind = of_point[level.points[firsts]]
-    kind[around != (kind < Kind.CREASE)] = Kind.NONE
-    kind[(kind == Kind.CORNER) & (sizes > 1)] = Kind.NONE
+        example = np.full(len(selected), -1)
+        example[level.points[remaining]] = remaining
+        starts = example[example >= 0]
+    firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
+    kind = point_kinds[level.points[firsts]]
+    kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE
+    kind[(kind == SectorKind.CORNER) & (sizes > 1)] = SectorKind.NONE
     return Sectors(firsts, sizes, kind, of_corner)
 
 
-def _walk(starts: Index, ahead: Index, of_corner: Index, first: int) -> tuple[Index, Flags]:
-    """Number the corners of sectors by where they start, from `first` on; return the sizes, and which are closed."""
-    size, closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
-    active, here = np.arange(len(starts)), starts
+def _number_corners(starts: Index, ahead: Index, of_corner: Index, first: int) -> tuple[Index, Flags]:
+    """Write the sector of each corner, numbered from `first`; return the sectors' sizes and which are closed."""
+    size, is_closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
+    active, half_edges = np.arange(len(starts)), starts
     while len(active):
-        of_corner[here] = first + active
+        of_corner[half_edges] = first + active
         size[active] += 1
-        here = ahead[here]
-        closed[active] = here == starts[active]
-        go = (here >= 0) & ~closed[active]
-        active, here = active[go], here[go]
-    return size, closed
+        half_edges = ahead[half_edges]
+        is_closed[active] = half_edges == starts[active]
+        continues = (half_edges >= 0) & ~is_closed[active]
+        active, half_edges = active[continues], half_edges[continues]
+    return size, is_closed
 
 
 def limit(
-    level: Level, values: Doubles, rules: Rules, wanted: Flags | None = None, has_normals: bool = True
+    level: Level, values: Doubles, rules: Rules, selected: Flags | None = None, has_normals: bool = True
 ) -> tuple[Doubles, Floats]:
-    """Return the limit (n, k) of values at the points wanted (n,), and unit normals (m, 3) of their corners.
+    """Return the limit (n, k) of values at the selected points (n,), and unit normals (m, 3) of their corners.
 
-    With `has_normals` the first three values are a position. Normals are zero where they are not wanted and where the
-    surface has no tangent plane. Values of `bilinear` are their own limit, and each corner has the normal of its
-    bilinear patch. What is semi-sharp still is refined on its own until it is smooth: the limit is the same from every
-    level.
+    With `has_normals` the first three values are a position. Normals are zero at points that are not selected and where
+    the surface has no tangent plane. Values of `bilinear` are their own limit, and each corner has the normal of its
+    bilinear patch. The faces around points that are still semi-sharp are refined further until these are smooth: the
+    limit is the same from every level.
     """
     if rules.scheme == "bilinear":
         return values, _patch_normals(level, values) if has_normals else np.zeros((0, 3), np.float32)
-    wanted = np.ones(len(values), bool) if wanted is None else wanted
-    unfinished = wanted & _semi_sharp(level)
-    limits, normals = _masked(level, values, rules, wanted & ~unfinished, has_normals)
-    if unfinished.any():
-        ring, corners, points = level.part(_around(level, unfinished))
+    selected = np.ones(len(values), bool) if selected is None else selected
+    is_unfinished = selected & _semi_sharp(level)
+    limits, normals = _apply_masks(level, values, rules, selected & ~is_unfinished, has_normals)
+    if is_unfinished.any():
+        ring, corners, points = level.extract(_faces_around(level, is_unfinished))
         child, child_values = split(ring, rules.triangles), interpolate(ring, values[points], rules)
         inner = np.zeros(len(child_values), bool)
-        inner[: len(points)] = unfinished[points]
+        inner[: len(points)] = is_unfinished[points]
         child_limits, child_normals = limit(child, child_values, rules, inner, has_normals)
-        limits[points[unfinished[points]]] = child_limits[inner]
+        limits[points[is_unfinished[points]]] = child_limits[inner]
         if has_normals:
-            own = np.flatnonzero(unfinished[level.points[corners]])
-            normals[corners[own]] = child_normals[first_child(own, rules.triangles)]
+            ring_corners = np.flatnonzero(is_unfinished[level.points[corners]])
+            normals[corners[ring_corners]] = child_normals[first_child(ring_corners, rules.triangles)]
     return limits, normals
 
 
 def complete_normals(level: Level, positions: Doubles, normals: Floats) -> None:
-    """Replace normals (m, 3) that are zero by the area-weighted mean of their sector's faces, of length 1."""
+    """Replace zero normals (m, 3) by the area-weighted mean normal of the sector's faces, of unit length."""
     missing = ~normals.any(axis=1)
     if not missing.any():
         return
-    without = np.zeros(len(positions), bool)
-    without[level.points[missing]] = True
-    ring, corners, points = level.part(_around(level, without))
+    lacks_normal = np.zeros(len(positions), bool)
+    lacks_normal[level.points[missing]] = True
+    ring, corners, points = level.extract(_faces_around(level, lacks_normal))
     areas = area_vectors(positions[points][ring.points], ring.sizes)
-    of_corner = sectors(ring, without[points]).of_corner
-    own = np.flatnonzero(missing[corners])
-    means = sum_by(of_corner[own], areas[ring.faces[own]], int(of_corner.max()) + 1)[of_corner[own]]
-    normals[corners[own]] = unit_or(means, flat_normals(areas, ring.sizes)[own])
+    of_corner = find_sectors(ring, lacks_normal[points]).of_corner
+    ring_corners = np.flatnonzero(missing[corners])
+    corner_sectors = of_corner[ring_corners]
+    means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[corner_sectors]
+    normals[corners[ring_corners]] = unit_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 
-def _around(level: Level, points: Flags) -> Flags:
-    """Return the faces (f,) that have one of the points (n,)."""
+def _faces_around(level: Level, points: Flags) -> Flags:
+    """Return which faces (f,) have one of the marked points (n,)."""
     faces = np.zeros(len(level.sizes), bool)
     faces[level.faces[points[level.points]]] = True
     return faces
 
 
 def _patch_normals(level: Level, values: Doubles) -> Floats:
-    """Return at each corner (m, 3) the direction of the cross product of its two edges; zero where they span none."""
+    """Return the unit cross product of the two edges of each corner (m, 3); zero where they are parallel."""
     position = values[level.points, :3]
     ahead, back = position[level.next] - position, position[level.previous] - position
     return _direction(np.cross(ahead, back), np.maximum(dot(ahead, ahead), dot(back, back))[:, 0])
 
 
 def _direction(cross: Doubles, reach: Doubles) -> Floats:
-    """Return cross products (s, 3) of unit length; zero where they are but rounding of edges of length^2 `reach`."""
+    """Normalise cross products (s, 3); those within the rounding of edges of squared length `reach` become zero."""
     unit = unit_or(cross, np.zeros(3))
     unit[dot(cross, cross)[:, 0] <= (_NO_PLANE * reach) ** 2] = 0.0
     return unit.astype(np.float32)
 
 
 def _semi_sharp(level: Level) -> Flags:
-    """Return whether each point (n,), or an edge that meets there, is sharp but not infinitely."""
-    semi = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
-    semi[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
-    return np.asarray(semi)
+    """Return which points (n,) have finite sharpness, or an edge of finite sharpness."""
+    is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
+    is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
+    return np.asarray(is_semi_sharp)
 
 
-def _masked(level: Level, values: Doubles, rules: Rules, wanted: Flags, has_normals: bool) -> tuple[Doubles, Floats]:
-    """Return `limit` of points where nothing is semi-sharp: each sector's masks applied to its ring."""
-    limits, parts = values.copy(), sectors(level, wanted)
-    # The last one is that of corners that are not wanted, whose sector is -1.
-    normals = np.zeros((len(parts.first) + 1, 3), np.float32)
-    order = np.lexsort([parts.size, parts.kind])
-    changes = np.diff(parts.kind[order]) | np.diff(parts.size[order])
+def _apply_masks(
+    level: Level, values: Doubles, rules: Rules, selected: Flags, has_normals: bool
+) -> tuple[Doubles, Floats]:
+    """Return `limit` of points without semi-sharp features: apply each sector's masks to its ring."""
+    limits, sectors = values.copy(), find_sectors(level, selected)
+    # The last normal is that of corners at points that are not selected, whose sector is -1.
+    normals = np.zeros((len(sectors.first) + 1, 3), np.float32)
+    order = np.lexsort([sectors.size, sectors.kind])
+    changes = np.diff(sectors.kind[order]) | np.diff(sectors.size[order])
     cuts = np.union1d(np.flatnonzero(changes) + 1, np.arange(_BLOCK, len(order), _BLOCK))
     for group in np.split(order, cuts.astype(np.intp)) if len(order) else []:
-        kind, size = Kind(parts.kind[group[0]]), int(parts.size[group[0]])
-        if kind != Kind.NONE:
-            half = parts.first[group]
+        kind, size = SectorKind(sectors.kind[group[0]]), int(sectors.size[group[0]])
+        if kind != SectorKind.NONE:
+            half = sectors.first[group]
             masks = limit_masks(kind, size, rules)
             rows, reach = _ring_sums(level, values, half, masks if has_normals else masks.position())
             limits[level.points[half]] = rows[0]
             if has_normals:
                 normals[group] = _direction(np.cross(rows[1][:, :3], rows[2][:, :3]), reach)
-    return limits, normals[parts.of_corner] if has_normals else normals[:0]
+    return limits, normals[sectors.of_corner] if has_normals else normals[:0]
 
 
 def _ring_sums(level: Level, values: Doubles, half: Index, masks: Masks) -> tuple[Doubles, Doubles]:
-    """Return the rows (r, s, k) of sectors (s,) that begin at `half`, and the square (s,) of their longest edge."""
+    """Return the masked sums (r, s, k) of sectors (s,) that begin at `half`, and their longest edge squared (s,)."""
     size = masks.faces.shape[1]
     center = values[level.points[half]]
     rows, reach = masks.own[:, None, None] * center, np.zeros(len(half))

@@ -1,9 +1,9 @@
-"""The points of the next level: masks of Catmull and Clark (1978) and of Loop (1987), with sharp features.
+"""The points of the next level, by the masks of Catmull and Clark (1978) and of Loop (1987), with sharp features.
 
 Semi-sharp creases and corners are those of DeRose, Kass and Truong, "Subdivision Surfaces in Character Animation"
 (1998), section 3, in the form that OpenSubdiv documents: a point is a corner if it is sharp or if more than two sharp
-edges meet at it, part of a crease at exactly two, smooth otherwise; where the rule of a point changes as its sharpness
-falls to zero, both masks are blended.
+edges meet at it, part of a crease at exactly two, smooth otherwise. If the kind of a point changes as sharpness falls
+to zero, both masks are blended.
 """
 
 from __future__ import annotations
@@ -19,44 +19,44 @@ from lookdev.asset.normals import face_starts
 from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level
 
 _TRIANGLE_WEIGHT = 0.470
-"""The weight of a triangle's mean in an edge's point under the rule `smooth`, instead of 1/4."""
+"""The weight of a triangle's centroid in an edge's point with the triangle rule `smooth`, instead of 1/4."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What the masks depend on: the scheme, and whether edges of triangles have their own weights (catmullClark)."""
+    """The rules that determine masks: scheme, and whether edges of triangles have special weights (catmullClark)."""
 
     scheme: Scheme
     smooth_triangles: bool = False
 
     @property
     def triangles(self) -> bool:
-        """Whether a face is cut into triangles."""
+        """Whether a face is split into triangles."""
         return self.scheme == "loop"
 
 
 def interpolate(level: Level, values: Doubles, rules: Rules) -> Doubles:
-    """Return the values (n', k) of the next level's points from those (n, k) of this one's."""
+    """Return the values (n', k) at the points of the next level from those (n, k) at the points of this level."""
     ends = values[level.ends[:, 0]], values[level.ends[:, 1]]
     edge_points = 0.5 * (ends[0] + ends[1])
     if rules.scheme == "loop":
         _smooth_loop_edges(level, values, edge_points)
-        return np.concatenate([_points(level, values, values[level.points[level.next]], rules), edge_points])
+        return np.concatenate([_refine_points(level, values, values[level.points[level.next]], rules), edge_points])
     means = np.add.reduceat(values[level.points], face_starts(level.sizes), axis=0) / level.sizes[:, None]
     if rules.scheme == "bilinear":
         return np.concatenate([values, edge_points, means])
     _smooth_edges(level, means, edge_points, rules)
     around = values[level.points[level.next]] + means[level.faces]
-    return np.concatenate([_points(level, values, around, rules), edge_points, means])
+    return np.concatenate([_refine_points(level, values, around, rules), edge_points, means])
 
 
-def sums(groups: Index, values: Doubles, count: int) -> Doubles:
+def group_sums(groups: Index, values: Doubles, count: int) -> Doubles:
     """Return the sum (count, k) of the values (m, k) of each group (m,)."""
     return np.stack([np.bincount(groups, column, count) for column in values.T], axis=-1)
 
 
-def _half_edges(level: Level) -> tuple[Index, Index, Doubles]:
-    """Return the edges (k,) that are not fully sharp, one half-edge of each and how sharp the edge is, in [0, 1)."""
+def _soft_edges(level: Level) -> tuple[Index, Index, Doubles]:
+    """Return the edges (k,) of sharpness below 1, a half-edge of each (k,), and their sharpness (k, 1)."""
     edges = np.flatnonzero(level.edge_sharpness < 1.0)
     half = np.zeros(len(level.ends), np.intp)
     half[level.edges] = np.arange(len(level.edges))
@@ -64,68 +64,69 @@ def _half_edges(level: Level) -> tuple[Index, Index, Doubles]:
 
 
 def _smooth_edges(level: Level, means: Doubles, edge_points: Doubles, rules: Rules) -> None:
-    """Write the points of edges that are not fully sharp; `edge_points` has the edges' middles.
+    """Overwrite the points of edges of sharpness below 1 in `edge_points`, which has the edges' middles.
 
-    Catmull and Clark 1978: the mean of the ends and of both faces' means.
+    Catmull and Clark 1978: the mean of the ends and of both faces' centroids.
     """
-    edges, half, sharpness = _half_edges(level)
+    edges, half, sharpness = _soft_edges(level)
     a, b = level.faces[half], level.faces[level.twins[half]]
     weight: Any = 0.25
     if rules.smooth_triangles:
-        of_face = np.where(level.sizes == 3, _TRIANGLE_WEIGHT, 0.25)
-        weight = 0.5 * (of_face[a] + of_face[b])[:, None]
+        face_weight = np.where(level.sizes == 3, _TRIANGLE_WEIGHT, 0.25)
+        weight = 0.5 * (face_weight[a] + face_weight[b])[:, None]
     smooth = (1.0 - 2.0 * weight) * edge_points[edges] + weight * (means[a] + means[b])
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
 def _smooth_loop_edges(level: Level, values: Doubles, edge_points: Doubles) -> None:
-    """Write the points of edges that are not fully sharp. Loop 1987: 3/8 of the ends, 1/8 of the points opposite."""
-    edges, half, sharpness = _half_edges(level)
+    """Overwrite the points of edges of sharpness below 1. Loop 1987: 3/8 of the ends, 1/8 of the opposite points."""
+    edges, half, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]
     across = values[opposite[half]] + values[opposite[level.twins[half]]]
     smooth = 0.75 * edge_points[edges] + 0.125 * across
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
-def _points(level: Level, values: Doubles, around: Doubles, rules: Rules) -> Doubles:
-    """Return the points of the points. `around` (m, k) is what each corner adds to the sum of a smooth point."""
-    (is_corner, is_crease), (stays_corner, becomes_crease) = _kinds(level, 0.0), _kinds(level, 1.0)
-    share = np.where((is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition(level))
+def _refine_points(level: Level, values: Doubles, around: Doubles, rules: Rules) -> Doubles:
+    """Return the new values of the old points. `around` (m, k) are the terms of the corners in a smooth point's sum."""
+    is_corner, is_crease = _corners_and_creases(level, 0.0)
+    stays_corner, becomes_crease = _corners_and_creases(level, 1.0)
+    share = np.where((is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level))
     corner = share * is_corner + (1.0 - share) * stays_corner
     crease = share * is_crease + (1.0 - share) * becomes_crease
     smooth = 1.0 - corner - crease
-    own, ring = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
-    result: Doubles = (corner + 0.75 * crease + smooth * own)[:, None] * values
-    result += (smooth * ring)[:, None] * sums(level.points, around, len(values))
-    # The two edges of a crease: those sharp now, or those that stay sharp at what becomes a crease.
-    above = np.where(is_crease, 0.0, 1.0)
+    point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
+    result: Doubles = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
+    result += (smooth * ring_weight)[:, None] * group_sums(level.points, around, len(values))
+    # The two edges of a crease: the sharp ones, or, at a point that becomes a crease, those that stay sharp.
+    threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
-        edges = np.flatnonzero((level.edge_sharpness > above[this]) & (crease[this] > 0.0))
+        edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))
         if len(edges):
             point = this[edges]
-            result += sums(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
+            result += group_sums(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
     return result
 
 
-def _kinds(level: Level, above: float) -> tuple[Flags, Flags]:
-    """Return which points (n,) are corners and which lie on creases, of features sharper than `above`."""
+def _corners_and_creases(level: Level, above: float) -> tuple[Flags, Flags]:
+    """Return which points (n,) are corners and which lie on creases, counting features sharper than `above`."""
     edges = level.sharp_edges(above)
     corner = (level.point_sharpness > above) | (edges > 2)
     return corner, (edges == 2) & ~corner
 
 
-def _transition(level: Level) -> Doubles:
-    """Return the weight (n,) of a point's present mask where its next one differs: the mean of what falls to zero."""
-    fading = (level.edge_sharpness > 0.0) & (level.edge_sharpness <= 1.0)
-    ends, sharpness = level.ends[fading].ravel(), np.repeat(level.edge_sharpness[fading], 2)
-    own = (level.point_sharpness > 0.0) & (level.point_sharpness <= 1.0)
+def _transition_weights(level: Level) -> Doubles:
+    """Return the weight (n,) of a point's mask if its next one differs: the mean sharpness that falls to zero."""
+    is_fading_edge = (level.edge_sharpness > 0.0) & (level.edge_sharpness <= 1.0)
+    ends, sharpness = level.ends[is_fading_edge].ravel(), np.repeat(level.edge_sharpness[is_fading_edge], 2)
+    is_fading_point = (level.point_sharpness > 0.0) & (level.point_sharpness <= 1.0)
     count = len(level.point_sharpness)
-    total = np.bincount(ends, sharpness, count) + np.where(own, level.point_sharpness, 0.0)
-    return np.asarray(total / np.maximum(np.bincount(ends, minlength=count) + own, 1))
+    total = np.bincount(ends, sharpness, count) + np.where(is_fading_point, level.point_sharpness, 0.0)
+    return np.asarray(total / np.maximum(np.bincount(ends, minlength=count) + is_fading_point, 1))
 
 
 def smooth_weights(valence: NDArray[Any], rules: Rules) -> tuple[Doubles, Doubles]:
-    """Return the weights (n,) of a smooth point itself, and of each term of its ring."""
+    """Return the weights (n,) of a smooth point itself and of each term of its ring, from its valence (n,)."""
     n = np.maximum(valence, 1).astype(np.float64)
     if rules.scheme == "loop":
         # Loop 1987, in the form of Warren: (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n.

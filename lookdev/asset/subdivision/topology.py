@@ -1,7 +1,7 @@
 """Half-edges of a control cage and of each level of its refinement.
 
 A half-edge runs from a corner of a face to the face's next corner, and has the number of that corner. Its twin is the
-half-edge of the neighbouring face; where an edge has no face, or more than one, on its other side, there is none.
+half-edge of the neighbouring face. A half-edge has no twin if its edge has no other face, or more than one.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ Flags = NDArray[np.bool_]
 class Level:
     """Faces, half-edges and sharpness of one level.
 
-    sizes (f,) corners of each face; points (m,) and edges (m,) of each half-edge: where it starts, what it lies on;
-    twins (m,), -1 where there is none; ends (e, 2) points of each edge; edge_sharpness (e,), point_sharpness (n,):
-    0 smooth, infinite at boundaries and where the surface is not manifold.
+    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): its edge;
+    twins (m,): -1 if there is none; ends (e, 2): points of each edge; edge_sharpness (e,) and point_sharpness (n,):
+    0 is smooth; infinite at boundaries and where the surface is not manifold.
     """
 
     sizes: Index
@@ -39,12 +39,12 @@ class Level:
 
     @cached_property
     def next(self) -> Index:
-        """The half-edge (m,) that follows each one around its face."""
+        """The next half-edge (m,) around the face."""
         return next_corners(self.sizes)
 
     @cached_property
     def previous(self) -> Index:
-        """The half-edge (m,) before each one around its face."""
+        """The previous half-edge (m,) around the face."""
         previous = np.empty_like(self.next)
         previous[self.next] = np.arange(len(previous))
         return previous
@@ -56,17 +56,17 @@ class Level:
 
     @cached_property
     def boundary(self) -> Flags:
-        """Whether each edge (e,) has one face."""
+        """Whether each edge (e,) has exactly one face."""
         return np.asarray(np.bincount(self.edges, minlength=len(self.ends)) == 1)
 
     def sharp_edges(self, above: float) -> Index:
-        """Return how many edges sharper than `above` meet at each point (n,)."""
+        """Return the number of edges sharper than `above` at each point (n,)."""
         return np.bincount(self.ends[self.edge_sharpness > above].ravel(), minlength=len(self.point_sharpness))
 
-    def part(self, faces: Flags) -> tuple[Level, Index, Index]:
-        """Return the marked faces (f,) alone, and which corners and points of the whole are theirs.
+    def extract(self, faces: Flags) -> tuple[Level, Index, Index]:
+        """Extract the marked faces (f,); also return the indices of their corners and points in this level.
 
-        Edges at which they are cut off are infinitely sharp.
+        Edges at which they are cut off become infinitely sharp.
         """
         corners = np.flatnonzero(faces[self.faces])
         old_points, points = np.unique(self.points[corners], return_inverse=True)
@@ -83,16 +83,16 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """How the faces of a cage hang together: the twisted edges (e,), and around how many fans (n,) each point's lie.
+    """The connectivity of a cage's faces: which edges (e,) are twisted, and the number of fans (n,) around each point.
 
-    A manifold point has one fan, an edge between more than two faces, twice in one, or between two of opposite winding
-    is not manifold.
+    A twisted edge has more than two faces, occurs twice in one face, or joins two faces of opposite winding; it is not
+    manifold. A manifold point has one fan.
     """
 
     twisted: Flags
     fans: Index
 
-    def manifold(self, ends: Index) -> Flags:
+    def manifold_points(self, ends: Index) -> Flags:
         """Return which points (n,) have one fan and no twisted edge."""
         manifold = self.fans <= 1
         manifold[ends[self.twisted]] = False
@@ -100,91 +100,91 @@ class Joints:
 
 
 def connect(points: Index, sizes: Index, count: int) -> tuple[Level, Joints]:
-    """Return the half-edges of faces given by their points (m,) < `count` and sizes (f,), smooth up to topology.
+    """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their joints.
 
-    Boundary edges and edges that are not manifold are infinitely sharp; no point is sharp.
+    Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
     """
     following = next_corners(sizes)
     low, high = np.minimum(points, points[following]), np.maximum(points, points[following])
     _, first, edges = np.unique(low * count + high, return_index=True, return_inverse=True)
-    uses = np.bincount(edges)
+    use_counts = np.bincount(edges)
     order = np.argsort(edges, kind="stable")
-    start = np.cumsum(uses) - uses
-    double = np.flatnonzero(uses == 2)
-    a, b = order[start[double]], order[start[double] + 1]
+    start = np.cumsum(use_counts) - use_counts
+    shared_edges = np.flatnonzero(use_counts == 2)
+    a, b = order[start[shared_edges]], order[start[shared_edges] + 1]
     faces = np.repeat(np.arange(len(sizes)), sizes)
-    # Two faces of one winding run through their edge in opposite directions; an edge of no length has no direction.
-    proper = (points[a] != points[b]) & (faces[a] != faces[b])
+    # Two faces of equal winding traverse their edge in opposite directions; an edge from a point to itself has none.
+    is_paired = (points[a] != points[b]) & (faces[a] != faces[b])
     twins = np.full(len(points), -1)
-    twins[a[proper]], twins[b[proper]] = b[proper], a[proper]
-    twisted = uses != 1
-    twisted[double[proper]] = False
-    twisted |= low[first] == high[first]
+    twins[a[is_paired]], twins[b[is_paired]] = b[is_paired], a[is_paired]
+    is_twisted = use_counts != 1
+    is_twisted[shared_edges[is_paired]] = False
+    is_twisted |= low[first] == high[first]
     level = Level(
         sizes=sizes,
         points=points,
         edges=edges,
         twins=twins,
         ends=np.stack([points[first], points[following[first]]], axis=-1),
-        edge_sharpness=np.where(twisted | (uses == 1), np.inf, 0.0),
+        edge_sharpness=np.where(is_twisted | (use_counts == 1), np.inf, 0.0),
         point_sharpness=np.zeros(count),
     )
-    return level, Joints(twisted, _fans(level))
+    return level, Joints(is_twisted, _fans(level))
 
 
 def _fans(level: Level) -> Index:
-    """Return the number of fans (n,) around each point: sets of faces joined by twins at the point."""
-    # Half the time that a program takes to start, for few files.
+    """Return the number of fans (n,) around each point: sets of faces that twins connect at the point."""
+    # These imports take half of a program's start-up time, and few files need them.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     count = len(level.points)
-    beside = level.twins[level.previous]
-    joined = np.flatnonzero(beside >= 0)
-    graph = coo_array((np.ones(len(joined), np.int8), (joined, beside[joined])), shape=(count, count))
+    neighbours = level.twins[level.previous]
+    paired = np.flatnonzero(neighbours >= 0)
+    graph = coo_array((np.ones(len(paired), np.int8), (paired, neighbours[paired])), shape=(count, count))
     fans, member = connected_components(graph, directed=False)
-    of_point = np.empty(fans, np.intp)
-    of_point[member] = level.points
-    return np.bincount(of_point, minlength=len(level.point_sharpness))
+    fan_points = np.empty(fans, np.intp)
+    fan_points[member] = level.points
+    return np.bincount(fan_points, minlength=len(level.point_sharpness))
 
 
 def split(level: Level, triangles: bool) -> Level:
     """Return the next level: each face becomes quads, one at a corner, or each triangle four triangles.
 
-    Points are those of the points, of the edges and, unless `triangles`, of the faces, in this order. The child at
-    corner c starts with half-edge `first_child` of c, at the point of c; of triangles, the fourth is in the middle.
+    The new points come from the points, the edges and, unless `triangles`, the faces, in this order. The child at
+    corner c starts with the half-edge `first_child` of c, at the point of c; the fourth triangle is in the middle.
     Sharpness falls by one ("uniform" creasing, DeRose et al. 1998, section 3).
     """
     edge_count, count = len(level.ends), len(level.point_sharpness)
     corners = np.arange(len(level.points))
     child = first_child(corners, triangles)
-    of_edge = count + np.arange(edge_count)
-    # The half of each edge on the side of its half-edge's start, and of its end.
-    reversed_ = level.ends[level.edges, 0] != level.points
-    out, back = 2 * level.edges + reversed_, (2 * level.edges + ~reversed_)[level.previous]
-    inner = 2 * edge_count + corners
+    edge_points = count + np.arange(edge_count)
+    # The half of each half-edge's edge at its start, and that of the previous half-edge's edge at its end.
+    is_reversed = level.ends[level.edges, 0] != level.points
+    leading_halves, trailing_halves = 2 * level.edges + is_reversed, (2 * level.edges + ~is_reversed)[level.previous]
+    inner_edges = 2 * edge_count + corners
     before = level.previous
-    across = level.twins[before]
-    # The twins of a child's half-edges along the parent's edges.
-    beyond = np.where(level.twins < 0, -1, child[level.next[level.twins]] + (2 if triangles else 3))
-    behind = np.where(across < 0, -1, child[across])
-    ahead = of_edge[level.edges]
-    edge_ends = np.stack([level.ends, np.broadcast_to(of_edge[:, None], level.ends.shape)], axis=-1).reshape(-1, 2)
+    previous_twins = level.twins[before]
+    # The twins of a child's half-edges on the parent's edges.
+    leading_twins = np.where(level.twins < 0, -1, child[level.next[level.twins]] + (2 if triangles else 3))
+    trailing_twins = np.where(previous_twins < 0, -1, child[previous_twins])
+    next_edge_points = edge_points[level.edges]
+    edge_ends = np.stack([level.ends, np.broadcast_to(edge_points[:, None], level.ends.shape)], axis=-1).reshape(-1, 2)
     if triangles:
         middle = child[3 * (corners // 3)] + 9 + corners % 3
-        points = _interleave([level.points, ahead, ahead[before]], ahead)
-        edges = _interleave([out, inner, back], inner[level.next])
-        twins = _interleave([beyond, middle[before], behind], child[level.next] + 1)
-        inner_ends = np.stack([ahead, ahead[before]], axis=-1)
+        points = _interleave([level.points, next_edge_points, next_edge_points[before]], next_edge_points)
+        edges = _interleave([leading_halves, inner_edges, trailing_halves], inner_edges[level.next])
+        twins = _interleave([leading_twins, middle[before], trailing_twins], child[level.next] + 1)
+        inner_ends = np.stack([next_edge_points, next_edge_points[before]], axis=-1)
         sizes, new_points = np.full(len(points) // 3, 3), edge_count
     else:
-        center = count + edge_count + level.faces
-        points = np.stack([level.points, ahead, center, ahead[before]], axis=-1).ravel()
-        edges = np.stack([out, inner, inner[before], back], axis=-1).ravel()
-        twins = np.stack([beyond, child[level.next] + 2, child[before] + 1, behind], axis=-1).ravel()
-        inner_ends = np.stack([ahead, center], axis=-1)
+        face_points = count + edge_count + level.faces
+        points = np.stack([level.points, next_edge_points, face_points, next_edge_points[before]], axis=-1).ravel()
+        edges = np.stack([leading_halves, inner_edges, inner_edges[before], trailing_halves], axis=-1).ravel()
+        twins = np.stack([leading_twins, child[level.next] + 2, child[before] + 1, trailing_twins], axis=-1).ravel()
+        inner_ends = np.stack([next_edge_points, face_points], axis=-1)
         sizes, new_points = np.full(len(corners), 4), edge_count + len(level.sizes)
-    halves = np.repeat(softened(level.edge_sharpness), 2)
+    halves = np.repeat(next_sharpness(level.edge_sharpness), 2)
     return Level(
         sizes=sizes,
         points=points,
@@ -192,7 +192,7 @@ def split(level: Level, triangles: bool) -> Level:
         twins=twins,
         ends=np.concatenate([edge_ends, inner_ends]),
         edge_sharpness=np.concatenate([halves, np.zeros(len(corners))]),
-        point_sharpness=np.concatenate([softened(level.point_sharpness), np.zeros(new_points)]),
+        point_sharpness=np.concatenate([next_sharpness(level.point_sharpness), np.zeros(new_points)]),
     )
 
 
@@ -202,12 +202,12 @@ def first_child(corners: Index, triangles: bool) -> Index:
 
 
 def parent_faces(level: Level, triangles: bool) -> Index:
-    """Return the face of `level` that each face of the next one comes from."""
+    """Return the face of `level` from which each face of the next level comes."""
     return np.repeat(np.arange(len(level.sizes)), 4) if triangles else level.faces
 
 
 def split_corners(level: Level, values: NDArray[Any], triangles: bool) -> NDArray[Any]:
-    """Return values (m', k) at the corners of the next level, bilinear over each face, from those (m, k) at corners."""
+    """Return values (m', k) at the corners of the next level, bilinear over each face, from (m, k) at corners."""
     before = level.previous
     middles = 0.5 * (values + values[level.next])
     if triangles:
@@ -217,13 +217,13 @@ def split_corners(level: Level, values: NDArray[Any], triangles: bool) -> NDArra
     return np.asarray(stacked.reshape(-1, *values.shape[1:]))
 
 
-def softened(sharpness: Doubles) -> Doubles:
+def next_sharpness(sharpness: Doubles) -> Doubles:
     """Return the sharpness at the next level."""
     return np.maximum(sharpness - 1.0, 0.0)
 
 
 def _interleave(outer: list[NDArray[Any]], middle: NDArray[Any]) -> NDArray[Any]:
-    """Return what three triangles at the corners of each triangle have, then what the one in the middle has."""
+    """Interleave the values of the triangles at each triangle's corners with those of its middle triangle."""
     three = np.stack(outer, axis=1).reshape(-1, 9, *middle.shape[1:])
     four = np.concatenate([three, middle.reshape(-1, 3, *middle.shape[1:])], axis=1)
     return np.asarray(four.reshape(-1, *middle.shape[1:]))

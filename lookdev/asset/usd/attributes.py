@@ -1,7 +1,7 @@
-"""Values of USD attributes at a time: the one door through which readers of assets get them.
+"""Values of USD attributes at a time; all readers of assets get them here.
 
-A value has the type, shape and range that is asked for, or an AssetError names its prim and attribute. USD itself
-returns what a layer holds, whatever the attribute's type. How many values there must be is for the reader to check.
+A value has the requested type, shape and range, or an AssetError names its prim and attribute. USD itself returns the
+value of a layer, whatever the attribute's type. The caller checks the number of values.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def read_array(
     Raises
     ------
     AssetError
-        It is not an array of such values, or a number is not within +-`LARGEST`, which is not looked at unless
-        `bounded`: a reader of many arrays looks at those of all at once.
+        It is not an array of such values, or, with `bounded`, a number is not within +-`LARGEST`. A reader of many
+        arrays checks the bounds of all at once instead.
     """
     return checked_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
 
@@ -55,7 +55,7 @@ def read_array(
 def checked_array(
     value: Any, prim: Usd.Prim, name: str, kind: Any, shape: tuple[int, ...] = (), *, bounded: bool = True
 ) -> _Array:
-    """Return a value that USD computed for an attribute, checked as by `read_array`."""
+    """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
     if value is None:
         return np.zeros((0, *shape), kind)
     whole = kind is np.intp
@@ -68,7 +68,7 @@ def checked_array(
 
 
 def checked_floats(value: Any, attribute: Usd.Attribute, width: int, is_array: bool) -> _Array:
-    """Return the value of an attribute of any type as floats (k,) or (k, width), one where it is not an array."""
+    """Return the value of an attribute as floats (k,) or (k, width); k is 1 for an attribute that is not an array."""
     shape = (width,) if width > 1 else ()
     if is_array:
         if _FLOATS.get(type(value)) == shape:
@@ -81,7 +81,7 @@ def checked_floats(value: Any, attribute: Usd.Attribute, width: int, is_array: b
 
 
 def check_bounded(values: _Array, prim: Usd.Prim, name: str) -> None:
-    """Raise AssetError where a number of floats (k, ...) is not within +-`LARGEST`."""
+    """Raise AssetError if a number of an array (k, ...) is not within +-`LARGEST`."""
     wrong = ~(np.abs(values) <= LARGEST)
     if wrong.any():
         i = int(wrong.reshape(len(values), -1).any(axis=1).argmax())
@@ -89,16 +89,16 @@ def check_bounded(values: _Array, prim: Usd.Prim, name: str) -> None:
         raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {number:g}; a number within +-{LARGEST:g} is needed")
 
 
-def check_range(indices: _Array, count: int, prim: Usd.Prim, name: str, of: str) -> None:
-    """Raise AssetError where an index of an attribute is not in 0..count-1."""
+def check_range(indices: _Array, count: int, prim: Usd.Prim, name: str, noun: str) -> None:
+    """Raise AssetError if an index of an attribute is not in 0..count-1; `noun` names the elements."""
     wrong = (indices < 0) | (indices >= count)
     if wrong.any():
         i = int(np.argmax(wrong))
-        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {indices[i]}, but {index_rule(count, of)}")
+        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {indices[i]}, but {index_rule(count, noun)}")
 
 
 def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -LARGEST, high: float = LARGEST) -> float:
-    """Return a number in a range; raises AssetError where the attribute holds none."""
+    """Return a number within a range; raises AssetError if the attribute has another value."""
     value = prim.GetAttribute(name).Get(time)
     if type(value) not in (float, int):
         raise wrong_type(prim, name, value, "double")
@@ -107,18 +107,18 @@ def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -LAR
     return float(value)
 
 
-def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, known: Sequence[str]) -> Any:
-    """Return one of the known values of an attribute; raises AssetError where it holds another."""
+def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[str]) -> Any:
+    """Return one of the allowed values of an attribute; raises AssetError if it has another."""
     value = prim.GetAttribute(name).Get(time)
     if not isinstance(value, str):
         raise wrong_type(prim, name, value, "token")
-    if value not in known:
-        raise AssetError(f"{prim.GetPath()}: {name} is {shown(value)} ({nearest_hint(value, known)})")
+    if value not in allowed:
+        raise AssetError(f"{prim.GetPath()}: {name} is {shown(value)} ({nearest_hint(value, allowed)})")
     return value
 
 
 def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> tuple[str, ...]:
-    """Return the texts of an array attribute; raises AssetError where it holds something else."""
+    """Return the texts of an array attribute; raises AssetError if it has another type."""
     value = prim.GetAttribute(name).Get(Usd.TimeCode.Default() if time is None else time)
     if value is None:
         return ()
@@ -128,7 +128,7 @@ def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> t
 
 
 def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> NDArray[np.float64]:
-    """Return a matrix (4, 4) for row vectors; raises AssetError where the attribute holds none, or one not finite."""
+    """Return a matrix (4, 4) for row vectors; raises AssetError if the value is not a bounded matrix."""
     value = prim.GetAttribute(name).Get(time)
     if not isinstance(value, Gf.Matrix4d):
         raise wrong_type(prim, name, value, "matrix4d")
@@ -138,17 +138,17 @@ def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> NDArray[np.flo
 
 
 def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Any:
-    """Return an interpolation of USD; raises AssetError where it is none."""
+    """Return an interpolation of USD; raises AssetError for any other text."""
     if interpolation not in _INTERPOLATIONS:
-        known = ", ".join(_INTERPOLATIONS)
-        raise AssetError(f"{prim.GetPath()}: {name} has interpolation {shown(interpolation)}; known: {known}")
+        names = ", ".join(_INTERPOLATIONS)
+        raise AssetError(f"{prim.GetPath()}: {name} has interpolation {shown(interpolation)}; known: {names}")
     return interpolation
 
 
-def wrong_type(prim: Usd.Prim, name: str, value: Any, needed: str) -> AssetError:
-    """Return the error for an attribute whose value has another type than is needed."""
-    given = "empty" if value is None else f"of type {type_name(value)}"
-    return AssetError(f"{prim.GetPath()}: {name} is {given}; {needed} is needed")
+def wrong_type(prim: Usd.Prim, name: str, value: Any, required: str) -> AssetError:
+    """Return the error for an attribute whose value has another type than required."""
+    actual = "empty" if value is None else f"of type {type_name(value)}"
+    return AssetError(f"{prim.GetPath()}: {name} is {actual}; {required} is needed")
 
 
 def type_name(value: Any) -> str:

@@ -1,6 +1,6 @@
-"""UsdSkel's blend shapes, with inbetweens: what they add to points and normals by their weights.
+"""UsdSkel's blend shapes, with inbetweens: the weighted offsets that they add to points and normals.
 
-Computed here, since USD's own functions read beyond their arrays where a target is missing or inactive.
+They are computed here because USD's own functions read beyond their arrays if a target is missing or inactive.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from lookdev.asset.shape import Doubles, Index
 from lookdev.asset.usd.attributes import read_array
 from lookdev.errors import AssetError
 
-_ALWAYS = Usd.TimeCode.Default()
-_SAME = 1e-6  # weights that USD takes for equal
+_DEFAULT_TIME = Usd.TimeCode.Default()
+_SAME = 1e-6  # the difference up to which USD takes weights for equal
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """What a blend shape adds to the points `indices` (k,), or to all points, and to their normals: (k, 3) or none."""
+    """Offsets of a blend shape for the points `indices` (k,), None for all, and for their normals: (k, 3) or (0, 3)."""
 
     path: str
     indices: Index | None
     points: Doubles
     normals: Doubles
 
-    def moved(self, points: Doubles) -> Doubles:
-        """Return points (n, 3) with their offsets."""
-        return self._added(points, self.points)
+    def offset_points(self, points: Doubles) -> Doubles:
+        """Return points (n, 3) with the offsets added."""
+        return self._add(points, self.points)
 
-    def turned(self, normals: Doubles) -> Doubles:
-        """Return normals (n, 3) by point with their offsets, not unit."""
-        return self._added(normals, self.normals)
+    def offset_normals(self, normals: Doubles) -> Doubles:
+        """Return normals (n, 3), one for each point, with the offsets added; they are not unit."""
+        return self._add(normals, self.normals)
 
-    def _added(self, values: Doubles, offsets: Doubles) -> Doubles:
+    def _add(self, values: Doubles, offsets: Doubles) -> Doubles:
         if len(offsets) == 0:
             return values
         indices = np.arange(len(values)) if self.indices is None else self.indices
@@ -54,62 +54,69 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield what each blend shape with a weight adds to a prim, in proportion between the two nearest inbetweens.
+    """Yield the offsets of each blend shape with a weight, interpolated linearly between the two nearest inbetweens.
 
     Raises
     ------
     AssetError
-        Names and targets do not agree, a target is no blend shape, or inbetweens do not fit together.
+        Names and targets do not agree, a target is not a blend shape, or inbetweens contradict each other.
     """
-    where = prim.GetPath()
+    path = prim.GetPath()
     if len(names) != len(targets):
-        raise AssetError(f"{where}: has {len(names)} skel:blendShapes, but {len(targets)} skel:blendShapeTargets")
+        raise AssetError(f"{path}: has {len(names)} skel:blendShapes, but {len(targets)} skel:blendShapeTargets")
     for name, target in zip(names, targets, strict=True):
         shape = UsdSkel.BlendShape(prim.GetStage().GetPrimAtPath(target))
         if not shape:
-            raise AssetError(f"{where}: skel:blendShapeTargets {target} is no BlendShape; the path of one is needed")
+            raise AssetError(f"{path}: skel:blendShapeTargets {target} is not a BlendShape; the path of one is needed")
         weight = weights.get(name, 0.0)
         if weight == 0.0 or not shape.GetPrim().IsActive():
             continue
-        rows: dict[float, tuple[Doubles, Doubles]] = {
+        offsets_by_weight: dict[float, tuple[Doubles, Doubles]] = {
             0.0: (np.zeros((0, 3)), np.zeros((0, 3))),
-            1.0: _offsets(shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()),
+            1.0: _read_offsets(shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()),
         }
         for inbetween in shape.GetInbetweens():
-            at = inbetween.GetWeight()
-            if at is None or any(abs(at - other) < _SAME for other in rows):
+            inbetween_weight = inbetween.GetWeight()
+            if inbetween_weight is None or any(abs(inbetween_weight - other) < _SAME for other in offsets_by_weight):
                 notes.append(f"{inbetween.GetAttr().GetPath()}: no weight, or that of another shape: it has no effect")
             else:
-                rows[at] = _offsets(inbetween.GetAttr(), inbetween.GetNormalOffsetsAttr())
-        known = sorted(rows)
-        upper = min(max(bisect_right(known, weight), 1), len(known) - 1)
-        low, high = known[upper - 1 : upper + 1]
-        part = (weight - low) / (high - low)
-        points, normals = (_mixed(a, b, part, str(target)) for a, b in zip(rows[low], rows[high], strict=True))
-        indices = read_array(shape.GetPrim(), "pointIndices", _ALWAYS, np.intp)
+                offsets_by_weight[inbetween_weight] = _read_offsets(
+                    inbetween.GetAttr(), inbetween.GetNormalOffsetsAttr()
+                )
+        shape_weights = sorted(offsets_by_weight)
+        upper = min(max(bisect_right(shape_weights, weight), 1), len(shape_weights) - 1)
+        low, high = shape_weights[upper - 1 : upper + 1]
+        fraction = (weight - low) / (high - low)
+        points, normals = (
+            _interpolate_offsets(a, b, fraction, str(target))
+            for a, b in zip(offsets_by_weight[low], offsets_by_weight[high], strict=True)
+        )
+        indices = read_array(shape.GetPrim(), "pointIndices", _DEFAULT_TIME, np.intp)
         yield Offsets(str(target), indices if len(indices) else None, points, normals)
 
 
-def _offsets(points: Any, normals: Any) -> tuple[Doubles, Doubles]:
-    """Return the values (k, 3) of two attributes, none where they are not authored."""
-    moved, turned = (
-        read_array(each.GetPrim(), each.GetName(), _ALWAYS, np.float64, (3,)) if each else np.zeros((0, 3))
-        for each in (points, normals)
+def _read_offsets(points: Any, normals: Any) -> tuple[Doubles, Doubles]:
+    """Return the values (k, 3) of two attributes, (0, 3) for one that is not authored."""
+    point_offsets, normal_offsets = (
+        read_array(attribute.GetPrim(), attribute.GetName(), _DEFAULT_TIME, np.float64, (3,))
+        if attribute
+        else np.zeros((0, 3))
+        for attribute in (points, normals)
     )
-    if len(turned) not in (0, len(moved)):
+    if len(normal_offsets) not in (0, len(point_offsets)):
         raise AssetError(
-            f"{points.GetPrim().GetPath()}: has {len(moved)} {points.GetName()}, but {len(turned)} "
+            f"{points.GetPrim().GetPath()}: has {len(point_offsets)} {points.GetName()}, but {len(normal_offsets)} "
             f"{normals.GetName()}; they must agree"
         )
-    return moved, turned
+    return point_offsets, normal_offsets
 
 
-def _mixed(before: Doubles, after: Doubles, part: float, where: str) -> Doubles:
-    """Return offsets a part of the way between two shapes; one without offsets moves nothing."""
+def _interpolate_offsets(before: Doubles, after: Doubles, fraction: float, path: str) -> Doubles:
+    """Interpolate linearly between the offsets of two shapes; a shape without offsets counts as zero."""
     if len(before) and len(after) and len(before) != len(after):
-        raise AssetError(f"{where}: its shapes have {len(before)} and {len(after)} offsets; they must agree")
+        raise AssetError(f"{path}: its shapes have {len(before)} and {len(after)} offsets; they must agree")
     result = np.zeros((max(len(before), len(after)), 3))
-    for weight, offsets in ((1.0 - part, before), (part, after)):
+    for weight, offsets in ((1.0 - fraction, before), (fraction, after)):
         if len(offsets):
             result += weight * offsets
     return result

@@ -1,4 +1,4 @@
-"""The members of collections of a USD stage, by USD's own membership query."""
+"""The members of collections of a USD stage, computed by USD's membership query."""
 
 from __future__ import annotations
 
@@ -19,46 +19,48 @@ def is_collection(pattern: str) -> bool:
 
 
 def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim | None:
-    """Return the prim of a path that somebody has written; None where there is none, or where it is no path."""
-    valid = path.startswith("/") and Sdf.Path.IsValidPathString(path)
-    return (stage.GetPrimAtPath(path) or None) if valid else None
+    """Return the prim at a path that a user wrote; None if there is no such prim or it is not a path."""
+    is_path = path.startswith("/") and Sdf.Path.IsValidPathString(path)
+    return (stage.GetPrimAtPath(path) or None) if is_path else None
 
 
 def collections_above(stage: Usd.Stage, paths: Iterable[str]) -> tuple[str, ...]:
     """Return the paths of the collections of the prims at and above `paths`, sorted."""
-    known: set[str] = set()
-    found: set[str] = set()
+    visited: set[str] = set()
+    collections: set[str] = set()
     for path in paths:
-        while path and path not in known:
-            known.add(path)
+        while path and path not in visited:
+            visited.add(path)
             if prim := prim_at(stage, path):
-                found.update(f"{path}{_MARK}{each.GetName()}" for each in Usd.CollectionAPI.GetAll(prim))
+                collections.update(
+                    f"{path}{_MARK}{collection_api.GetName()}" for collection_api in Usd.CollectionAPI.GetAll(prim)
+                )
             path = path.rpartition("/")[0]
-    return tuple(sorted(found))
+    return tuple(sorted(collections))
 
 
 def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) -> frozenset[str]:
-    """Return those of `paths` that the collection of a path includes.
+    """Return the members of `paths` that a collection, given by its path, includes.
 
     Raises
     ------
     AssetError
-        The stage has no such prim, the prim no such collection, or it includes itself.
+        The stage has no such prim, the prim has no such collection, or the collection includes itself.
     """
-    place, _, name = collection.partition(_MARK)
-    prim = prim_at(stage, place)
+    prim_path, _, name = collection.partition(_MARK)
+    prim = prim_at(stage, prim_path)
     if prim is None:
-        raise AssetError(f"'{collection}' is no collection of the asset: it has no prim {place}")
-    known = {each.GetName(): each for each in Usd.CollectionAPI.GetAll(prim)}
-    if name not in known:
-        hint = nearest_hint(name, sorted(known)) if known else "it has none"
-        raise AssetError(f"'{collection}' is no collection of the asset: {place} has no '{name}' ({hint})")
+        raise AssetError(f"'{collection}' is not a collection of the asset: it has no prim {prim_path}")
+    collections = {api.GetName(): api for api in Usd.CollectionAPI.GetAll(prim)}
+    if name not in collections:
+        hint = nearest_hint(name, sorted(collections)) if collections else "it has none"
+        raise AssetError(f"'{collection}' is not a collection of the asset: {prim_path} has no '{name}' ({hint})")
     with reading(Path(stage.GetRootLayer().identifier)):
-        valid, reason = known[name].Validate()
+        valid, reason = collections[name].Validate()
         if not valid:
             raise AssetError(f"'{collection}' is not a valid collection: {usd_words(reason)}")
-        for target in known[name].GetIncludesRel().GetTargets():
+        for target in collections[name].GetIncludesRel().GetTargets():
             if target.IsPropertyPath() and not Usd.CollectionAPI.Get(stage, target):
                 raise AssetError(f"'{collection}' is not a valid collection: it includes {target}, which is none")
-        query = known[name].ComputeMembershipQuery()
+        query = collections[name].ComputeMembershipQuery()
         return frozenset(path for path in paths if query.IsPathIncluded(Sdf.Path(path)))

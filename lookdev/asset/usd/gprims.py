@@ -1,4 +1,4 @@
-"""Gprims as shapes, by their types: meshes, curves, points and implicit surfaces, deformed as UsdSkel does."""
+"""Gprims as shapes, by their types: meshes, curves, points and implicit surfaces, deformed by UsdSkel."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ from lookdev.asset.usd.primitives import (
 )
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
-from lookdev.asset.usd.velocities import carried_points
-from lookdev.asset.usd.walk import Seen
+from lookdev.asset.usd.velocities import points_from_velocities
+from lookdev.asset.usd.walk import PlacedGprim
 from lookdev.errors import AssetError
 
 _CURVES = ("BasisCurves", "NurbsCurves")
 GPRIMS = ("Mesh", *_CURVES, "Points", *PRIMITIVES)
-"""The types that are rendered."""
-_SHAPING = ("widths", "normals")
+"""The types of gprims that are rendered."""
+_CURVE_ATTRIBUTES = ("widths", "normals")
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A gprim's shape, and the names of the GeomSubsets that are its parts from 1 on.
+    """A gprim's shape, and the names of the GeomSubsets that are its parts, from 1 on.
 
-    It is where `GprimReader.space` says, with `copies` (k, 4, 4), for row vectors in the stage's unit, once for each.
+    The transform of `Skinning.space` places it. `copies` (k, 4, 4), for row vectors in the stage's unit, place several
+    copies in that space.
     """
 
     shape: Shape
@@ -45,7 +46,7 @@ class Surface:
 
 
 class GprimReader:
-    """Reads gprims of a stage at a time, in metres of `unit` a unit; `note` is told what is left out of a prim."""
+    """Reads gprims of a stage at a time, in metres; `unit` is that of the stage. Calls `note` for dropped content."""
 
     def __init__(self, time: Usd.TimeCode, unit: float, note: Callable[[str, Usd.Prim], None]) -> None:
         self.primvars = PrimvarReader(time, note)
@@ -54,50 +55,50 @@ class GprimReader:
         self._unit = unit
         self._note = note
         self._errors: dict[tuple[Any, ...], float] = {}
-        self._alike: dict[tuple[Any, ...], tuple[tuple[Any, ...], float]] = {}
+        self._shared: dict[tuple[Any, ...], tuple[tuple[Any, ...], float]] = {}
 
-    def allot(self, seen: Iterable[Seen]) -> None:
-        """Settle how fine implicit surfaces are, by all that are seen.
+    def allot(self, gprims: Iterable[PlacedGprim]) -> None:
+        """Allot the errors of implicit surfaces, from all visible gprims.
 
-        Where they are too many to be as fine as one, those that are alike but for their size are copies of one.
+        If they are too many for the least error, surfaces of equal proportions become scaled copies of one surface.
         """
         radii: dict[tuple[Any, ...], float] = {}
-        for each in seen:
-            if each.prim.GetTypeName() in PRIMITIVES:
+        for gprim in gprims:
+            if gprim.prim.GetTypeName() in PRIMITIVES:
                 try:
-                    key = primitive_key(each.prim, self._time)
+                    key = primitive_key(gprim.prim, self._time)
                 except AssetError:
-                    continue  # raised when it is read
-                scale = float(np.linalg.norm(each.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
+                    continue  # `read` raises it again
+                scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
-        solid = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
-        errors = allotted_errors(np.array(list(solid.values())))
-        self._errors = dict(zip(solid, errors.tolist(), strict=True))
+        sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
+        errors = allotted_errors(np.array(list(sized.values())))
+        self._errors = dict(zip(sized, errors.tolist(), strict=True))
         if (errors > LEAST_ERROR).any():
-            self._alike = {key: proportions(key, error) for key, error in self._errors.items()}
+            self._shared = {key: proportions(key, error) for key, error in self._errors.items()}
 
     def key(self, prim: Usd.Prim) -> tuple[Any, ...]:
-        """Return what is the same for gprims with one surface: instances of a prototype's gprim, like primitives."""
-        posed = self.skinning.key(prim)
-        if prim.GetTypeName() in PRIMITIVES and not posed:
-            own, _ = self.primvars.own(prim)
+        """Return a key that is equal for gprims that share a surface: instances of a gprim, and equal primitives."""
+        skinning_key = self.skinning.key(prim)
+        if prim.GetTypeName() in PRIMITIVES and not skinning_key:
+            attributes, _ = self.primvars.local_primvars(prim)
             key = primitive_key(prim, self._time)
-            alike, _ = self._alike.get(key, (key, 1.0))
-            return (*alike, *((each.name, each.values.tobytes()) for each in own))
-        return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()), *posed
+            shared_key, _ = self._shared.get(key, (key, 1.0))
+            return (*shared_key, *((attribute.name, attribute.values.tobytes()) for attribute in attributes))
+        return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()), *skinning_key
 
     def read(self, prim: Usd.Prim) -> Surface:
-        """Return the surface of a gprim of a type in `GPRIMS`; raises AssetError where it contradicts itself."""
-        kind = prim.GetTypeName()
-        if kind in PRIMITIVES:
-            return self._primitive(prim)
-        deformed = self.skinning.deformed(prim)
-        points = carried_points(prim, self._time) if deformed is None else deformed.points
-        if kind == "Points":
+        """Return the surface of a gprim of a type in `GPRIMS`; raises AssetError if the gprim contradicts itself."""
+        type_name = prim.GetTypeName()
+        if type_name in PRIMITIVES:
+            return self._read_primitive(prim)
+        deformed = self.skinning.deform(prim)
+        points = points_from_velocities(prim, self._time) if deformed is None else deformed.points
+        if type_name == "Points":
             shape, copies = point_shape(prim, self._time, self._unit, points=points)
-            return Surface(self._with_constants(shape, prim), (), copies)
-        if kind in _CURVES:
-            attributes, default_uv = self.primvars.own(prim)
+            return Surface(self._add_constant_primvars(shape, prim), (), copies)
+        if type_name in _CURVES:
+            attributes, default_uv = self.primvars.local_primvars(prim)
             shape = curve_shape(prim, self._time, self._unit, attributes, points)
             return Surface(replace(shape, default_uv=default_uv or "st"))
         shape, subsets = mesh_shape(prim, self._time, self._unit, self.primvars, points)
@@ -106,31 +107,33 @@ class GprimReader:
         return Surface(shape, subsets)
 
     def copies(self, prim: Usd.Prim, surface: Surface) -> Doubles | None:
-        """Return the placements (k, 4, 4) of a gprim's surface in its space, as `Surface.copies`."""
-        size = self._size(prim)
-        return surface.copies if size == 1.0 else np.diag([size, size, size, 1.0])[None]
+        """Return the placements (k, 4, 4) of a gprim's surface in its space, as in `Surface.copies`."""
+        scale = self._shared_scale(prim)
+        return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]
 
-    def _size(self, prim: Usd.Prim) -> float:
-        """Return the factor of a primitive to the surface that it shares with others."""
-        if prim.GetTypeName() not in PRIMITIVES or not self._alike or self.skinning.key(prim):
+    def _shared_scale(self, prim: Usd.Prim) -> float:
+        """Return the scale of a primitive relative to the surface that it shares with others."""
+        if prim.GetTypeName() not in PRIMITIVES or not self._shared or self.skinning.key(prim):
             return 1.0
-        return self._alike.get(primitive_key(prim, self._time), ((), 1.0))[1]
+        return self._shared.get(primitive_key(prim, self._time), ((), 1.0))[1]
 
-    def _primitive(self, prim: Usd.Prim) -> Surface:
+    def _read_primitive(self, prim: Usd.Prim) -> Surface:
         error = self._errors.get(primitive_key(prim, self._time), LEAST_ERROR)
-        shape = primitive_shape(prim, self._time, self._unit / self._size(prim), error)
-        deformed = self.skinning.deformed(prim, shape.points / self._unit)
+        shape = primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
+        deformed = self.skinning.deform(prim, shape.points / self._unit)
         if deformed is not None and shape.normals is not None:
             normals = deformed.normals(shape.normals, shape.face_points)
             shape = replace(shape, points=deformed.points * self._unit, normals=normals)
-        return Surface(self._with_constants(shape, prim))
+        return Surface(self._add_constant_primvars(shape, prim))
 
-    def _with_constants(self, shape: Shape, prim: Usd.Prim) -> Shape:
-        """Return a sphere or primitive with the primvars of its prim that are constant, which is all it can carry."""
-        attributes = {each.name: each for each in shape.attributes}
-        for each in self.primvars.own(prim)[0]:
-            if len(each.values) == 1:
-                attributes[each.name] = replace(each, interpolation="constant")
-            elif each.name not in _SHAPING:
-                self._note(f"with primvars:{each.name} of {len(each.values)} values, left out: one is carried", prim)
+    def _add_constant_primvars(self, shape: Shape, prim: Usd.Prim) -> Shape:
+        """Return the shape of Points or a primitive with the constant primvars of its prim; others are dropped."""
+        attributes = {attribute.name: attribute for attribute in shape.attributes}
+        for attribute in self.primvars.local_primvars(prim)[0]:
+            if len(attribute.values) == 1:
+                attributes[attribute.name] = replace(attribute, interpolation="constant")
+            elif attribute.name not in _CURVE_ATTRIBUTES:
+                self._note(
+                    f"with primvars:{attribute.name} of {len(attribute.values)} values, left out: one is carried", prim
+                )
         return replace(shape, attributes=tuple(attributes.values()))

@@ -1,4 +1,4 @@
-"""A `UsdGeom.Mesh` as a shape: its faces, the rules of its subdivision, and the GeomSubsets that bind materials."""
+"""A `UsdGeom.Mesh` as a shape: its faces, its subdivision rules, and the GeomSubsets with material bindings."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices",
 def mesh_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Doubles | None = None
 ) -> tuple[Shape, tuple[str, ...]]:
-    """Return a mesh, and the names of its GeomSubsets: part n of the shape is subset n, and 0 the faces in none.
+    """Return a mesh and the names of its GeomSubsets: part n of the shape is subset n, part 0 all other faces.
 
-    `points` replace those of the file, in its unit. Authored normals of a subdivision surface are ignored, as USD's
-    schema says; a mesh whose subdivisionScheme is ``none`` and that has none is flat.
+    `points` replace those of the file, in its unit. Authored normals of a subdivision surface have no effect, as USD's
+    schema says. A mesh of subdivisionScheme ``none`` without normals is flat.
 
     Raises
     ------
     AssetError
-        An attribute is not of its type, or contradicts another one.
+        An attribute has a wrong type, or contradicts another one.
     """
     authored = set(prim.GetAuthoredPropertyNames())
     if points is None:
@@ -38,48 +38,48 @@ def mesh_shape(
     sizes = read_array(prim, "faceVertexCounts", time, np.intp)
     holes = read_array(prim, "holeIndices", time, np.intp) if "holeIndices" in authored else None
     scheme = read_token(prim, "subdivisionScheme", time, (*get_args(Scheme), "none"))
-    mirrored = "orientation" in authored and read_token(prim, "orientation", time, _ORIENTATIONS) == "leftHanded"
-    attributes, default_uv = primvars.own(prim)
-    subsets, parts = _parts(prim, time, len(sizes))
-    flat = scheme == "none"
+    is_left_handed = "orientation" in authored and read_token(prim, "orientation", time, _ORIENTATIONS) == "leftHanded"
+    attributes, default_uv = primvars.local_primvars(prim)
+    subsets, parts = _read_parts(prim, time, len(sizes))
+    is_flat = scheme == "none"
     return Shape(
         name=str(prim.GetPath()),
         points=points * unit,
         face_sizes=sizes,
         face_points=read_array(prim, "faceVertexIndices", time, np.intp),
         attributes=attributes,
-        normals=primvars.normals(prim) if flat and not authored.isdisjoint(_NORMALS) else None,
-        flat=flat,
-        left_handed=mirrored,
+        normals=primvars.normals(prim) if is_flat and not authored.isdisjoint(_NORMALS) else None,
+        flat=is_flat,
+        left_handed=is_left_handed,
         holes=holes,
-        subdivision=None if flat else _subdivision(prim, time, scheme, authored, len(points)),
+        subdivision=None if is_flat else _read_subdivision(prim, time, scheme, authored, len(points)),
         parts=parts,
         default_uv=default_uv,
     ), subsets
 
 
-def _subdivision(
+def _read_subdivision(
     prim: Usd.Prim, time: Usd.TimeCode, scheme: Scheme, authored: set[str], point_count: int
 ) -> Subdivision:
     rules: dict[str, Any] = {}
-    for field, name, kind in (
+    for field, name, rule_type in (
         ("interpolate_boundary", "interpolateBoundary", BoundaryRule),
         ("face_varying", "faceVaryingLinearInterpolation", FaceVaryingRule),
         ("triangle_rule", "triangleSubdivisionRule", TriangleRule),
     ):
         if name in authored:
-            rules[field] = read_token(prim, name, time, get_args(kind))
+            rules[field] = read_token(prim, name, time, get_args(rule_type))
     if not authored.isdisjoint(_TAGS):
-        rules["crease_edges"], rules["crease_sharpness"] = _creases(prim, time, point_count)
-        rules["corner_points"], rules["corner_sharpness"] = _corners(prim, time, point_count)
+        rules["crease_edges"], rules["crease_sharpness"] = _read_creases(prim, time, point_count)
+        rules["corner_points"], rules["corner_sharpness"] = _read_corners(prim, time, point_count)
     return Subdivision(scheme, **rules)
 
 
-def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
-    """Return the edges (e, 2) of all creases, which are chains of points, and their sharpness (e,)."""
+def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+    """Return the edges (e, 2) of all creases, which are chains of points, and the sharpness (e,) of each edge."""
     indices = read_array(prim, "creaseIndices", time, np.intp)
     lengths = read_array(prim, "creaseLengths", time, np.intp)
-    sharpness = _sharpness(prim, "creaseSharpnesses", time)
+    sharpness = _read_sharpness(prim, "creaseSharpnesses", time)
     check_range(indices, point_count, prim, "creaseIndices", "points")
     if (lengths < 2).any():
         i = int(np.argmax(lengths < 2))
@@ -89,9 +89,9 @@ def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints
             f"{prim.GetPath()}: creaseLengths add up to {lengths.sum()} points, creaseIndices has {len(indices)}; "
             "they must agree"
         )
-    inner = np.ones(len(indices), bool)
-    inner[np.cumsum(lengths) - 1] = False  # the last point of a crease starts no edge
-    starts = np.flatnonzero(inner)
+    starts_edge = np.ones(len(indices), bool)
+    starts_edge[np.cumsum(lengths) - 1] = False  # the last point of a crease starts no edge
+    starts = np.flatnonzero(starts_edge)
     edges = np.stack([indices[starts], indices[starts + 1]], axis=-1)
     if len(sharpness) == len(lengths):
         sharpness = np.repeat(sharpness, lengths - 1)
@@ -103,8 +103,11 @@ def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints
     return edges.astype(np.int32), sharpness
 
 
-def _corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
-    indices, sharpness = read_array(prim, "cornerIndices", time, np.intp), _sharpness(prim, "cornerSharpnesses", time)
+def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+    indices, sharpness = (
+        read_array(prim, "cornerIndices", time, np.intp),
+        _read_sharpness(prim, "cornerSharpnesses", time),
+    )
     check_range(indices, point_count, prim, "cornerIndices", "points")
     if len(indices) != len(sharpness):
         raise AssetError(
@@ -114,29 +117,29 @@ def _corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints
     return indices.astype(np.int32), sharpness
 
 
-def _sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
-    values = read_array(prim, name, time, np.float32, bounded=False)  # inf is as sharp as can be
+def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
+    values = read_array(prim, name, time, np.float32, bounded=False)  # inf is the largest sharpness
     if np.isnan(values).any():
         raise AssetError(f"{prim.GetPath()}: {name}[{int(np.argmax(np.isnan(values)))}] is not a number")
     return np.clip(values, 0.0, UsdGeom.Mesh.SHARPNESS_INFINITE)
 
 
-def _parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Index | None]:
-    """Return the names of the subsets that bind materials, and the number of that of each face, from 1."""
+def _read_parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Index | None]:
+    """Return the names of the subsets with material bindings, and the number of each face's subset, from 1, or 0."""
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.GetAllChildrenNames() else []
     if not subsets:
         return (), None
-    owner = np.zeros(face_count, np.intp)
+    face_parts = np.zeros(face_count, np.intp)
     names = tuple(subset.GetPrim().GetName() for subset in subsets)
     for number, subset in enumerate(subsets, start=1):
         path = subset.GetPath()
-        if (kind := read_token(subset.GetPrim(), "elementType", time, _ELEMENTS)) != UsdGeom.Tokens.face:
-            raise AssetError(f"{path}: elementType is {kind!r}, but only 'face' can take a material")
+        if (element_type := read_token(subset.GetPrim(), "elementType", time, _ELEMENTS)) != UsdGeom.Tokens.face:
+            raise AssetError(f"{path}: elementType is {element_type!r}, but only 'face' can take a material")
         faces = read_array(subset.GetPrim(), "indices", time, np.intp)
         check_range(faces, face_count, subset.GetPrim(), "indices", "faces")
-        if (taken := owner[faces] != 0).any():
-            face = int(faces[taken.argmax()])
-            other = names[owner[face] - 1]
+        if (is_taken := face_parts[faces] != 0).any():
+            face = int(faces[is_taken.argmax()])
+            other = names[face_parts[face] - 1]
             raise AssetError(f"{path}: face {face} is also in {prim.GetPath()}/{other}; a face can be in one only")
-        owner[faces] = number
-    return names, owner
+        face_parts[faces] = number
+    return names, face_parts

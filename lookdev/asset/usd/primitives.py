@@ -1,13 +1,13 @@
 """UsdGeom's implicit surfaces as meshes: Cube, Sphere, Cylinder, Cone, Capsule, Plane, Cylinder_1 and Capsule_1.
 
-Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. What is straight
-along a direction has one face along it, a tapered side a few.
+Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. A surface has one
+face along a direction in which it is straight; a tapered side has a few.
 
-Texture coordinates ``st`` fill the unit square and are nowhere mirrored. Around an axis u grows counter-clockwise, seen
-against the axis, from the axis that follows it (x for z, y for x, z for y). v grows along the axis: on a sphere with
-the latitude, on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at its lower end to
-1. A cap is a disc in the unit square. Each face of a cube is the unit square; v grows along the stage's up axis on four
-of them. On a plane u grows along its width and v along its length, towards -z where one of them lies along z.
+Texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis u grows counter-clockwise, seen
+against the axis, from the next axis (x for z, y for x, z for y). v grows along the axis: on a sphere with the latitude,
+on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at its lower end to 1. A cap is a
+disc in the unit square. Each face of a cube is the unit square; v grows along the stage's up axis on four of them. On a
+plane u grows along its width and v along its length, towards -z if one of them lies along z.
 
 A Capsule_1 is tangent to both of its spheres, as its schema requires; Hydra's has an edge there (`atan` for `asin`).
 """
@@ -25,8 +25,9 @@ from pxr import UsdGeom
 from lookdev.asset.shape import Attribute, Doubles, Index, Shape
 from lookdev.asset.usd.attributes import read_number, read_token
 
-_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # places by which the coordinates of a surface about z move
-_PLANES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}  # along u and v
+_AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # positions by which the coordinates of a surface about z are rolled
+# The directions of u and v.
+_PLANE_AXES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}
 LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
 _MOST_FACES = 4_000_000
 _TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
@@ -36,37 +37,38 @@ def primitive_shape(prim: Any, time: Any, unit: float, error: float = LEAST_ERRO
     """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
-    49,928 faces of a sphere for 1e-4, 5,000 for 1e-3. A surface that a size of 0 leaves without area has no faces.
+    a sphere has 49,928 faces for 1e-4 and 5,000 for 1e-3. A surface without area, because a size is 0, has no faces.
 
     Raises
     ------
     AssetError
-        A size is negative or not a number, or the axis is none.
+        A size is negative or not a number, or the axis is invalid.
     """
     surface, size = proportions(primitive_key(prim, time), error)
-    return _shape(str(prim.GetPath()), _surface(*surface), size * unit)
+    return _scaled_shape(str(prim.GetPath()), _unit_surface(*surface), size * unit)
 
 
 def proportions(key: tuple[Any, ...], error: float) -> tuple[tuple[Any, ...], float]:
-    """Return what a surface depends on but for its size, and its size, by its `primitive_key`."""
-    kind, axis, *sizes = key
+    """Return the parameters of a surface scaled to size 1, and its size, from its `primitive_key`."""
+    type_name, axis, *sizes = key
     size = max(sizes)
-    return (kind, axis, _segments(error), *(each / size if size > 0.0 else each for each in sizes)), size
+    relative_sizes = (length / size if size > 0.0 else length for length in sizes)
+    return (type_name, axis, _segment_count(error), *relative_sizes), size
 
 
 def sphere_shape(name: str, radius: float, error: float = LEAST_ERROR) -> Shape:
-    """Return a sphere about the origin as `primitive_shape` does."""
-    return _shape(name, _surface("Sphere", "Z", _segments(error), 1.0), radius)
+    """Return a sphere at the origin, with the error as in `primitive_shape`."""
+    return _scaled_shape(name, _unit_surface("Sphere", "Z", _segment_count(error), 1.0), radius)
 
 
 @lru_cache(maxsize=256)
-def _surface(kind: str, axis: str, segments: int, *sizes: float) -> _Surface:
-    """Return a surface whose largest size is 1; shapes of the same proportions share its arrays."""
-    build, _ = _KINDS[kind]
+def _unit_surface(type_name: str, axis: str, segments: int, *sizes: float) -> _Surface:
+    """Return a surface whose largest size is 1; shapes of equal proportions share its arrays."""
+    build, _ = _BUILDERS[type_name]
     return build(axis, segments, *sizes) or _Surface.empty()
 
 
-def _shape(name: str, surface: _Surface, scale: float) -> Shape:
+def _scaled_shape(name: str, surface: _Surface, scale: float) -> Shape:
     return Shape(
         name=name,
         points=surface.points * scale,
@@ -78,39 +80,39 @@ def _shape(name: str, surface: _Surface, scale: float) -> Shape:
 
 
 def primitive_key(prim: Any, time: Any) -> tuple[Any, ...]:
-    """Return what a surface depends on: prims with equal keys can share one mesh. Raises as `primitive_shape` does."""
-    kind = prim.GetTypeName()
-    if kind == "Cube":
+    """Return the parameters of a surface; prims with equal keys can share a mesh. Raises as `primitive_shape` does."""
+    type_name = prim.GetTypeName()
+    if type_name == "Cube":
         axis = UsdGeom.GetStageUpAxis(prim.GetStage())
-    elif kind == "Sphere":
+    elif type_name == "Sphere":
         axis = "Z"
     else:
-        axis = read_token(prim, "axis", time, tuple(_ROLLS))
-    return kind, axis, *(read_number(prim, name, time, 0.0) for name in _KINDS[kind][1])
+        axis = read_token(prim, "axis", time, tuple(_AXIS_ROLLS))
+    return type_name, axis, *(read_number(prim, name, time, 0.0) for name in _BUILDERS[type_name][1])
 
 
 def allotted_errors(radii: Doubles) -> Doubles:
-    """Return an error for each of the different curved surfaces of an asset, by their positive radii (k,) in the world.
+    """Return the relative error of each distinct curved surface of an asset, from their radii (k,) > 0 in world space.
 
-    It is 1e-4, and for more than some eighty surfaces the same length for all, so that together they have about four
-    million faces; but at most 0.03, with which a sphere has 200.
+    It is 1e-4. For more than about eighty surfaces the absolute error is the same for all, so that together they have
+    about four million faces; the relative error is then at most 0.03, for which a sphere has 200 faces.
     """
     length = 0.5 * np.pi**2 * radii.sum() / _MOST_FACES  # a sphere has pi^2 / (2 error) faces
     return np.asarray(np.clip(length / radii, LEAST_ERROR, _MOST_ERROR))
 
 
-def _segments(error: float) -> int:
+def _segment_count(error: float) -> int:
     """Return the number of segments around an axis, a multiple of 4.
 
-    The middle of a sphere's face between neighbouring meridians and parallels, 2 pi / n apart, is at cos(pi / n)^2 of
-    the radius; of a cylinder's at cos(pi / n).
+    A sphere's face lies between meridians and parallels 2 pi / n apart; its middle is at cos(pi / n)^2 of the radius,
+    that of a cylinder's face at cos(pi / n).
     """
     return 4 * int(np.ceil(np.pi / np.arcsin(np.sqrt(error)) / 4.0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """points (n, 3), face_sizes (f,); of the corners: face_points (m,), normals (m, 3) and st (m, 2)."""
+    """A mesh: points (n, 3), face_sizes (f,); face_points (m,), normals (m, 3) and st (m, 2) of the corners."""
 
     points: Doubles
     face_sizes: Index
@@ -124,25 +126,25 @@ class _Surface:
         return cls(np.zeros((0, 3)), none, none, np.zeros((0, 3)), np.zeros((0, 2)))
 
 
-def _cube(axis: str, segments: int, size: float) -> _Surface | None:
+def _make_cube(axis: str, segments: int, size: float) -> _Surface | None:
     if size == 0.0:
         return None
     # The directions of u and v on each face: four sides, top, bottom.
     along = np.array([[0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0]])
     up = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
-    u, v = (np.roll(0.5 * size * each, _ROLLS[axis], axis=1) for each in (along, up))
-    return _rectangles(u, v, np.cross(u, v) / (0.5 * size))
+    u, v = (np.roll(0.5 * size * directions, _AXIS_ROLLS[axis], axis=1) for directions in (along, up))
+    return _make_rectangles(u, v, np.cross(u, v) / (0.5 * size))
 
 
-def _plane(axis: str, segments: int, width: float, length: float) -> _Surface | None:
+def _make_plane(axis: str, segments: int, width: float, length: float) -> _Surface | None:
     if width == 0.0 or length == 0.0:
         return None
-    u, v = 0.5 * np.array([[width], [length]]) * np.array(_PLANES[axis])
-    return _rectangles(u[None], v[None], np.zeros((1, 3)))
+    u, v = 0.5 * np.array([[width], [length]]) * np.array(_PLANE_AXES[axis])
+    return _make_rectangles(u[None], v[None], np.zeros((1, 3)))
 
 
-def _rectangles(u: Doubles, v: Doubles, centers: Doubles) -> _Surface:
-    """Return rectangles (f) from the halves of their sides (f, 3) and their centres (f, 3)."""
+def _make_rectangles(u: Doubles, v: Doubles, centers: Doubles) -> _Surface:
+    """Return rectangles from vectors of half their sides (f, 3) and their centres (f, 3)."""
     st = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     s, t = (2.0 * st - 1.0).T[..., None]
     corners = (centers[:, None] + s * u[:, None] + t * v[:, None]).reshape(-1, 3)
@@ -155,7 +157,7 @@ def _rectangles(u: Doubles, v: Doubles, centers: Doubles) -> _Surface:
 class _Piece:
     """A smooth part of a profile: points and normals (k, 2) in radius and height, the outside on the right.
 
-    v (k,) is a texture coordinate; a cap, which is mapped as a disc, has none.
+    v (k,) is a texture coordinate, None for a cap, which is mapped as a disc.
     """
 
     points: Doubles
@@ -163,8 +165,8 @@ class _Piece:
     v: Doubles | None = None
 
 
-def _frustum(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
-    """Return a cylinder, a cone or a part of one, with its caps."""
+def _make_frustum(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
+    """Return a cylinder, a cone or a truncated cone, with its caps."""
     if height == 0.0 or bottom == top == 0.0:
         return None
     v = np.linspace(0.0, 1.0, 2 if bottom == top else _TAPER_ROWS + 1)
@@ -175,10 +177,10 @@ def _frustum(axis: str, segments: int, bottom: float, top: float, height: float)
         _Piece(side, np.tile(slope, (len(v), 1)), v),
         _Piece(np.array([[top, 0.5 * height], [0.0, 0.5 * height]]), np.array([[0.0, 1.0]] * 2)),
     ]
-    return _revolved(pieces[bottom == 0.0 : 2 + (top > 0.0)], axis, segments)
+    return _revolve(pieces[bottom == 0.0 : 2 + (top > 0.0)], axis, segments)
 
 
-def _capsule(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
+def _make_capsule(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
     """Return the convex hull of two spheres with centres on the axis, `height` apart."""
     if bottom == top == 0.0:
         return None
@@ -196,34 +198,34 @@ def _capsule(axis: str, segments: int, bottom: float, top: float, height: float)
     if len(arcs) == 2 and bottom != top:
         side = np.linspace(pieces[0][0][-1], pieces[1][0][0], _TAPER_ROWS + 1)[1:-1]
         pieces.insert(1, (side, np.tile(pieces[0][1][-1], (len(side), 1))))
-    points, normals = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    points, normals = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     points[[0, -1], 0] = 0.0
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return _revolved([_Piece(points, normals, lengths / lengths[-1])], axis, segments)
+    return _revolve([_Piece(points, normals, lengths / lengths[-1])], axis, segments)
 
 
-def _revolved(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
-    """Return the closed surface of a profile that begins and ends on the axis; each piece begins where one ends.
+def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
+    """Return the closed surface of revolution of a profile that begins and ends on the axis; its pieces are connected.
 
-    A face at a pole is a triangle, whose corner there has the direction and u of its middle.
+    A face at a pole is a triangle; its corner at the pole has the direction and u of the triangle's middle.
     """
     rings = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
     counts = np.where(rings[:, 0] == 0.0, 1, segments)
     starts = np.cumsum(counts) - counts
     angle = 2.0 * np.pi * np.arange(segments) / segments
     radius = np.repeat(rings[:, 0], counts)
-    turn = angle[np.arange(len(radius)) - np.repeat(starts, counts)]
-    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.repeat(rings[:, 1], counts)], axis=-1)
+    azimuth = angle[np.arange(len(radius)) - np.repeat(starts, counts)]
+    points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.repeat(rings[:, 1], counts)], axis=-1)
 
     corners: list[list[Doubles]] = []
     first = 0
     for piece in pieces:
-        # By strip between two rings, column and corner: below, below, above, above.
+        # Axes: strip between two rings, column, corner (lower, lower, upper, upper).
         row = np.arange(len(piece.points) - 1)[:, None, None] + np.array([0, 0, 1, 1])
-        left = np.arange(segments)[:, None]
+        left_column = np.arange(segments)[:, None]
         pole = piece.points[row, 0] == 0.0
-        column = np.where(pole, left + 0.5, left + np.array([0, 1, 1, 0]))
-        kept = np.broadcast_to(~pole | np.array([True, False, True, False]), column.shape)
+        column = np.where(pole, left_column + 0.5, left_column + np.array([0, 1, 1, 0]))
+        is_corner = np.broadcast_to(~pole | np.array([True, False, True, False]), column.shape)
         phi = 2.0 * np.pi * column / segments
         outward, z = np.moveaxis(piece.normals[row], -1, 0)
         x, y = np.cos(phi), np.sin(phi)
@@ -234,10 +236,10 @@ def _revolved(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
             s, t = 0.5 + part * x, 0.5 + part * y * z
         index = starts[first + row] + np.where(pole, 0, column.astype(np.intp) % segments)
         values = np.broadcast_arrays(index, outward * x, outward * y, z, s, t)
-        corners.append([kept.sum(axis=-1).ravel(), *(each[kept] for each in values)])
+        corners.append([is_corner.sum(axis=-1).ravel(), *(array[is_corner] for array in values)])
         first += len(piece.points) - 1
-    sizes, index, *columns = (np.concatenate(each) for each in zip(*corners, strict=True))
-    roll = _ROLLS[axis]
+    sizes, index, *columns = (np.concatenate(arrays) for arrays in zip(*corners, strict=True))
+    roll = _AXIS_ROLLS[axis]
     return _Surface(
         points=np.roll(points, roll, axis=1),
         face_sizes=sizes,
@@ -247,15 +249,15 @@ def _revolved(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
     )
 
 
-# By type of prim: how its surface is made, and of which attributes.
-_KINDS: dict[str, tuple[Callable[..., _Surface | None], tuple[str, ...]]] = {
-    "Cube": (_cube, ("size",)),
-    "Sphere": (lambda axis, n, radius: _capsule(axis, n, radius, radius, 0.0), ("radius",)),
-    "Cylinder": (lambda axis, n, radius, height: _frustum(axis, n, radius, radius, height), ("radius", "height")),
-    "Cylinder_1": (_frustum, ("radiusBottom", "radiusTop", "height")),
-    "Cone": (lambda axis, n, radius, height: _frustum(axis, n, radius, 0.0, height), ("radius", "height")),
-    "Capsule": (lambda axis, n, radius, height: _capsule(axis, n, radius, radius, height), ("radius", "height")),
-    "Capsule_1": (_capsule, ("radiusBottom", "radiusTop", "height")),
-    "Plane": (_plane, ("width", "length")),
+# For each type of prim, the function that makes its surface and the attributes that it takes.
+_BUILDERS: dict[str, tuple[Callable[..., _Surface | None], tuple[str, ...]]] = {
+    "Cube": (_make_cube, ("size",)),
+    "Sphere": (lambda axis, n, radius: _make_capsule(axis, n, radius, radius, 0.0), ("radius",)),
+    "Cylinder": (lambda axis, n, radius, height: _make_frustum(axis, n, radius, radius, height), ("radius", "height")),
+    "Cylinder_1": (_make_frustum, ("radiusBottom", "radiusTop", "height")),
+    "Cone": (lambda axis, n, radius, height: _make_frustum(axis, n, radius, 0.0, height), ("radius", "height")),
+    "Capsule": (lambda axis, n, radius, height: _make_capsule(axis, n, radius, radius, height), ("radius", "height")),
+    "Capsule_1": (_make_capsule, ("radiusBottom", "radiusTop", "height")),
+    "Plane": (_make_plane, ("width", "length")),
 }
-PRIMITIVES = tuple(_KINDS)
+PRIMITIVES = tuple(_BUILDERS)

@@ -1,8 +1,8 @@
-"""Primvars at a time, checked for their kind; how many values there must be is checked later.
+"""Primvars at a time, with their types checked; the number of their values is checked later.
 
-UV sets are the primvars of two numbers a value and texture coordinates of three, whose third is left out. Other
-primvars are those of one number and of three. What has another type is left out; so is, with a note, what has no value
-or several elements a value, or one of the names that USD defines with another type than USD's.
+Primvars of two numbers are UV sets, and so are texture coordinates of three numbers, whose third is dropped. Other
+primvars have one or three numbers. A primvar of another type is dropped. It is dropped with a note if it has no value,
+several elements per value, or a name that USD defines with a different type.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from lookdev.asset.usd.attributes import check_range, checked_floats, read_array
 
 # The numbers in one value of a primvar, by its type in USD's C++.
 _WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
-_DEFINED = {"st": 2, "displayColor": 3, "displayOpacity": 1}
+_STANDARD_WIDTHS = {"st": 2, "displayColor": 3, "displayOpacity": 1}
 _NORMALS = "normals"
 _SKINNING = "skel:"
 
 
 @dataclass(frozen=True)
-class Inherited:
-    """Primvars that a prim hands down to what is below it; `key` is the same where their names and values are."""
+class InheritedPrimvars:
+    """Primvars that the children of a prim inherit. Equal `key`s mean equal names and values."""
 
     primvars: tuple[Any, ...] = ()
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
@@ -35,45 +35,47 @@ class Inherited:
 
 
 class PrimvarReader:
-    """Reads primvars at a time; `note` is told what is left out of a prim."""
+    """Reads primvars at a time; calls `note` with a message and the prim for each dropped primvar."""
 
     def __init__(self, time: Usd.TimeCode, note: Callable[[str, Usd.Prim], None]) -> None:
         self._time = time
         self._note = note
-        self._inherited: dict[Sdf.Path, Inherited] = {}
+        self._inherited: dict[Sdf.Path, InheritedPrimvars] = {}
         self._kinds: dict[Any, tuple[int, bool, bool]] = {}
 
-    def own(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:
-        """Return the primvars of a prim itself, and its `default_uv`."""
+    def local_primvars(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:
+        """Return the primvars authored on a prim itself, and its `default_uv`."""
         primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
-        attributes = tuple(read for each in primvars if (read := self._attribute(each)) is not None)
-        uvs = [each.name for each in attributes if each.is_uv]
+        attributes = tuple(attribute for primvar in primvars if (attribute := self._attribute(primvar)) is not None)
+        uvs = [attribute.name for attribute in attributes if attribute.is_uv]
         if len(uvs) < 2 or "st" in uvs:
             return attributes, default_uv(uvs, uvs)
         return attributes, default_uv(
-            uvs, [each.GetPrimvarName() for each in primvars if _is_texture(each.GetTypeName())]
+            uvs, [primvar.GetPrimvarName() for primvar in primvars if _is_texture_coordinate(primvar.GetTypeName())]
         )
 
-    def inherited(self, prim: Usd.Prim) -> Inherited:
-        """Return the constant primvars that a prim inherits, and does not have itself."""
-        above = self._handed_down(prim.GetParent())
-        if not above.primvars:
-            return above
-        found = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance(list(above.primvars))
-        mine = {each.GetPrimvarName() for each in found if each.GetAttr().GetPrim() != prim}
-        if mine >= above.attributes.keys():
-            return above
-        attributes = {name: each for name, each in above.attributes.items() if name in mine}
-        return Inherited(above.primvars, attributes, tuple(each for each in above.key if each[0] in mine))
+    def inherited_primvars(self, prim: Usd.Prim) -> InheritedPrimvars:
+        """Return the constant primvars that a prim inherits and does not author itself."""
+        parent_primvars = self._inheritable_primvars(prim.GetParent())
+        if not parent_primvars.primvars:
+            return parent_primvars
+        inheriting = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance(list(parent_primvars.primvars))
+        names = {primvar.GetPrimvarName() for primvar in inheriting if primvar.GetAttr().GetPrim() != prim}
+        if names >= parent_primvars.attributes.keys():
+            return parent_primvars
+        attributes = {name: attribute for name, attribute in parent_primvars.attributes.items() if name in names}
+        return InheritedPrimvars(
+            parent_primvars.primvars, attributes, tuple(item for item in parent_primvars.key if item[0] in names)
+        )
 
-    def _handed_down(self, prim: Usd.Prim) -> Inherited:
+    def _inheritable_primvars(self, prim: Usd.Prim) -> InheritedPrimvars:
         path = prim.GetPath()
         if path not in self._inherited:
             primvars = tuple(UsdGeom.PrimvarsAPI(prim).FindInheritablePrimvars())
-            read = (self._attribute(each) for each in primvars)
-            attributes = {each.name: each for each in read if each is not None}
-            key = tuple((name, each.values.tobytes()) for name, each in sorted(attributes.items()))
-            self._inherited[path] = Inherited(primvars, attributes, key)
+            values = (self._attribute(primvar) for primvar in primvars)
+            attributes = {attribute.name: attribute for attribute in values if attribute is not None}
+            key = tuple((name, attribute.values.tobytes()) for name, attribute in sorted(attributes.items()))
+            self._inherited[path] = InheritedPrimvars(primvars, attributes, key)
         return self._inherited[path]
 
     def normals(self, prim: Usd.Prim) -> Attribute | None:
@@ -91,29 +93,29 @@ class PrimvarReader:
         name, kind = primvar.GetPrimvarName(), primvar.GetTypeName()
         if kind not in self._kinds:
             width = _WIDTHS.get(kind.scalarType.cppTypeName, 0)
-            self._kinds[kind] = width, width == 2 or _is_texture(kind), kind.isArray
+            self._kinds[kind] = width, width == 2 or _is_texture_coordinate(kind), kind.isArray
         width, is_uv, is_array = self._kinds[kind]
         if name == _NORMALS or name.startswith(_SKINNING):
             return None
-        if name in _DEFINED and not (is_uv if _DEFINED[name] == 2 else width == _DEFINED[name]):
-            self._leave_out(primvar, f"of type {kind}")
+        if name in _STANDARD_WIDTHS and not (is_uv if _STANDARD_WIDTHS[name] == 2 else width == _STANDARD_WIDTHS[name]):
+            self._note_dropped(primvar, f"of type {kind}")
             return None
         if not width:
             return None
         if (size := primvar.GetElementSize()) != 1:
-            self._leave_out(primvar, f"of elementSize {size}")
+            self._note_dropped(primvar, f"of elementSize {size}")
             return None
         values = self._values(primvar, width, is_array)
         if len(values) == 0:
-            self._leave_out(primvar, "without a value")
+            self._note_dropped(primvar, "without a value")
             return None
         return Attribute(name, values[:, :2] if is_uv else values, primvar.GetInterpolation(), is_uv)
 
-    def _leave_out(self, primvar: Any, why: str) -> None:
-        self._note(f"with {primvar.GetName()} {why}, left out", primvar.GetAttr().GetPrim())
+    def _note_dropped(self, primvar: Any, reason: str) -> None:
+        self._note(f"with {primvar.GetName()} {reason}, left out", primvar.GetAttr().GetPrim())
 
     def _values(self, primvar: Any, width: int, is_array: bool) -> NDArray[Any]:
-        """Return a primvar's values (k,) or (k, width) with its indices applied; none where it is empty."""
+        """Return a primvar's values (k,) or (k, width), with its indices applied; (0,) if it has no value."""
         value = primvar.Get(self._time)
         if value is None:
             return np.zeros(0)
@@ -126,13 +128,13 @@ class PrimvarReader:
         return values
 
 
-def _is_texture(kind: Any) -> bool:
+def _is_texture_coordinate(kind: Any) -> bool:
     return bool(kind.role == Sdf.ValueRoleNames.TextureCoordinate)
 
 
-def default_uv(names: Collection[str], textured: Collection[str]) -> str:
-    """Return ``st``, else the only UV set of a texture coordinate's type, else the only one, else ""."""
+def default_uv(names: Collection[str], texture_coordinates: Collection[str]) -> str:
+    """Return ``st``, else the only UV set of a texture coordinate type, else the only UV set, else ""."""
     if "st" in names:
         return "st"
-    candidates = [name for name in names if name in textured] or list(names)
+    candidates = [name for name in names if name in texture_coordinates] or list(names)
     return candidates[0] if len(candidates) == 1 else ""

@@ -15,22 +15,22 @@ from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.shape import LARGEST, Attribute, Shape
 from lookdev.asset.store import make_asset
-from lookdev.asset.usd.bindings import bound_materials, dangling
+from lookdev.asset.usd.bindings import bound_materials, dangling_bindings
 from lookdev.asset.usd.gprims import GPRIMS, GprimReader, Surface
-from lookdev.asset.usd.primvars import Inherited, default_uv
-from lookdev.asset.usd.walk import PURPOSES, Seen, Walk, affine, misplaced_by
+from lookdev.asset.usd.primvars import InheritedPrimvars, default_uv
+from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine
 from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import Composed, units
 from lookdev.stage.units import Z_UP
 
-_SMALLEST, _LARGEST = 1e-6, 1e9  # radii, in metres, of assets that renderers show whole
+_SMALLEST, _LARGEST = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
 _MOST_PATHS = 3  # in a note
 _MOST_FAULTS = 20  # in an error
 
 
 @contextmanager
-def located(file: str) -> Iterator[None]:
-    """Put the file before each line of an AssetError."""
+def name_file_in_errors(file: str) -> Iterator[None]:
+    """Put the file's name before each line of an AssetError that the block raises."""
     try:
         yield
     except AssetError as error:
@@ -40,13 +40,13 @@ def located(file: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Shown:
-    """A gprim with the number of its shape, its subsets' names and what it inherits."""
+class _PlacedSurface:
+    """A placed gprim with the number of its shape, the names of its subsets and its inherited primvars."""
 
-    seen: Seen
+    seen: PlacedGprim
     shape: int
     subsets: tuple[str, ...]
-    inherited: Inherited
+    inherited: InheritedPrimvars
 
 
 class UsdScene:
@@ -58,7 +58,7 @@ class UsdScene:
         stage = composed.stage
         self._time = _time_code(stage, time)
         self._unit = UsdGeom.GetStageMetersPerUnit(stage)
-        if faults := [f"{what}; it must be {right}" for what, right in units.faults(stage)]:
+        if faults := [f"{problem}; it must be {rule}" for problem, rule in units.faults(stage)]:
             raise AssetError("\n".join(faults))
         self._y_up = units.is_y_up(stage)
         for purpose in purposes:
@@ -70,28 +70,28 @@ class UsdScene:
         self._read: dict[tuple[object, ...], tuple[int, Surface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
-        self._noted: dict[str, list[str]] = {}
+        self._paths_of_notes: dict[str, list[str]] = {}
 
     def asset(self) -> Asset:
         """Return the asset; its notes lack the file's name."""
-        shown = self._shown()
+        surfaces = self._read_surfaces()
         bases = finish(self._shapes, self._y_up)
-        for each in shown:
-            if bases[each.shape] is None:
-                self._note("without a face, left out", each.seen.prim)
-        shown = [each for each in shown if bases[each.shape] is not None]
-        numbers = self._mesh_numbers(shown, bases)
-        instances = self._instances([each.seen for each in shown], numbers)
-        for prim in self._walk.unknown:
+        for surface in surfaces:
+            if bases[surface.shape] is None:
+                self._note("without a face, left out", surface.seen.prim)
+        surfaces = [surface for surface in surfaces if bases[surface.shape] is not None]
+        numbers = self._make_meshes(surfaces, bases)
+        instances = self._make_instances([surface.seen for surface in surfaces], numbers)
+        for prim in self._walk.unknown_prims:
             self._note(f"of the type {prim.GetTypeName()}, which USD does not know, not rendered", prim)
-        for name, prims in self._walk.astray.items():
+        for name, prims in self._walk.missing_operations.items():
             for prim in prims:
                 self._note(f"xformOpOrder names {name}, which is not there", prim)
         notes = [
             *self._gprims.skinning.notes,
             *(
-                f"{what} ({len(paths)}): {', '.join(paths[:_MOST_PATHS])}{', ...' * (len(paths) > _MOST_PATHS)}"
-                for what, paths in self._noted.items()
+                f"{note} ({len(paths)}): {', '.join(paths[:_MOST_PATHS])}{', ...' * (len(paths) > _MOST_PATHS)}"
+                for note, paths in self._paths_of_notes.items()
             ),
         ]
         if not instances:
@@ -103,128 +103,129 @@ class UsdScene:
         asset = make_asset(self._name, self._meshes, instances, self._slots)
         if not _SMALLEST <= asset.radius <= _LARGEST:
             raise AssetError(
-                f"{_widest(asset)}: the asset has a radius of {asset.radius:.3g} m, with metersPerUnit "
+                f"{_farthest_path(asset)}: the asset has a radius of {asset.radius:.3g} m, with metersPerUnit "
                 f"{self._unit:g}; {_SMALLEST:g} to {_LARGEST:g} m can be rendered"
             )
         return replace(asset, unit=self._unit, notes=tuple(notes))
 
-    def _note(self, what: str, prim: Usd.Prim) -> None:
-        self._noted.setdefault(what, []).append(str(prim.GetPath()))
+    def _note(self, message: str, prim: Usd.Prim) -> None:
+        self._paths_of_notes.setdefault(message, []).append(str(prim.GetPath()))
 
-    def _shown(self) -> list[_Shown]:
-        """Return what is shown of types that have a reader, each surface read once; all faults are raised together."""
-        shown: list[_Shown] = []
+    def _read_surfaces(self) -> list[_PlacedSurface]:
+        """Return the visible surfaces of supported types; read each shape once, and raise all faults together."""
+        surfaces: list[_PlacedSurface] = []
         faults: list[str] = []
-        found = list(self._walk.below(self._root))
-        self._gprims.allot(found)
-        for seen in found:
-            prim = seen.prim
-            if (kind := prim.GetTypeName()) not in GPRIMS:
-                self._note(f"of type {kind}, not rendered", prim)
+        gprims = list(self._walk.gprims_below(self._root))
+        self._gprims.allot(gprims)
+        for gprim in gprims:
+            prim = gprim.prim
+            if (type_name := prim.GetTypeName()) not in GPRIMS:
+                self._note(f"of type {type_name}, not rendered", prim)
                 continue
             try:
                 key = self._gprims.key(prim)
                 if key not in self._read:
                     self._read[key] = None
-                    self._read[key] = self._added(prim)
+                    self._read[key] = self._add_shape(prim)
                 if (read := self._read[key]) is not None:
                     number, surface = read
                     copies = self._gprims.copies(prim, surface)
                     if copies is not None and len(copies) == 0:
                         self._note("without a point of a width, left out", prim)
                         continue
-                    placed = self._walk.moved(seen, self._gprims.skinning.space(prim), copies)
-                    shown.append(_Shown(placed, number, surface.subsets, self._gprims.primvars.inherited(prim)))
+                    placed_gprim = self._walk.place_in_space(gprim, self._gprims.skinning.space(prim), copies)
+                    inherited = self._gprims.primvars.inherited_primvars(prim)
+                    surfaces.append(_PlacedSurface(placed_gprim, number, surface.subsets, inherited))
             except AssetError as error:
                 faults.append(str(error))
         raise_all(faults)
-        return shown
+        return surfaces
 
-    def _added(self, prim: Usd.Prim) -> tuple[int, Surface]:
-        """Return a gprim's surface and the number of its shape, which is added."""
+    def _add_shape(self, prim: Usd.Prim) -> tuple[int, Surface]:
+        """Read a gprim and add its shape; return the number of the shape and the surface."""
         surface = self._gprims.read(prim)
         shape = surface.shape
         if shape.subdivision is not None and shape.subdivision.scheme == "loop" and (shape.face_sizes > 3).any():
-            # Loop's scheme is undefined for other faces than triangles.
+            # The Loop scheme is defined for triangles only.
             self._note("of scheme loop, but with other faces than triangles, refined as catmullClark", prim)
             shape = replace(shape, subdivision=replace(shape.subdivision, scheme="catmullClark"))
         self._shapes.append(shape)
         return len(self._shapes) - 1, surface
 
-    def _mesh_numbers(self, shown: Sequence[_Shown], bases: Sequence[Mesh | None]) -> list[int]:
-        """Make a mesh for each surface with its materials and inherited primvars; return the number of each prim's."""
-        used: dict[int, tuple[int, ...]] = {}
+    def _make_meshes(self, surfaces: Sequence[_PlacedSurface], bases: Sequence[Mesh | None]) -> list[int]:
+        """Make a mesh for each shape with its materials and inherited primvars; return each surface's mesh number."""
+        used_parts: dict[int, tuple[int, ...]] = {}
         parts: list[Usd.Prim] = []
-        for each in shown:
-            if each.shape not in used:
-                mesh = bases[each.shape]
-                assert mesh is not None, "what has no face is left out"
-                used[each.shape] = tuple(np.unique(mesh.face_slots).tolist()) if each.subsets else (0,)
-            prim = each.seen.prim
-            parts += [prim.GetChild(each.subsets[part - 1]) if part else prim for part in used[each.shape]]
+        for surface in surfaces:
+            if surface.shape not in used_parts:
+                mesh = bases[surface.shape]
+                assert mesh is not None, "surfaces without a face are dropped"
+                used_parts[surface.shape] = tuple(np.unique(mesh.face_slots).tolist()) if surface.subsets else (0,)
+            prim = surface.seen.prim
+            parts += [prim.GetChild(surface.subsets[part - 1]) if part else prim for part in used_parts[surface.shape]]
         materials = bound_materials(parts)
-        for name, path, prim in dangling(parts):
+        for name, path, prim in dangling_bindings(parts):
             self._note(f"{name} names {path}, which is not a material", prim)
         numbers: dict[tuple[object, ...], int] = {}
         result: list[int] = []
         first = 0
-        for each in shown:
-            count = len(used[each.shape])
-            bound = materials[first : first + count]
-            key = (each.shape, each.inherited.key, *(_shared_path(material) for material in bound))
+        for surface in surfaces:
+            count = len(used_parts[surface.shape])
+            surface_materials = materials[first : first + count]
+            key = (surface.shape, surface.inherited.key, *(_prototype_path(material) for material in surface_materials))
             if key not in numbers:
                 numbers[key] = len(self._meshes)
                 slots = [
                     Slot(str(prim.GetPath()), str(material.GetPath()) if material else None)
-                    for prim, material in zip(parts[first : first + count], bound, strict=True)
+                    for prim, material in zip(parts[first : first + count], surface_materials, strict=True)
                 ]
-                mesh = bases[each.shape]
-                assert mesh is not None, "what has no face is left out"
-                self._meshes.append(self._mesh(mesh, each, used[each.shape]))
+                mesh = bases[surface.shape]
+                assert mesh is not None, "surfaces without a face are dropped"
+                self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
                 self._slots += slots
             result.append(numbers[key])
             first += count
         return result
 
-    def _mesh(self, base: Mesh, shown: _Shown, used: Sequence[int]) -> Mesh:
-        """Return a mesh with the numbers of its slots and the primvars that it inherits."""
-        if len(used) == 1:
+    def _assign_slots(self, base: Mesh, surface: _PlacedSurface, used_parts: Sequence[int]) -> Mesh:
+        """Return a mesh with its slots from the next number on, and with its inherited primvars."""
+        if len(used_parts) == 1:
             face_slots = np.full(len(base.face_sizes), len(self._slots), np.int32)
         else:
-            numbers = np.zeros(used[-1] + 1, np.int32)
-            numbers[list(used)] = len(self._slots) + np.arange(len(used))
+            numbers = np.zeros(used_parts[-1] + 1, np.int32)
+            numbers[list(used_parts)] = len(self._slots) + np.arange(len(used_parts))
             face_slots = numbers[base.face_slots]
-        mesh = replace(base, name=str(shown.seen.prim.GetPath()), face_slots=face_slots)
-        return _with_constants(mesh, shown.inherited.attributes) if shown.inherited.attributes else mesh
+        mesh = replace(base, name=str(surface.seen.prim.GetPath()), face_slots=face_slots)
+        return _add_constant_attributes(mesh, surface.inherited.attributes) if surface.inherited.attributes else mesh
 
-    def _instances(self, seen: Sequence[Seen], numbers: Sequence[int]) -> list[Instance]:
-        """Return the instances in metres and with z up, without those that have no volume."""
-        if not seen:
+    def _make_instances(self, gprims: Sequence[PlacedGprim], numbers: Sequence[int]) -> list[Instance]:
+        """Return the instances, in metres and with z up; instances without volume are dropped."""
+        if not gprims:
             return []
-        # USD multiplies row vectors from the left: transposed, and in metres as the points are.
-        matrices = np.swapaxes(np.concatenate([each.transforms for each in seen]), 1, 2).copy()
-        owners = np.repeat(np.arange(len(seen)), [len(each.transforms) for each in seen])
-        if not (right := affine(np.swapaxes(matrices, 1, 2))).all():
-            prims = {i: seen[i].prim for i in owners[~right].tolist()}
-            places = dict.fromkeys(misplaced_by(prim, self._time) for prim in prims.values())
-            what = f"its transform has a number not within +-{LARGEST:g}, or a last column that is not 0 0 0 1"
-            raise AssetError("\n".join(f"{place}: {what}" for place in places))
+        # USD's matrices are for row vectors: transposed. Their offsets become metres, as the points are.
+        matrices = np.swapaxes(np.concatenate([gprim.transforms for gprim in gprims]), 1, 2).copy()
+        owners = np.repeat(np.arange(len(gprims)), [len(gprim.transforms) for gprim in gprims])
+        if not (is_valid := is_affine(np.swapaxes(matrices, 1, 2))).all():
+            prims = {i: gprims[i].prim for i in owners[~is_valid].tolist()}
+            paths = dict.fromkeys(faulty_transform_path(prim, self._time) for prim in prims.values())
+            problem = f"its transform has a number not within +-{LARGEST:g}, or a last column that is not 0 0 0 1"
+            raise AssetError("\n".join(f"{path}: {problem}" for path in paths))
         matrices[:, :3, 3] *= self._unit
         if self._y_up:
             matrices = Z_UP @ matrices @ Z_UP.T
         sizes = np.linalg.norm(matrices[:, :3, :3], axis=(1, 2))
-        solid = np.abs(np.linalg.det(matrices[:, :3, :3])) > 1e-12 * sizes**3
-        for i in owners[~solid]:
-            self._note("without volume, left out", seen[i].prim)
-        paths_of = [str(each.prim.GetPath()) for each in seen]
+        has_volume = np.abs(np.linalg.det(matrices[:, :3, :3])) > 1e-12 * sizes**3
+        for i in owners[~has_volume]:
+            self._note("without volume, left out", gprims[i].prim)
+        paths_of = [str(gprim.prim.GetPath()) for gprim in gprims]
         return [
             Instance(numbers[i], matrix, paths_of[i])
-            for i, matrix in zip(owners[solid].tolist(), matrices[solid], strict=True)
+            for i, matrix in zip(owners[has_volume].tolist(), matrices[has_volume], strict=True)
         ]
 
 
-def _widest(asset: Asset) -> str:
-    """Return the path of the instance that reaches farthest from the origin."""
+def _farthest_path(asset: Asset) -> str:
+    """Return the path of the instance with the point farthest from the origin along an axis."""
 
     def reach(instance: Instance) -> float:
         points = asset.meshes[instance.mesh].points.astype(np.float64)
@@ -235,34 +236,37 @@ def _widest(asset: Asset) -> str:
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
     if time is None:
-        authored = stage.HasAuthoredMetadata("startTimeCode")
-        return Usd.TimeCode(stage.GetStartTimeCode()) if authored else Usd.TimeCode.EarliestTime()
+        has_start = stage.HasAuthoredMetadata("startTimeCode")
+        return Usd.TimeCode(stage.GetStartTimeCode()) if has_start else Usd.TimeCode.EarliestTime()
     if not math.isfinite(time):
         raise AssetError(f"the time is {time}; it must be a number")
     return Usd.TimeCode(time)
 
 
-def _shared_path(prim: Usd.Prim | None) -> str:
-    """Return a path that is the same for all instances of one prototype's prim."""
+def _prototype_path(prim: Usd.Prim | None) -> str:
+    """Return the path of the prim in its prototype, the same for all instances; "" for None."""
     if prim is None:
         return ""
     return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
 
 
-def _with_constants(mesh: Mesh, attributes: Mapping[str, Attribute]) -> Mesh:
-    """Return a mesh with attributes that are constant over it, which share one value in memory."""
+def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) -> Mesh:
+    """Return a mesh with further attributes that are constant over it; each is a single value in memory."""
     uvs, primvars = dict(mesh.uvs), dict(mesh.primvars)
-    for name, each in attributes.items():
-        value = each.values.astype(np.float32)
+    for name, attribute in attributes.items():
+        value = attribute.values.astype(np.float32)
         if len(value) != 1 or not np.isfinite(value).all():
             raise AssetError(
                 f"{mesh.name}: inherits primvars:{name} with {len(value)} values; 'constant' needs one, a number"
             )
         values = np.broadcast_to(value[0], (len(mesh.corner_points), *value.shape[1:]))
-        (uvs if each.is_uv else primvars)[name] = values
+        (uvs if attribute.is_uv else primvars)[name] = values
     subdivision = mesh.subdivision
     if subdivision is not None:
-        interpolation = {**subdivision.interpolation, **{name: each.interpolation for name, each in attributes.items()}}
+        interpolation = {
+            **subdivision.interpolation,
+            **{name: attribute.interpolation for name, attribute in attributes.items()},
+        }
         subdivision = replace(subdivision, interpolation=interpolation)
     default = mesh.default_uv if mesh.uvs else default_uv(list(uvs), list(uvs))
     return replace(mesh, uvs=uvs, primvars=primvars, subdivision=subdivision, default_uv=default)

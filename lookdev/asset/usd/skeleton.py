@@ -1,4 +1,4 @@
-"""Skeletons of UsdSkel at a time: how their joints have moved from the bind pose, and the weights of blend shapes."""
+"""Skeletons of UsdSkel at a time: the transforms of their joints from the bind pose, and blend shape weights."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Pose:
 
 
 class Skeletons:
-    """Reads skeletons at a time. `notes` grow with what a file lacks and USD has a rule for."""
+    """Reads skeletons at a time. `notes` collects what a file lacks and the rule of USD for it."""
 
     def __init__(self, time: Usd.TimeCode) -> None:
         self.notes: list[str] = []
@@ -36,7 +36,7 @@ class Skeletons:
         self._animations: dict[Sdf.Path, Usd.Prim | None] = {}
 
     def pose(self, skeleton: Usd.Prim) -> Pose | None:
-        """Return the pose of a skeleton; None where it has neither an animation of its joints nor a rest pose.
+        """Return the pose of a skeleton; None if it has neither an animation of its joints nor a rest pose.
 
         Raises
         ------
@@ -45,14 +45,14 @@ class Skeletons:
         """
         path = skeleton.GetPath()
         if path not in self._poses:
-            self._poses[path] = self._pose(skeleton)
+            self._poses[path] = self._compute_pose(skeleton)
         return self._poses[path]
 
     def animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
-        """Return the SkelAnimation that a skeleton is bound to, itself or by an ancestor, or None."""
+        """Return the SkelAnimation that is bound to a skeleton or the nearest ancestor that binds one, or None."""
         path = skeleton.GetPath()
         if path not in self._animations:
-            self._animations[path] = self._animation(skeleton)
+            self._animations[path] = self._find_animation(skeleton)
         return self._animations[path]
 
     def weights(self, skeleton: Usd.Prim) -> dict[str, float]:
@@ -61,7 +61,7 @@ class Skeletons:
         Raises
         ------
         AssetError
-            The animation has not one finite weight for each name.
+            The animation does not have one finite weight for each name.
         """
         animation = self.animation(skeleton)
         if animation is None:
@@ -75,68 +75,68 @@ class Skeletons:
             )
         return dict(zip(names, weights.tolist(), strict=False))
 
-    def _animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
+    def _find_animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
         prim = skeleton
         while not prim.IsPseudoRoot():
             targets = relationship_targets(prim.GetRelationship(_ANIMATION)) if prim.HasAPI(UsdSkel.BindingAPI) else []
             if targets:
-                found = prim.GetStage().GetPrimAtPath(targets[0])
-                if found and found.IsA(UsdSkel.Animation):
-                    return found
-                self.notes.append(f"{prim.GetPath()}: {_ANIMATION} {targets[0]} is no SkelAnimation: the rest pose")
+                animation = prim.GetStage().GetPrimAtPath(targets[0])
+                if animation and animation.IsA(UsdSkel.Animation):
+                    return animation
+                self.notes.append(f"{prim.GetPath()}: {_ANIMATION} {targets[0]} is not a SkelAnimation: the rest pose")
                 return None
             prim = prim.GetParent()
         return None
 
-    def _pose(self, skeleton: Usd.Prim) -> Pose | None:
-        where = skeleton.GetPath()
+    def _compute_pose(self, skeleton: Usd.Prim) -> Pose | None:
+        path = skeleton.GetPath()
         names = read_texts(skeleton, "joints")
-        if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(each) for each in names):
-            raise AssetError(f"{where}: joints must be paths such as 'hip/knee', at least one, each once")
-        valid, reason = UsdSkel.Topology(list(names)).Validate()
-        if not valid:
-            raise AssetError(f"{where}: joints are not in order: {reason}")
-        bind = _matrices(skeleton, "bindTransforms", len(names))
+        if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(name) for name in names):
+            raise AssetError(f"{path}: joints must be paths such as 'hip/knee', at least one, each once")
+        is_valid, reason = UsdSkel.Topology(list(names)).Validate()
+        if not is_valid:
+            raise AssetError(f"{path}: joints are not in order: {reason}")
+        bind = _joint_matrices(skeleton, "bindTransforms", len(names))
         if bind is None or (np.linalg.det(bind) == 0.0).any():
-            raise AssetError(f"{where}: bindTransforms must be matrices with an inverse, one for each joint")
-        rests = _matrices(skeleton, "restTransforms", len(names)) is not None
-        moved = self._moved_joints(skeleton, set(names))
-        if not moved and not rests:
-            self.notes.append(f"{where}: has neither an animation nor restTransforms: what it moves stays as it is")
+            raise AssetError(f"{path}: bindTransforms must be matrices with an inverse, one for each joint")
+        has_rest_pose = _joint_matrices(skeleton, "restTransforms", len(names)) is not None
+        animated = self._animated_joints(skeleton, set(names))
+        if not animated and not has_rest_pose:
+            self.notes.append(f"{path}: has neither an animation nor restTransforms: what it moves stays as it is")
             return None
-        if not rests and moved != set(names):
-            missing = next(name for name in names if name not in moved)
-            raise AssetError(f"{where}: joint {missing} is not animated, and there are no restTransforms")
-        computed = self._cache.GetSkelQuery(UsdSkel.Skeleton(skeleton)).ComputeSkinningTransforms(self._time)
-        transforms = np.array(computed, np.float64)
+        if not has_rest_pose and animated != set(names):
+            missing = next(name for name in names if name not in animated)
+            raise AssetError(f"{path}: joint {missing} is not animated, and there are no restTransforms")
+        skinning_transforms = self._cache.GetSkelQuery(UsdSkel.Skeleton(skeleton)).ComputeSkinningTransforms(self._time)
+        transforms = np.array(skinning_transforms, np.float64)
         if transforms.shape != (len(names), 4, 4) or not np.isfinite(transforms).all():
-            raise AssetError(f"{where}: USD cannot compute finite transforms of its {len(names)} joints")
+            raise AssetError(f"{path}: USD cannot compute finite transforms of its {len(names)} joints")
         return Pose(names, transforms)
 
-    def _moved_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
-        """Return which joints the animation moves; what USD ignores is noted."""
+    def _animated_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
+        """Return the joints that the animation moves; note an animation that USD ignores."""
         animation = self.animation(skeleton)
         if animation is None:
             return set()
-        where, joints = animation.GetPath(), read_texts(animation, "joints")
+        path, joints = animation.GetPath(), read_texts(animation, "joints")
         counts = {
             name: len(read_array(animation, name, self._time, np.float64, shape)) for name, shape in _COMPONENTS.items()
         }
         if not any(counts.values()):
             return set()
-        if absent := [name for name, count in counts.items() if count == 0]:
-            self.notes.append(f"{where}: has no {' and '.join(absent)}, without which USD ignores it: the rest pose")
+        if missing := [name for name, count in counts.items() if count == 0]:
+            self.notes.append(f"{path}: has no {' and '.join(missing)}, without which USD ignores it: the rest pose")
             return set()
         for name, count in counts.items():
             if count != len(joints):
-                raise AssetError(f"{where}: has {count} {name}, but {len(joints)} joints; they must agree")
+                raise AssetError(f"{path}: has {count} {name}, but {len(joints)} joints; they must agree")
         if joints and not names & set(joints):
-            self.notes.append(f"{where}: animates no joint of {skeleton.GetPath()}: the rest pose")
+            self.notes.append(f"{path}: animates no joint of {skeleton.GetPath()}: the rest pose")
         return names & set(joints)
 
 
-def _matrices(prim: Usd.Prim, name: str, count: int) -> Any:
-    """Return matrices (count, 4, 4), None where there are none."""
+def _joint_matrices(prim: Usd.Prim, name: str, count: int) -> Any:
+    """Return matrices (count, 4, 4), one for each joint; None if the attribute has no value."""
     matrices = read_array(prim, name, Usd.TimeCode.Default(), np.float64, (4, 4))
     if len(matrices) == 0:
         return None

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.subdivision.batch import joined
+from lookdev.asset.subdivision.batch import join_cages
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import limit
-from lookdev.asset.subdivision.refine import masks_of
+from lookdev.asset.subdivision.refine import mask_rules
 from lookdev.asset.subdivision.rules import interpolate
 from lookdev.asset.subdivision.topology import split
 
@@ -39,20 +39,20 @@ def cage(points: Any, faces: Sequence[Sequence[int]], scheme="catmullClark", uv:
     return Mesh("/cage", vertices, corner_points, sizes, slots, empty, empty, uvs, subdivision=subdivision)
 
 
-def ruled(mesh: Mesh, **rules: Any) -> Mesh:
+def with_rules(mesh: Mesh, **rules: Any) -> Mesh:
     """Return a cage with other rules."""
     assert mesh.subdivision is not None
     return replace(mesh, subdivision=replace(mesh.subdivision, **rules))
 
 
-def own_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def cage_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the corners of a cage that are shown, and the corner that each has become in the refined mesh.
 
     A face's children come in the order of its corners, each from its own corner on; of triangles a fourth follows.
     """
     faces = np.arange(len(mesh.face_sizes), dtype=np.float32)
     marked = replace(mesh, uvs={}, primvars={"face": np.repeat(faces, mesh.face_sizes)})
-    visible = np.unique(refine(ruled(marked, interpolation={"face": "uniform"}), level).primvars["face"])
+    visible = np.unique(refine(with_rules(marked, interpolation={"face": "uniform"}), level).primvars["face"])
     corners = np.flatnonzero(np.isin(np.repeat(faces, mesh.face_sizes), visible))
     children = np.arange(len(corners))
     assert mesh.subdivision is not None
@@ -64,7 +64,7 @@ def own_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], 
 def limits(mesh: Mesh, level: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return limit positions and normals (m, 3) at all corners, normals zero where there is no tangent plane."""
     assert mesh.subdivision is not None
-    control, rules = joined([mesh]), masks_of(mesh.subdivision)
+    control, rules = join_cages([mesh]), mask_rules(mesh.subdivision)
     half_edges, points = build_cage(control, mesh.subdivision).level, control.points
     for _ in range(level):
         points, half_edges = interpolate(half_edges, points, rules), split(half_edges, rules.triangles)
@@ -77,7 +77,7 @@ CUBE_FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 
 CUBE_TRIANGLES = [[face[i] for i in three] for face in CUBE_FACES for three in ((0, 1, 2), (0, 2, 3))]
 
 
-def bent(points: Any, amount: float = 0.3) -> NDArray[np.float64]:
+def bend(points: Any, amount: float = 0.3) -> NDArray[np.float64]:
     """Return points moved by a few waves, so that nothing is symmetric."""
     p = np.asarray(points, np.float64)
     phase = np.arange(len(p))[:, None] * [1.7, 2.3, 3.1] + [0.4, 1.1, 2.0]
@@ -98,7 +98,7 @@ def triangles_of(faces: list[list[int]]) -> list[list[int]]:
 
 def chart(points: Any, faces: Sequence[Sequence[int]], charts: Sequence[int], joined: Sequence[int] = ()) -> Any:
     """Return UVs (m, 2) at corners: those of a point are shifted by its face's chart, but for points in `joined`."""
-    flat = bent(np.asarray(points)[:, [1, 0, 2]], 0.2)[:, :2]
+    flat = bend(np.asarray(points)[:, [1, 0, 2]], 0.2)[:, :2]
     return np.array(
         [
             flat[p] + (0.0 if p in joined else 1.0) * np.array([0.9, -0.4]) * shift
@@ -110,13 +110,13 @@ def chart(points: Any, faces: Sequence[Sequence[int]], charts: Sequence[int], jo
 
 def _grid(columns: int = 3, rows: int = 3, **rules: Any) -> Mesh:
     points, faces = lattice(columns, rows)
-    return cage(bent(points), faces, **rules)
+    return cage(bend(points), faces, **rules)
 
 
 def _mixed() -> tuple[NDArray[np.float64], list[list[int]]]:
     """Return a patch of a pentagon, triangles and quads around a triangle."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 0], [1, -2, 0], [3, 1, 0], [-1, 1, 0], [3, -1, 0], [2, 3, 0], [0, 3, 0]]
-    return bent(points), [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [3, 6, 1], [6, 4, 1], [2, 4, 7], [2, 7, 8, 5]]
+    return bend(points), [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [3, 6, 1], [6, 4, 1], [2, 4, 7], [2, 7, 8, 5]]
 
 
 def _fins() -> Mesh:
@@ -124,7 +124,7 @@ def _fins() -> Mesh:
     points = [[x, y, abs(x) * x * (1 - x) * 0.2] for x in (0, 1, -1, -1.5) for y in (0, 1, 2)]
     points = [*points, [3, 0, 0], [3, 1, 0]]
     wings = [[0, 3, 4, 1], [1, 4, 5, 2], [0, 1, 7, 6], [1, 2, 8, 7], [0, 1, 10, 9], [1, 2, 11, 10]]
-    return cage(bent(points), [*wings, [4, 3, 12, 13]])
+    return cage(bend(points), [*wings, [4, 3, 12, 13]])
 
 
 def _seamed(rule: str, **rules: Any) -> Mesh:
@@ -132,7 +132,7 @@ def _seamed(rule: str, **rules: Any) -> Mesh:
     points, faces = lattice(4, 4)
     charts = [0, 0, 0, 0, 0, 1, 1, 0, 2, 1, 1, 0, 2, 2, 0, 3]
     uv = chart(points, faces, charts, joined=(7, 16, 17))
-    return cage(bent(points), faces, uv=uv, face_varying=rule, **rules)
+    return cage(bend(points), faces, uv=uv, face_varying=rule, **rules)
 
 
 _CROSSING = {(6, 11): 1.4, (11, 16): 2.3, **dict.fromkeys([(2, 7), (7, 12), (12, 17), (17, 22)], 10.0)}
@@ -142,10 +142,10 @@ _RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "
 _JUNCTIONS = {**_RING, (0, 4): 1.6, (1, 5): 10.0, (5, 7): 10.0}
 
 CAGES: dict[str, Mesh] = {
-    "cube": cage(bent(CUBE), CUBE_FACES),
-    "sharp ring": cage(bent(CUBE), CUBE_FACES, creases=_RING),
-    "soft ring": cage(bent(CUBE), CUBE_FACES, creases=dict(zip(_RING, (2.5, 2.5, 0.7, 1.0), strict=True))),
-    "junctions": cage(bent(CUBE), CUBE_FACES, creases=_JUNCTIONS, corners={6: 1.3, 7: 10.0}),
+    "cube": cage(bend(CUBE), CUBE_FACES),
+    "sharp ring": cage(bend(CUBE), CUBE_FACES, creases=_RING),
+    "soft ring": cage(bend(CUBE), CUBE_FACES, creases=dict(zip(_RING, (2.5, 2.5, 0.7, 1.0), strict=True))),
+    "junctions": cage(bend(CUBE), CUBE_FACES, creases=_JUNCTIONS, corners={6: 1.3, 7: 10.0}),
     "open": _grid(),
     "open, edgeOnly": _grid(interpolate_boundary="edgeOnly"),
     "open, none": _grid(interpolate_boundary="none"),
@@ -154,10 +154,10 @@ CAGES: dict[str, Mesh] = {
     "any faces": cage(*_mixed()),
     "smooth triangles": cage(*_mixed(), triangle_rule="smooth"),
     "fins": _fins(),
-    "loop": cage(bent(CUBE), CUBE_TRIANGLES, "loop"),
-    "loop, soft": cage(bent(CUBE), CUBE_TRIANGLES, "loop", creases={(0, 1): 1.5, (1, 3): 2.2}, corners={6: 1.3}),
-    "loop, open": cage(*(lambda p, f: (bent(p), triangles_of(f)))(*lattice(3, 3)), scheme="loop"),
-    "bilinear": cage(bent(CUBE), CUBE_FACES, "bilinear", creases=_RING),
+    "loop": cage(bend(CUBE), CUBE_TRIANGLES, "loop"),
+    "loop, soft": cage(bend(CUBE), CUBE_TRIANGLES, "loop", creases={(0, 1): 1.5, (1, 3): 2.2}, corners={6: 1.3}),
+    "loop, open": cage(*(lambda p, f: (bend(p), triangles_of(f)))(*lattice(3, 3)), scheme="loop"),
+    "bilinear": cage(bend(CUBE), CUBE_FACES, "bilinear", creases=_RING),
     **{f"seams, {rule}": _seamed(rule) for rule in _RULES},
     "seams, creased": _seamed("cornersPlus1", creases=_CROSSING),
     "seams, edgeOnly": _seamed("cornersOnly", interpolate_boundary="edgeOnly"),

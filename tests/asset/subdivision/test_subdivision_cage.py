@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cages import CAGES, CUBE, CUBE_FACES, bent, cage, lattice, ruled
+from cages import CAGES, CUBE, CUBE_FACES, bend, cage, lattice, with_rules
 
 from lookdev.asset.subdivision import refine, refine_all
 from lookdev.errors import AssetError
@@ -15,8 +15,8 @@ EPS = float(np.finfo(np.float32).eps)
 @pytest.mark.parametrize("level", [0, 2])
 def test_a_hole_is_refined_and_not_shown(level):
     points, faces = lattice(4, 4)
-    whole = refine(cage(bent(points), faces), level)
-    pierced = refine(cage(bent(points), faces, holes=[5, 10]), level)
+    whole = refine(cage(bend(points), faces), level)
+    pierced = refine(cage(bend(points), faces, holes=[5, 10]), level)
     visible = ~np.isin(whole.face_slots, [5, 10])
     np.testing.assert_array_equal(pierced.face_slots, whole.face_slots[visible])
     corners = np.repeat(visible, whole.face_sizes)
@@ -27,7 +27,7 @@ def test_a_hole_is_refined_and_not_shown(level):
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_points_that_no_face_has_are_left_out(level):
     points, faces = lattice(2, 2)
-    refined = refine(cage([*bent(points), [1e6, 0.0, 0.0]], faces), level)
+    refined = refine(cage([*bend(points), [1e6, 0.0, 0.0]], faces), level)
     assert np.abs(refined.points).max() < 10.0
     np.testing.assert_array_equal(np.unique(refined.corner_points), np.arange(len(refined.points)))
 
@@ -42,10 +42,12 @@ def test_indices_of_many_points_do_not_overflow():
 
 def test_a_sharpness_of_10_is_infinite_and_less_than_0_is_none():
     edges = np.array([[0, 1], [1, 3], [3, 2], [2, 0]], np.int32)
-    mesh = cage(bent(CUBE), CUBE_FACES)
+    mesh = cage(bend(CUBE), CUBE_FACES)
 
     def points(sharpness):
-        return refine(ruled(mesh, crease_edges=edges, crease_sharpness=np.full(4, sharpness, np.float32)), 3).points
+        return refine(
+            with_rules(mesh, crease_edges=edges, crease_sharpness=np.full(4, sharpness, np.float32)), 3
+        ).points
 
     np.testing.assert_array_equal(points(10.0), points(np.inf))
     np.testing.assert_array_equal(points(10.0), points(25.0))
@@ -54,8 +56,8 @@ def test_a_sharpness_of_10_is_infinite_and_less_than_0_is_none():
 
 
 def test_a_crease_between_points_without_an_edge_has_no_effect():
-    stray = cage(bent(CUBE), CUBE_FACES, creases={(0, 7): 10.0, (3, 3): 10.0})
-    np.testing.assert_array_equal(refine(stray, 2).points, refine(cage(bent(CUBE), CUBE_FACES), 2).points)
+    stray = cage(bend(CUBE), CUBE_FACES, creases={(0, 7): 10.0, (3, 3): 10.0})
+    np.testing.assert_array_equal(refine(stray, 2).points, refine(cage(bend(CUBE), CUBE_FACES), 2).points)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +80,7 @@ def test_wrong_tags_are_errors_that_name_the_mesh(rules, message, level):
     mesh = cage(CUBE, CUBE_FACES, **{key: value for key, value in rules.items() if key != "crease_count"})
     if count:
         edges, sharpness = np.array([[0, 1]], np.int32), np.ones(count, np.float32)
-        mesh = ruled(mesh, crease_edges=edges, crease_sharpness=sharpness)
+        mesh = with_rules(mesh, crease_edges=edges, crease_sharpness=sharpness)
     with pytest.raises(AssetError, match=f"^/cage: {message}"):
         refine(mesh, level)
 
@@ -125,7 +127,7 @@ def test_a_mesh_without_subdivision_is_returned_as_it_is():
 
 @pytest.mark.parametrize("levels", [[2] * 30, [i % 3 for i in range(30)]])
 def test_many_cages_are_refined_as_each_is_alone(levels, monkeypatch):
-    monkeypatch.setattr("lookdev.asset.subdivision.batch._BATCH", 3000)
+    monkeypatch.setattr("lookdev.asset.subdivision.batch._BATCH_CORNERS", 3000)
     meshes = [replace(CAGES[name], name=f"/{i}") for i, name in enumerate([*CAGES, *CAGES][: len(levels)])]
     for mesh, level, together in zip(meshes, levels, refine_all(meshes, levels), strict=True):
         alone = refine(mesh, level)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cages import CAGES, bent, cage, lattice
+from cages import CAGES, bend, cage, lattice
 
 from lookdev.asset import Asset, Instance, Slot
 from lookdev.asset.subdivision import orbit_pixel, refine, refinement_levels
@@ -105,7 +105,7 @@ def test_the_edges_of_a_detailed_mesh_are_two_pixels_long(size):
 
 def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
     meshes = [replace(CAGES["cube"], name=f"/{i}") for i in range(5)]
-    meshes.append(replace(cage(*(lambda p, f: (bent(p), f))(*lattice(8, 8))), name="/large"))
+    meshes.append(replace(cage(*(lambda p, f: (bend(p), f))(*lattice(8, 8))), name="/large"))
     free = refinement_levels(asset_of(meshes), pixels_of(0.001))
     assert free.notes == ()
     result = refinement_levels(asset_of(meshes), pixels_of(0.001), corners=100_000)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asset_arrays import check_mesh
-from cages import CAGES, CUBE, CUBE_FACES, bent, cage, lattice, limits, own_corners, triangles_of
+from cages import CAGES, CUBE, CUBE_FACES, bend, cage, cage_corners, lattice, limits, triangles_of
 from scipy.interpolate import BSpline
 
 from lookdev.asset.subdivision import refine
@@ -22,8 +22,8 @@ def rows(*arrays):
 
 
 def test_extraordinary_points_of_a_bent_cube_have_halsteads_normals():
-    mesh = cage(bent(CUBE), CUBE_FACES)
-    _, children = own_corners(mesh, refine, 3)
+    mesh = cage(bend(CUBE), CUBE_FACES)
+    _, children = cage_corners(mesh, refine, 3)
     normals = refine(mesh, 3).normals[children]
     points = mesh.points.astype(np.float64)
     around = {corner: (face, i) for face in range(6) for i, corner in enumerate(range(4 * face, 4 * face + 4))}
@@ -112,7 +112,7 @@ def test_limits_are_the_same_at_the_next_level(name, level):
 @pytest.mark.parametrize("faces", [3, 4, 5, 7])
 def test_a_dart_has_the_limit_and_the_normal_of_the_level_after_next(scheme, faces):
     mesh = fan(faces, scheme, {(0, 1): 10.0})
-    (corners, children), (_, later) = own_corners(mesh, refine, 1), own_corners(mesh, refine, 3)
+    (corners, children), (_, later) = cage_corners(mesh, refine, 1), cage_corners(mesh, refine, 3)
     dart = mesh.corner_points[corners] == 0
     coarse, fine = refine(mesh, 1), refine(mesh, 3)
     a, b = coarse.points[coarse.corner_points[children]], fine.points[fine.corner_points[later]]
@@ -126,7 +126,7 @@ def fan(faces, scheme, creases):
     """Return faces around point 0, and a ring around these."""
     angle = 2.0 * np.pi * np.arange(2 * faces) / (2 * faces)
     rings = [np.stack([r * np.cos(angle), r * np.sin(angle), 0.0 * angle], axis=-1) for r in (1.0, 2.0)]
-    points = bent(np.concatenate([[[0.0, 0.0, 0.0]], *rings]), 0.2)
+    points = bend(np.concatenate([[[0.0, 0.0, 0.0]], *rings]), 0.2)
     n = 2 * faces
     inner = [[0, 1 + 2 * i, 2 + 2 * i, 1 + (2 * i + 2) % n] for i in range(faces)]
     outer = [[1 + i, 1 + n + i, 1 + n + (i + 1) % n, 1 + (i + 1) % n] for i in range(n)]

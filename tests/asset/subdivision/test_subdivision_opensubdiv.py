@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cages import CAGES, own_corners
+from cages import CAGES, cage_corners
 from scipy.spatial import KDTree
 
 from lookdev.asset.subdivision import refine
@@ -27,7 +27,7 @@ TOLERANCE = 4.0 * np.finfo(np.float32).eps
 @pytest.mark.parametrize("name", CAGES)
 def test_limits_are_those_of_opensubdiv_at_any_level(name, level):
     cage, oracle = CAGES[name], ORACLE[name]
-    corners, children = own_corners(cage, refine, level)
+    corners, children = cage_corners(cage, refine, level)
     refined = refine(cage, level)
     points = cage.corner_points[corners]
     assert set(points) == set(oracle["shown"])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cages import CAGES, bent, cage, chart, lattice, ruled
+from cages import CAGES, bend, cage, chart, lattice, with_rules
 
 from lookdev.asset.subdivision import refine
 from lookdev.asset.tangents import tangents_of
@@ -14,7 +14,7 @@ EPS = float(np.finfo(np.float32).eps)
 
 def with_primvar(mesh, values, interpolation):
     values = np.asarray(values, np.float32)
-    return ruled(replace(mesh, primvars={"value": values}), interpolation={"value": interpolation})
+    return with_rules(replace(mesh, primvars={"value": values}), interpolation={"value": interpolation})
 
 
 @pytest.mark.parametrize("level", [0, 1, 3])
@@ -25,7 +25,7 @@ def test_faces_keep_their_slots_and_their_uniform_and_constant_values(name, leve
     per_face = np.repeat(faces, mesh.face_sizes)
     values = {"own": per_face.astype(np.float32), "same": np.full((len(per_face), 3), 7.0, "f4")}
     marked = replace(mesh, primvars=values)
-    refined = refine(ruled(marked, interpolation={"own": "uniform", "same": "constant"}), level)
+    refined = refine(with_rules(marked, interpolation={"own": "uniform", "same": "constant"}), level)
     slots = np.repeat(refined.face_slots, refined.face_sizes)
     np.testing.assert_array_equal(refined.primvars["own"], mesh.face_slots[slots])
     assert (refined.primvars["same"] == 7.0).all()
@@ -50,7 +50,7 @@ def test_a_value_that_is_bilinear_is_the_mean_at_the_middle_of_edges_and_faces(i
     scheme = "bilinear" if interpolation == "vertex" else "catmullClark"
     rule = "all" if interpolation == "faceVarying" else "cornersPlus1"
     at_points = np.sin(3.0 * np.arange(9)).astype(np.float32)
-    mesh = cage(bent(points), faces, scheme, face_varying=rule)
+    mesh = cage(bend(points), faces, scheme, face_varying=rule)
     refined = refine(with_primvar(mesh, at_points[mesh.corner_points], interpolation), 1).primvars["value"]
     a, b, c, d = (at_points[[face[i] for face in faces]] for i in range(4))
     first = refined.reshape(4, 4, 4)[:, 0].T
@@ -66,7 +66,7 @@ def test_face_varying_values_without_a_seam_are_those_of_points():
 
 def test_a_name_without_interpolation_is_face_varying():
     mesh = CAGES["seams, cornersPlus1"]
-    explicit = ruled(mesh, interpolation={"st": "faceVarying"})
+    explicit = with_rules(mesh, interpolation={"st": "faceVarying"})
     np.testing.assert_array_equal(refine(mesh, 2).uvs["st"], refine(explicit, 2).uvs["st"])
 
 
