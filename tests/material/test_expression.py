@@ -430,7 +430,7 @@ def test_whole_numbers_wrap_exactly_in_float32() -> None:
     largest = (34 * 289 + 10) * 289
     numbers = np.arange(-largest, largest + 1)
     for period in (289, 12):
-        wrapped = shaping._wrapped(numbers.astype(np.float32), float(period))
+        wrapped = shaping._wrap_index(numbers.astype(np.float32), float(period))
         assert wrapped.dtype == np.float32
         np.testing.assert_array_equal(wrapped, numbers % period)
 

@@ -92,7 +92,7 @@ def _check_range(
         return None
     if not all(low <= number <= high for number in numbers):
         number_text = ", ".join(f"{number:g}" for number in numbers)
-        network.add_fault(where, f"{number_text} is out of range", f"it must be enclosing [{low:g}, {high:g}]")
+        network.add_fault(where, f"{number_text} is out of range", f"it must be within [{low:g}, {high:g}]")
         return None
     return numbers[0] if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
 

@@ -27,7 +27,7 @@ from lookdev.brdf.lobes import Directions
 from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.parameters import complete
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.material.translate import TRANSLATIONS, translated
+from lookdev.material.translate import TRANSLATIONS, translate_layer
 
 Floats = NDArray[np.float64]
 Fresnel = Callable[[Floats], Floats]
@@ -326,7 +326,7 @@ def compare(name: str, count: int, seed: int) -> list[Compared]:
 
 def translated_albedo(name: str, inputs: dict[str, Any], degrees: float) -> Floats:
     """Return the directional albedo, (3,), of the layers that stand for inputs."""
-    stack = translated(StackLayer(name, complete(name, TRANSLATIONS[name].parameters, inputs)))
+    stack = translate_layer(StackLayer(name, complete(name, TRANSLATIONS[name].parameters, inputs)))
     bsdf, wo = stack_bsdf(stack), view(degrees)
     # A grid for each width of the coats is dense where they peak; the ground is even.
     total = np.zeros(3)

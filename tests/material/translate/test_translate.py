@@ -31,10 +31,10 @@ from lookdev.material.translate import (
     display_color_look,
     foreign_shaders,
     layer_parameters,
-    translated,
+    translate_layer,
 )
 from lookdev.material.translate.fitting import FUNCTIONS
-from lookdev.material.translate.lobes import fit
+from lookdev.material.translate.lobes import load_fit
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.scene import Sampling
 
@@ -129,7 +129,7 @@ def test_inputs_are_those_of_the_definition(each: Translation) -> None:
 def test_layers_are_within_the_ranges_of_their_models(each: Translation) -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
-        for layer in translated(StackLayer(each.name, random_inputs(each, rng, 50))):
+        for layer in translate_layer(StackLayer(each.name, random_inputs(each, rng, 50))):
             assert np.all((np.asarray(layer.mask) >= 0.0) & (np.asarray(layer.mask) <= 1.0))
             for name, value in layer.parameters.items():
                 if not isinstance(value, str):
@@ -147,7 +147,7 @@ def test_what_varies_is_traced_as_it_is_computed(each: Translation) -> None:
     values = {name: random_value(parameter, rng, (40,)) for name, parameter in numbers.items()}
     look = Look("look", (Layer("Layer", each.name, inputs | tokens),))
     stack = look_layers(look, Carried(values))
-    alone = translated(StackLayer(each.name, complete(each.name, each.parameters, tokens) | values))
+    alone = translate_layer(StackLayer(each.name, complete(each.name, each.parameters, tokens) | values))
     for one, other in zip(stack, alone, strict=True):
         np.testing.assert_array_equal(one.mask, other.mask)
     f = evaluate(stack_bsdf(stack), np.tile(WO, (40, 1)), np.tile(WI, (40, 1)))
@@ -201,7 +201,7 @@ def test_opacity_is_presence(model: str, inputs: dict[str, Any], presence: float
     ground, specular, *_ = TRANSLATIONS[model].layers(complete(model, TRANSLATIONS[model].parameters, inputs))
     assert ground.parameters["presence"] == presence
     assert specular.mask == pytest.approx(kept)
-    whole = translated(StackLayer(model, complete(model, layer_parameters(model), inputs)))
+    whole = translate_layer(StackLayer(model, complete(model, layer_parameters(model), inputs)))
     assert stack_bsdf(whole).presence == presence
 
 
@@ -237,7 +237,7 @@ def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
 def test_the_coat_has_a_normal_of_its_own() -> None:
     inputs = {"coat": 1.0, "coat_normal": (0.1, 0, 1)}
     given = complete("standard_surface", layer_parameters("standard_surface"), inputs)
-    ground, specular, coat = translated(StackLayer("standard_surface", given))
+    ground, specular, coat = translate_layer(StackLayer("standard_surface", given))
     np.testing.assert_array_equal(coat.parameters["normal"], [0.1, 0.0, 1.0])
     for name, layer in (("normal", specular), ("diffuseNormal", ground)):
         np.testing.assert_array_equal(layer.parameters[name], [0.0, 0.0, 1.0])
@@ -295,8 +295,8 @@ def test_display_color_is_that_of_a_rough_dielectric() -> None:
 def test_fits_are_those_of_the_functions(name: str) -> None:
     x = np.array([0.05, 0.3, 0.8])
     wanted = [FUNCTIONS[name](float(each)) for each in x]
-    np.testing.assert_allclose(fit(name)(x), wanted, atol=0.004 if name == "edge" else 1e-3)
-    assert np.isfinite(np.asarray(fit(name)(np.linspace(0.0, 1.0, 1001)))).all()
+    np.testing.assert_allclose(load_fit(name)(x), wanted, atol=0.004 if name == "edge" else 1e-3)
+    assert np.isfinite(np.asarray(load_fit(name)(np.linspace(0.0, 1.0, 1001)))).all()
 
 
 def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
