@@ -136,8 +136,8 @@ def rotated(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
 
 def write_preset(file: Path, inputs="", model="LookdevDisney", category="metal", doc="") -> None:
     """Write a preset whose prim is called as the file is, capitalised."""
-    prim, given = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
-    head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {given}\n'
+    prim, documentation = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
+    head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {documentation}\n'
     data = f'    customData = {{\n        string category = "{category}"\n    }}\n)\n'
     body = f'{{\n    uniform token info:id = "{model}"\n    {expand(inputs)}\n    token outputs:layer\n}}\n'
     file.write_text(head + data + body)

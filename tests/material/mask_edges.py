@@ -94,8 +94,8 @@ class Pixel:
 
     def show(self, bsdf: Bsdf) -> Floats:
         """Return the radiance (..., 3) of surfaces whose parameters have shape (..., 1)."""
-        lit = self.wi[:, 2] > (-1.0 if bsdf.two_sided else 0.0)
-        return np.asarray((evaluate_cosine(bsdf, self.wo, self.wi[lit]) * self.light[lit]).sum(axis=-2))
+        is_lit = self.wi[:, 2] > (-1.0 if bsdf.two_sided else 0.0)
+        return np.asarray((evaluate_cosine(bsdf, self.wo, self.wi[is_lit]) * self.light[is_lit]).sum(axis=-2))
 
 
 @cache
@@ -108,7 +108,7 @@ def sphere_pixels(light: str) -> tuple[Pixel, ...]:
     tangents = np.cross([0.0, 0.0, 1.0], normals)
     frame = shading_frame(normals, tangents, normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
     frames = np.stack([frame.tangent, frame.bitangent, frame.normal], axis=1)
-    return tuple(_gather(dome, each, seed) for seed, each in enumerate(frames))
+    return tuple(_gather(dome, frame, seed) for seed, frame in enumerate(frames))
 
 
 def _gather(light: Light, frame: Floats, seed: int) -> Pixel:
@@ -122,18 +122,18 @@ def _gather(light: Light, frame: Floats, seed: int) -> Pixel:
 
     cell, density = np.zeros(len(wi), np.intp), np.zeros(len(wi))
     for number, (side, view) in enumerate(sides):
-        here = wi[:, 2] * side > 0.0
-        within, density[here] = _cell(view, wi[here] * (1.0, 1.0, side))
-        cell[here] = within + number * _CELLS[0] * _CELLS[1]
+        is_visible = wi[:, 2] * side > 0.0
+        within, density[is_visible] = _cell(view, wi[is_visible] * (1.0, 1.0, side))
+        cell[is_visible] = within + number * _CELLS[0] * _CELLS[1]
     world = wi @ frame
     arriving = light.radiance(_ANYWHERE, world) / (_POINTS * (density + light.pdf(_ANYWHERE, world)))[:, None]
     energy, direction = (
         np.stack([np.bincount(cell, weight) for weight in weights.T], axis=-1)
         for weights in (arriving, wi * arriving.sum(axis=-1, keepdims=True))
     )
-    lit = energy.any(axis=-1)
-    mean = direction[lit] / np.linalg.norm(direction[lit], axis=-1, keepdims=True)
-    return Pixel(frame, wo, mean, energy[lit])
+    is_lit = energy.any(axis=-1)
+    mean = direction[is_lit] / np.linalg.norm(direction[is_lit], axis=-1, keepdims=True)
+    return Pixel(frame, wo, mean, energy[is_lit])
 
 
 def _length(view: Floats) -> float:
@@ -155,8 +155,8 @@ def _cell(view: Floats, wi: Floats) -> tuple[NDArray[np.intp], Floats]:
     """Return the cells (n,) of directions above the horizon, and the density (n,) that `_draw` has there."""
     half = view + wi
     t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
-    place = np.log1p(t / _T0) / _length(view), np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
-    row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip(place, _CELLS, strict=True))
+    cell = np.log1p(t / _T0) / _length(view), np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
+    row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip(cell, _CELLS, strict=True))
     # d omega_i = 4 (wi . wm) d omega_h, and d omega_h = dt d phi / (2 (1 + t)^(3/2)).
     density = (1.0 + t) ** 1.5 / (np.pi * (_T0 + t) * _length(view) * 2.0 * np.linalg.norm(half, axis=-1))
     return row * _CELLS[1] + column, density
@@ -168,7 +168,7 @@ def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equa
     Parameters named by `equal` are first set to their mean over the two.
     """
     models = [tuple(presets[name][0] for name in pair) for pair in pairs]
-    shown = np.empty((len(pairs), len(MASKS), len(sphere_pixels(light)), 3))
+    colors = np.empty((len(pairs), len(MASKS), len(sphere_pixels(light)), 3))
     for kind in dict.fromkeys(models):
         of_kind = np.array([number for number, model in enumerate(models) if model == kind])
         for block in np.array_split(of_kind, -(-len(of_kind) // _AT_A_TIME)):
@@ -176,8 +176,8 @@ def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equa
             for name in equal:
                 below[name] = above[name] = 0.5 * (below[name] + above[name])
             bsdf = stack_bsdf([StackLayer(kind[0], below), StackLayer(kind[1], above, MASKS[:, None])])
-            shown[block] = np.stack([pixel.show(bsdf) for pixel in sphere_pixels(light)], axis=-2)
-    return shown
+            colors[block] = np.stack([pixel.show(bsdf) for pixel in sphere_pixels(light)], axis=-2)
+    return colors
 
 
 def _stacked(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -188,10 +188,10 @@ def _stacked(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def excess(shown: Floats) -> Floats:
+def excess(colors: Floats) -> Floats:
     """Return by how much values (n, 9, ...) leave the range of their two ends, as fractions of it."""
-    low, high = (end(shown[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
-    return np.asarray(np.maximum(shown - high, low - shown) / np.maximum(high - low, NARROW * high))
+    low, high = (end(colors[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
+    return np.asarray(np.maximum(colors - high, low - colors) / np.maximum(high - low, NARROW * high))
 
 
 def overshoot(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
@@ -227,8 +227,8 @@ def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str
     blended = {"disney disney": "their parameters", "pixar pixar": "their lobes", "disney pixar": "what is evaluated"}
     rows = [("presets", "what is blended", "within 5 %", "up to its width", "beyond")]
     for models, what in ((names.split(), what) for names, what in blended.items()):
-        found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
-        rows.append((" and ".join(models), what, *(str(found.count(kind)) for kind in KINDS)))
+        kinds_found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
+        rows.append((" and ".join(models), what, *(str(kinds_found.count(kind)) for kind in KINDS)))
     return _markdown(rows)
 
 
@@ -244,8 +244,8 @@ def tables(presets: Mapping[str, Preset]) -> dict[str, str]:
 
 def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
     """Return the worst pixel of the worst pairs, each preset once."""
-    shown = {light: edges(light, presets, pairs) for light in LIGHTS}
-    worst = {light: excess(values).max(axis=(1, 2, 3)) for light, values in shown.items()}
+    colors = {light: edges(light, presets, pairs) for light in LIGHTS}
+    worst = {light: excess(values).max(axis=(1, 2, 3)) for light, values in colors.items()}
     rows = [("pair", "light", "mask", "the two", "blend", "excess", "equal highlights", "equal `metallic`", "both")]
     used: set[str] = set()
     for number in np.argsort(-np.max(list(worst.values()), axis=0)):
@@ -253,13 +253,13 @@ def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
         if used & set(pair) or len(rows) > _WORST:
             continue
         used |= set(pair)
-        light = max(LIGHTS, key=lambda each: worst[each][number])
-        values = shown[light][number]
-        found = excess(values[None])[0]
-        step, pixel, channel = np.unravel_index(found.argmax(), found.shape)
+        light = max(LIGHTS, key=lambda light_name: worst[light_name][number])
+        values = colors[light][number]
+        worst_excess = excess(values[None])[0]
+        step, pixel, channel = np.unravel_index(worst_excess.argmax(), worst_excess.shape)
         below, blend, above = (f"{values[index, pixel, channel]:.3f}" for index in (0, step, -1))
         left = (overshoot(light, presets, [pair], equal)[0] for equal in list(_EQUAL.values())[1:])
-        excesses = (f"{max(value, 0.0):.2g}" for value in (found.max(), *left))
+        excesses = (f"{max(value, 0.0):.2g}" for value in (worst_excess.max(), *left))
         rows.append((", ".join(pair), light, f"{MASKS[step]:g}", f"{below}, {above}", blend, *excesses))
     return _markdown(rows)
 

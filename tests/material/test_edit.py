@@ -271,7 +271,7 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
         ("dirt *", [], "\n    dirt *\n          ^"),
         ("dirt.pgn", [], "mask: is not a number from 0 to 1, an image (.bmp"),
         ("dirt * 2", [], "'dirt' in the expression has no source (add --input dirt=IMAGE"),
-        ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is no name in the expression (did you mean 'dirt'?)"),
+        ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is not a name in the expression (did you mean 'dirt'?)"),
         ("dirt * 2", ["dirt"], "--input: dirt: names no source of the value"),
         ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
         ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a float is needed: use luminance())"),
@@ -399,10 +399,10 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
         out = tmp_path / f"found{len(names)}.usda"
         changed = [replace(constant_of(before, name), value=NAMES[name]) for name in names]
         write_changed(file, out, changed)
-        found = read_look(out)
+        written_look = read_look(out)
         for constant in changed:
-            assert constant_of(found, constant.name).value == pytest.approx(constant.value)
-        assert len(found.layers) == len(before.layers)
+            assert constant_of(written_look, constant.name).value == pytest.approx(constant.value)
+        assert len(written_look.layers) == len(before.layers)
         stage = Usd.Stage.Open(str(out))
         # An interface keeps a constant that is its own; one that two layers share is left to the other.
         shared = "Base.roughness" in names
@@ -410,7 +410,7 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
         if not shared:
             assert stage.GetPrimAtPath("/M").GetAttribute("inputs:shine").Get() == pytest.approx(0.3)
             assert stage.GetPrimAtPath("/M/Coat").GetAttribute("inputs:clearcoatGloss").HasAuthoredConnections()
-        assert constant_of(found, "Coat.roughness").value == pytest.approx((0.4,))
+        assert constant_of(written_look, "Coat.roughness").value == pytest.approx((0.4,))
         # Only the variant that is shown changes.
         new = read_look(out, None, {"wear": "new"})
         assert constant_of(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
@@ -420,9 +420,9 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
 def test_relative_paths_stay_right_in_another_folder(tmp_path: Path) -> None:
     file = MATERIALS / "robot_paint.usda"
     look = read_look(file)
-    wanted = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
-    write_changed(file, tmp_path / "found.usdc", [wanted])
-    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [wanted]).layers
+    target = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
+    write_changed(file, tmp_path / "found.usdc", [target])
+    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [target]).layers
 
 
 def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
@@ -463,9 +463,9 @@ def layer_named(look: Look, name: str) -> Layer:
     ],
 )
 def test_an_input_of_one_layer(parameter: str, value: object, name: str, expected: object) -> None:
-    own = parameter.partition(".")[0]
+    layer_name = parameter.partition(".")[0]
     assert changed_look(PAINT, parameter, value).layers == tuple(
-        replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == own else layer
+        replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == layer_name else layer
         for layer in PAINT.layers
     )
 

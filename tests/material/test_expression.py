@@ -296,8 +296,8 @@ def test_every_constant_that_is_left_is_a_float32(name: str) -> None:
     for varying in names:
         for _ in range(10):
             others = (argument for argument in names if argument != varying)
-            given = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
-            nodes = reachable(_traced(name, **given)[2])
+            values = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
+            nodes = reachable(_traced(name, **values)[2])
             constants = [arg for node in nodes for arg in node.args if isinstance(arg, float)]
             assert all(abs(constant) <= 3.4e38 for constant in constants)
 
@@ -306,9 +306,9 @@ def test_noise_is_the_same_in_float32_far_from_the_origin() -> None:
     rng, (names, noise, (element,)) = np.random.default_rng(10), _traced("noise")
     for size in (10.0, 1e3, 1e5):
         places = {name: rng.uniform(-size, size, 5000).astype(np.float32).astype(float) for name in names}
-        wanted = noise.evaluate(places, dict.fromkeys(names, "float"))
+        expected = noise.evaluate(places, dict.fromkeys(names, "float"))
         # Places that float32 can hold leave an exact remainder: what is left are a hundred operations near 1.
-        np.testing.assert_allclose(compute(element, places, np.float32), wanted, atol=5e-6)
+        np.testing.assert_allclose(compute(element, places, np.float32), expected, atol=5e-6)
 
 
 _ROW = re.compile(r"^\| `(?P<call>[^`]+)` \|[^\n]*\| `(?P<example>[^`]+)` = (?P<value>[^|]+?) \|$", re.MULTILINE)
@@ -325,17 +325,17 @@ def test_the_page_has_every_function() -> None:
 
 @pytest.mark.parametrize("row", [pytest.param(match, id=match["example"]) for match in _ROW.finditer(PAGE)])
 def test_the_examples_of_the_page_are_true(row: re.Match[str]) -> None:
-    wanted = [float(number) for number in row["value"].strip("[]").split(",")]
+    expected = [float(number) for number in row["value"].strip("[]").split(",")]
     example = row["example"].replace("\\|", "|")
     # As many digits as the page shows.
-    np.testing.assert_allclose(np.ravel(parse(example).evaluate({}, {})), wanted, atol=5e-5)
+    np.testing.assert_allclose(np.ravel(parse(example).evaluate({}, {})), expected, atol=5e-5)
 
 
 def test_the_fault_on_the_page_is_the_one_told() -> None:
-    (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    (quoted_fault,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     with pytest.raises(ExpressionError) as caught:
         parse("clamp(smothstep(dirt, .2, .6) * (1 - edge), 0, 1)")
-    assert shown.rstrip() == str(caught.value)
+    assert quoted_fault.rstrip() == str(caught.value)
 
 
 # A dozen operations at 2^-53 each, some of which lose a digit by cancellation.
@@ -389,17 +389,17 @@ def _contrast(x: float, c: float) -> float:
 )
 def test_formulas_are_those_of_seexpr(name: str, wanted: Callable[..., float], count: int) -> None:
     arguments = np.random.default_rng(4).uniform(0.01, 0.99, (count, 500))
-    given = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
+    values = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
     expected = [wanted(*column) for column in arguments.T]
     # Where a difference of arguments divides, its rounding counts as much as its value is small: fit, at worst 1000.
-    np.testing.assert_allclose(FUNCTIONS[name].evaluate(*given), expected, rtol=_RTOL, atol=1e-11)
+    np.testing.assert_allclose(FUNCTIONS[name].evaluate(*values), expected, rtol=_RTOL, atol=1e-11)
 
 
 def test_saturate_is_that_of_seexpr() -> None:
-    given = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
-    gray = given[:3].T @ [0.2126, 0.7152, 0.0722]
-    expected = np.maximum(gray * (1.0 - given[3]) + given[:3] * given[3], 0.0)
-    np.testing.assert_allclose(shaping.saturate(tuple(given[:3]), given[3]), expected, rtol=_RTOL, atol=1e-15)
+    values = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
+    gray = values[:3].T @ [0.2126, 0.7152, 0.0722]
+    expected = np.maximum(gray * (1.0 - values[3]) + values[:3] * values[3], 0.0)
+    np.testing.assert_allclose(shaping.saturate(tuple(values[:3]), values[3]), expected, rtol=_RTOL, atol=1e-15)
 
 
 UNDEFINED = {

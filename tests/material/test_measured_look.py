@@ -78,9 +78,9 @@ def test_the_built_in_measurement_is_no_file(write) -> None:
     ],
 )
 def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, name: str, what: str) -> None:
-    (place, found, hint), *_ = faults_of(write(measured(body=body)))
-    assert place == f"Base.{name}"
-    assert what in found
+    (path, summary, hint), *_ = faults_of(write(measured(body=body)))
+    assert path == f"Base.{name}"
+    assert what in summary
     assert hint
 
 
@@ -129,7 +129,7 @@ def test_the_shader_has_each_table_once(write) -> None:
     names = [table.parameter for table in generated.tables]
     assert len(names) == len(set(names)) == 6
     assert all(f"float {name}[" in generated.osl for name in names)
-    assert [each.attribute for each in generated.attributes] == [TANGENT]
+    assert [attribute.attribute for attribute in generated.attributes] == [TANGENT]
     # MERL's data have no direction, so no tangent is read.
     assert not source(write(measured(body="asset file = @builtin:plastic@"))).attributes
 

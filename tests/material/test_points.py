@@ -85,11 +85,13 @@ def assert_is(points: Points, layers: Sequence[Layer], expected: Callable[[int],
     presence = np.broadcast_to(bsdf.presence, COUNT)
     for i in range(COUNT):
         inputs = ((layer, complete_parameters(layer.model, layer.inputs)) for layer in expected(i))
-        one = stack_bsdf([StackLayer(layer.model, given, layer.mask, layer.mode) for layer, given in inputs])
-        np.testing.assert_allclose(f[i], evaluate(one, wo[i], wi[i]), rtol=1e-12)
-        np.testing.assert_allclose(density[i], pdf(one, wo[i], wi[i]), rtol=1e-12)
-        np.testing.assert_allclose(drawn[i], sample(one, wo[i], u[i]), rtol=1e-9, atol=1e-12)
-        assert presence[i] == pytest.approx(one.presence)
+        point_bsdf = stack_bsdf(
+            [StackLayer(layer.model, parameters, layer.mask, layer.mode) for layer, parameters in inputs]
+        )
+        np.testing.assert_allclose(f[i], evaluate(point_bsdf, wo[i], wi[i]), rtol=1e-12)
+        np.testing.assert_allclose(density[i], pdf(point_bsdf, wo[i], wi[i]), rtol=1e-12)
+        np.testing.assert_allclose(drawn[i], sample(point_bsdf, wo[i], u[i]), rtol=1e-9, atol=1e-12)
+        assert presence[i] == pytest.approx(point_bsdf.presence)
 
 
 def clipped(value: Any, most: float = 1.0) -> Any:
@@ -108,8 +110,8 @@ def test_textures_and_primvars_are_constants_at_each_point(model: str, color: st
         return base, Layer("Coat", model, {color: gray, "metallic": 0.5}, wear)
 
     def expected(i: int) -> Sequence[Layer]:
-        here, rough, shade = (clipped(sample_texture(image, st[i])) for image in (paint, grain, gray))
-        return layers(here, rough, (shade,) * 3, clipped(points.wear[i]))
+        texel, rough, shade = (clipped(sample_texture(image, st[i])) for image in (paint, grain, gray))
+        return layers(texel, rough, (shade,) * 3, clipped(points.wear[i]))
 
     assert_is(points, layers(paint, grain, gray, wear), expected)
 
@@ -135,9 +137,9 @@ def test_formulas_read_textures_primvars_and_coordinates(points: Points, image: 
 
     def expected(i: int) -> Sequence[Layer]:
         s, t = points.st[i]
-        here, paint = sample_texture(dirt, points.st[i]), points.paint[i]
-        covered = clipped(here * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
-        return layers(clipped(paint * here), covered)
+        texel, paint = sample_texture(dirt, points.st[i]), points.paint[i]
+        covered = clipped(texel * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
+        return layers(clipped(paint * texel), covered)
 
     assert_is(points, layers(Formula(parse("p * t"), inputs, kinds), mask), expected)
 

@@ -277,9 +277,9 @@ def roughness(file: Path) -> Texture:
 
 
 def test_an_image_of_the_root_layer(tmp_path: Path) -> None:
-    found = roughness(package(tmp_path, {"look.usda": textured("tex/a.png")}, {"tex/a.png": 0.2}))
-    assert found.file.name == "a.png"
-    np.testing.assert_allclose(sample_texture(found, [0.5, 0.5]), 51 / 255)
+    value = roughness(package(tmp_path, {"look.usda": textured("tex/a.png")}, {"tex/a.png": 0.2}))
+    assert value.file.name == "a.png"
+    np.testing.assert_allclose(sample_texture(value, [0.5, 0.5]), 51 / 255)
 
 
 def test_an_image_relative_to_a_layer_inside(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ FAULTS = [
     (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
     (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
     (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
-    (base("float roughness <- .gone"), "Base.roughness", "no interface input"),
+    (base("float roughness <- .gone"), "Base.roughness", "nor an interface input"),
     (base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"), "Base.roughness", "2 connections"),
     ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
     (textured("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"), "T.in", "cycle"),
@@ -99,7 +99,7 @@ FAULTS = [
     (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
     (f"{MOVED.split('.')[0]}\n" + disney(), TERMINAL, "is not connected"),
     (MOVED.replace("Moved", "Base") + disney(), TERMINAL, "has the unknown info:id 'LookdevDisney'"),
-    (MOVED + disney(), TERMINAL, "is no output of a shader"),
+    (MOVED + disney(), TERMINAL, "is neither an output of a shader"),
     (displaced(""), "Moved.height", "is neither set nor connected"),
     (displaced("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
     (displaced("float height = nan"), "Moved.height", "nan is not finite"),
@@ -138,7 +138,7 @@ LAYERS = disney(), disney("Coat"), pixar("Clear"), pixar("Saved", 'token energy 
 EXPRESSION_FAULTS = [
     (expression(""), "Expr.expression", "holds no expression"),
     (expression("1 +"), "Expr.expression", "^"),
-    (expression("dirt * 2"), "Expr.dirt", "which is no input of its node"),
+    (expression("dirt * 2"), "Expr.dirt", "which is not an input of its node"),
     (expression("smothstep(1, 0, 1)"), "Expr.expression", "smoothstep"),
     (expression("1", "float dirt = 1"), "Expr.dirt", "unknown input"),
     (expression("dirt", "float dirt"), "Expr.dirt", "neither set nor connected"),
@@ -150,16 +150,16 @@ EXPRESSION_FAULTS = [
     (expression("a", "float a <- Other.value") + expression("1", name="Other"), "Expr.a", "use outputs:result"),
 ]
 MASKED = stack(TWO + "float layer1Mask <- Expr.result", *LAYERS[:2])
-CASES = [(body, "</M/Base.outputs:layer>", where, what) for body, where, what in FAULTS]
-CASES += [(stack(inputs, *LAYERS), STACK, f"Layers.{name}", what) for inputs, name, what in STACK_FAULTS]
-CASES += [(MASKED + nodes, STACK, where, what) for nodes, where, what in EXPRESSION_FAULTS]
+CASES = [(body, "</M/Base.outputs:layer>", where, summary) for body, where, summary in FAULTS]
+CASES += [(stack(inputs, *LAYERS), STACK, f"Layers.{name}", summary) for inputs, name, summary in STACK_FAULTS]
+CASES += [(MASKED + nodes, STACK, where, summary) for nodes, where, summary in EXPRESSION_FAULTS]
 
 
 @pytest.mark.parametrize(("body", "terminal", "where", "message"), CASES, ids=[f"{c[2]}: {c[3]}" for c in CASES])
 def test_fault(write, body: str, terminal: str, where: str, message: str) -> None:
-    [(place, what, hint)] = faults_of(write(body, terminal))
-    assert place == where
-    assert message in f"{what} ({hint})"
+    [(path, summary, hint)] = faults_of(write(body, terminal))
+    assert path == where
+    assert message in f"{summary} ({hint})"
 
 
 def test_all_faults_are_reported_at_once_and_shared_nodes_only_once(write) -> None:
@@ -191,8 +191,8 @@ def test_expressions_do_not_nest_without_end(write) -> None:
     ],
 )
 def test_wrong_request(write, options: dict[str, object], where: str, message: str) -> None:
-    [(place, what, _)] = faults_of(write(disney()), **options)
-    assert (place, what) == (where, message)
+    [(path, summary, _)] = faults_of(write(disney()), **options)
+    assert (path, summary) == (where, message)
 
 
 def test_wrong_variant_names_the_nearest(write) -> None:
@@ -204,7 +204,7 @@ def test_wrong_variant_names_the_nearest(write) -> None:
 
 def test_broken_reference_is_a_fault(write) -> None:
     faults = faults_of(write('def "Base" (references = @./gone.usda@</Gold>) { }'))
-    assert any(where == "/M/Base" and "gone.usda" in what for where, what, _ in faults)
+    assert any(where == "/M/Base" and "gone.usda" in summary for where, summary, _ in faults)
 
 
 TWO_MATERIALS = '#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n'
@@ -225,7 +225,7 @@ def test_a_file_without_a_look(tmp_path: Path, text: str | None, where: str, wha
     file = tmp_path / "look.usda"
     if text is not None:
         file.write_text(text)
-    [(place, said, right)] = faults_of(file)
-    assert place == where
+    [(path, said, right)] = faults_of(file)
+    assert path == where
     assert said.startswith(what)
     assert right.startswith(hint)

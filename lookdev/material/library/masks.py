@@ -97,7 +97,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         name, _, value = text.partition("=")
         if name not in expression.names:
             hint = nearest_hint(name, expression.names) if expression.names else "it has none"
-            raise LookError([Fault("--input", text, f"'{name}' is no name in the expression", hint)])
+            raise LookError([Fault("--input", text, f"'{name}' is not a name in the expression", hint)])
         source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"), folder)
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"

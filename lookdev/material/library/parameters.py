@@ -76,7 +76,6 @@ def _find_parameter(material: UsdShade.Material, layer: str, name: str) -> tuple
     model = MODELS.get(layer_shaders().get(shader_id(shader), ""))
     if model is None or name not in model.parameters:
         valid_names = list(model.parameters) if model else []
-        raise ModelError(
-            f"'{name}' is no parameter of layer {layer} ({nearest_hint(name, valid_names) if valid_names else 'none'})"
-        )
+        hint = nearest_hint(name, valid_names) if valid_names else "none"
+        raise ModelError(f"'{name}' is not a parameter of layer {layer} ({hint})")
     return shader, model.parameters[name]

@@ -88,7 +88,7 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
     `replace`, or is not the path of a USD file.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: is no name of a look; it would end with {', '.join(SUFFIXES)}")
+        raise OutputError(f"{path}: is not the name of a look; it would end with {', '.join(SUFFIXES)}")
     if path.exists() and not replace:
         raise OutputError(f"{path} exists; another name would be right")
     stage = Usd.Stage.CreateInMemory()

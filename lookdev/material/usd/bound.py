@@ -118,7 +118,7 @@ def is_foreign(material: Usd.Prim) -> bool:
 
 
 def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
-    """Read a material of another model from an open stage, as the user named it.
+    """Read a material of another model, which the user names, from an open stage.
 
     Raises
     ------
@@ -143,6 +143,8 @@ def _model_title(model: str) -> str:
 
 
 class _Material:
+    """Reads one material of a foreign model, and collects its faults."""
+
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
         self.network = Network(file)
@@ -161,8 +163,8 @@ class _Material:
     def read(self, prim: Usd.Prim) -> Look:
         """Return the look of a material; raises NotCarriedError where it has no surface that can be read."""
         if not prim or not prim.IsA(UsdShade.Material):
-            raise NotCarriedError("is no material")
-        self._note_documents(prim)
+            raise NotCarriedError("is not a material")
+        self._add_document_faults(prim)
         terminals = [name for name in _SURFACES if _is_connected(prim, name)]
         for name in _VOLUMES:
             if _is_connected(prim, name):
@@ -177,7 +179,7 @@ class _Material:
             return Look(prim.GetName(), tuple(layers), f"{self.network.file}<{self.path}>", displacement)
         raise NotCarriedError(f"has no surface shader{' that can be read' if terminals else ''}")
 
-    def _note_documents(self, prim: Usd.Prim) -> None:
+    def _add_document_faults(self, prim: Usd.Prim) -> None:
         """Add the faults of converting MaterialX documents, which the layers made from these store."""
         for layer in dict.fromkeys(spec.layer for spec in prim.GetPrimStack()):
             for line in str(layer.customLayerData.get(NOTES, "")).splitlines():
@@ -269,12 +271,12 @@ class _Material:
             return None
         text = f"{value[0]:g}" if isinstance(value, tuple) else str(value)
         if text not in parameter.choices:
-            raise NotCarriedError(f"'{text:.40}' is none of {', '.join(parameter.choices)}")
+            raise NotCarriedError(f"'{text:.40}' is not one of {', '.join(parameter.choices)}")
         return text
 
     def _clip_to_range(self, attribute: Usd.Attribute, value: Any, parameter: Parameter) -> Input:
         if isinstance(value, Bump) and parameter.kind != "normal":
-            raise NotCarriedError("a normal is no value of it")
+            raise NotCarriedError("cannot be a normal")
         if not isinstance(value, float | tuple):
             return value  # type: ignore[no-any-return]
         low, high = parameter.hard
@@ -374,5 +376,5 @@ def _is_connected(prim: Usd.Prim, name: str) -> bool:
 def _mask_source(term: Term) -> Mask:
     source = term.source()
     if not isinstance(source, float | Texture | Primvar | Formula):
-        raise NotCarriedError("is no float")
+        raise NotCarriedError("is not a float")
     return source

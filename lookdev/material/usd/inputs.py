@@ -187,7 +187,7 @@ def _read_formula_input(
             return None
         return "float", View()
     if not attribute:
-        message = f"the expression reads '{name}', which is no input of its node"
+        message = f"the expression reads '{name}', which is not an input of its node"
         network.add_fault(where, message, f"add float inputs:{name}")
         return None
     value_type = attribute.GetTypeName().type

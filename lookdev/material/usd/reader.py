@@ -199,7 +199,7 @@ class Node:
             return self.reader.read_node(attribute, holder)
         value = self.reader.read_constant(attribute)
         if value is not None and not isinstance(value, tuple):
-            raise NotCarriedError(f"inputs:{name} is no number")
+            raise NotCarriedError(f"inputs:{name} is not a number")
         term = self.reader.read_term(attribute, len(value)) if value else None
         return constant(*default) if term is None else term
 
@@ -230,7 +230,7 @@ class Node:
         attribute = self.attribute(name)
         value = self.reader.read_constant(attribute) if attribute else None
         if value is not None and not isinstance(value, str):
-            raise NotCarriedError(f"inputs:{name} is no text")
+            raise NotCarriedError(f"inputs:{name} is not a text")
         return value or ""
 
     def add_fault(self, name: str, message: str, hint: str = "") -> None:

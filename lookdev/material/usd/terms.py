@@ -38,11 +38,11 @@ class Term:
     numbers
         The channels of a constant.
     leaf
-        The source, where the value is that of a single source.
+        The source, where the value is a single source.
     alpha
         The fourth channel, beside a width of 3.
     tangent
-        Whether it is a normal in the frame of tangent, bitangent and shading normal.
+        Whether the value is a normal in the frame of tangent, bitangent and shading normal.
     """
 
     text: str

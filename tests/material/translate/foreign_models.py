@@ -151,9 +151,9 @@ def standard_surface(p: dict[str, Any], degrees: float) -> Floats:
         diffuse = p["sheen"] * albedo * np.asarray(p["sheen_color"]) + (1.0 - p["sheen"] * albedo) * diffuse
     reflected = lobe(roughness, degrees, dielectric(p["specular_IOR"]))
     # The tint is that of the reflection; the white part is withheld.
-    own = p["specular"] * specular_color * reflected + (1.0 - p["specular"] * reflected) * diffuse
+    specular = p["specular"] * specular_color * reflected + (1.0 - p["specular"] * reflected) * diffuse
     metal = lobe(roughness, degrees, conductor(p["base"] * base_color, p["specular"] * specular_color))
-    mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * own
+    mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * specular
     attenuated = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
     return layered(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
 
@@ -168,8 +168,8 @@ def gltf_pbr(p: dict[str, Any], degrees: float) -> Floats:
 
 def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
     over, weight, metalness = p["coat_weight"], p["specular_weight"], p["base_metalness"]
-    own, coated = p["specular_roughness"], p["coat_roughness"]
-    roughness = (1.0 - over) * own + over * min(1.0, 2.0 * coated**4 + own**4) ** 0.25
+    base_roughness, coated = p["specular_roughness"], p["coat_roughness"]
+    roughness = (1.0 - over) * base_roughness + over * min(1.0, 2.0 * coated**4 + base_roughness**4) ** 0.25
     color, specular_color = np.asarray(p["base_color"]), np.asarray(p["specular_color"])
     under = np.asarray(p["subsurface_color"])
     diffuse = (1.0 - p["subsurface_weight"]) * p["base_weight"] * color + p["subsurface_weight"] * under
@@ -264,14 +264,14 @@ _OPEN_PBR_SURFACE: dict[str, Draw] = {
 
 
 def _draw(draws: Mapping[str, Draw], rng: Rng) -> dict[str, Any]:
-    given = {name: draw(rng) for name, draw in draws.items()}
+    values = {name: draw(rng) for name, draw in draws.items()}
     if draws is _PREVIEW_SURFACE and rng.random() < 0.25:
-        given |= {"useSpecularWorkflow": "1", "metallic": 0.0}
+        values |= {"useSpecularWorkflow": "1", "metallic": 0.0}
         # Plastics and metals; not more than all light is reflected.
-        color = given["diffuseColor"]
+        color = values["diffuseColor"]
         plastic = {"specularColor": (_number(0.0, 1.0 - max(color))(rng),) * 3}
-        given |= plastic if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
-    return given
+        values |= plastic if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
+    return values
 
 
 @dataclass(frozen=True)
@@ -314,14 +314,14 @@ class Compared:
 def compare(name: str, count: int, seed: int) -> list[Compared]:
     """Compare the albedos of random sets."""
     rng, foreign, known = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
-    found = []
+    albedos = []
     for _ in range(count):
-        given = _draw(foreign.draws, rng)
-        whole = {input_name: parameter.default for input_name, parameter in known.items()} | given
+        values = _draw(foreign.draws, rng)
+        whole = {input_name: parameter.default for input_name, parameter in known.items()} | values
         own = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
-        ours = np.stack([translated_albedo(name, given, angle) for angle in VIEWS])
-        found.append(Compared(given, foreign.metal(whole), own, ours))
-    return found
+        ours = np.stack([translated_albedo(name, values, angle) for angle in VIEWS])
+        albedos.append(Compared(values, foreign.metal(whole), own, ours))
+    return albedos
 
 
 def translated_albedo(name: str, inputs: dict[str, Any], degrees: float) -> Floats:
