@@ -11,7 +11,7 @@ from lookdev.brdf import Mode
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
-from lookdev.material.library.nodes import layer_paths, sites
+from lookdev.material.library.nodes import find_sites, layer_paths
 from lookdev.material.library.stack import layer_shader, require_stack
 from lookdev.material.usd import variant_sets
 
@@ -28,13 +28,15 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
         number, name = stack.find(layer)
         if to not in stack.layers:
             message = f"'{name}' cannot be layer {to}"
-            raise stack.error(message, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath")
+            raise stack.make_error(
+                message, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
+            )
         step = 1 if to < number else -1
         order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
         attributes = [stack.prim.GetAttribute(stack.input_name(other, part)) for other in order for part in _PARTS]
         if not all(stack.is_in_file(attribute) for attribute in attributes if attribute):
-            raise stack.error("another file or a variant states its layers", "move them there")
+            raise stack.make_error("another file or a variant states its layers", "move them there")
         stack.renumber(order)
 
 
@@ -49,16 +51,16 @@ def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, var
         used_paths = {path.StripAllVariantSelections() for path in layer_paths(root)}
         if new != path and (new in used_paths or material.GetPrim().GetStage().GetPrimAtPath(new)):
             raise LookError([Fault(str(file), str(path), f"'{name}' is there already", "choose another name")])
-        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites(root, path)):
+        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path)):
             raise LookError([Fault(str(file), str(path), "is defined by another file", "rename it there")])
-        for site in sites(root, path):
+        for site in find_sites(root, path):
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(site, site.ReplaceName(name), Sdf.NamespaceEdit.same)
             root.Apply(edit)
-        redirect(root, {path: new})
+        redirect_connections(root, {path: new})
 
 
-def redirect(
+def redirect_connections(
     layer: Sdf.Layer, new_paths: Mapping[Sdf.Path, Sdf.Path], within: Sdf.Path = Sdf.Path.absoluteRootPath
 ) -> None:
     """Redirect connections at or below `within` in a USD layer to the new paths of moved prims."""
@@ -77,14 +79,14 @@ def enable_layer(file: Path, layer: str, enabled: bool, prim: str | None = None,
     """Switch a layer over the base on or off, at the file's strongest opinion, also in a variant."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
-        set_constant(stack.input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
+        set_constant(stack.create_input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
 
 
 def set_mode(file: Path, layer: str, mode: Mode, prim: str | None = None, variants: Variants = None) -> None:
     """Set the mode of a layer: ``"over"`` or ``"transmit"``."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
-        set_constant(stack.input(stack.find(layer)[0], "Mode", _TYPES.Token), mode)
+        set_constant(stack.create_input(stack.find(layer)[0], "Mode", _TYPES.Token), mode)
 
 
 def select_variant(file: Path, name: str, choice: str, prim: str | None = None) -> None:

@@ -27,7 +27,7 @@ from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
 from lookdev.material.library.masks import Held, Mask, MaskWriter
-from lookdev.material.library.nodes import clear_input, free_path, prune, relative_asset, upstream
+from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
 from lookdev.material.library.stack import author_stack, enabled_layers, find_stack, require_stack, require_surface
 from lookdev.material.look import Look
@@ -147,11 +147,11 @@ def add_layer(
         name = Sdf.Path(preset.prim).name
         prim_name = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
         path = _define_reference(stack.stage, free_path(stack.stage, stack.scope, prim_name), preset)
-        stack.input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
+        stack.create_input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
         if mode != "over":
-            stack.input(number, "Mode", _TYPES.Token).Set(mode)
+            stack.create_input(number, "Mode", _TYPES.Token).Set(mode)
         if mask != 1.0:
-            attribute = stack.input(number, "Mask", _TYPES.Float)
+            attribute = stack.create_input(number, "Mask", _TYPES.Float)
             MaskWriter(stack.stage, stack.scope, {}).write(attribute, f"{path.name}Mask", mask)
     return number, path.name
 
@@ -172,11 +172,11 @@ def remove_layer(
         ]
         removable = all(stack.is_in_file(attribute) for attribute in attributes if attribute)
         if removable:
-            used = upstream(material, attributes)
+            used = find_upstream(material, attributes)
             stack.remove_inputs(number)
             prune(material, used)
         else:
-            stack.input(number, "Enabled", _TYPES.Bool).Set(False)
+            stack.create_input(number, "Enabled", _TYPES.Bool).Set(False)
     return number, name, removable
 
 
@@ -191,7 +191,7 @@ def set_mask(
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         number, name = stack.find(layer)
-        replace_source(material, stack.input(number, "Mask", _TYPES.Float), stack.scope, f"{name}Mask", mask)
+        replace_source(material, stack.create_input(number, "Mask", _TYPES.Float), stack.scope, f"{name}Mask", mask)
     return number, name
 
 
@@ -209,7 +209,7 @@ def replace_source(
     old expression.
     """
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
-    used = upstream(material, [attribute])
+    used = find_upstream(material, [attribute])
     clear_input(attribute)
     prune(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:

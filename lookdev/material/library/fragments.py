@@ -14,9 +14,9 @@ from pxr import Sdf, Usd, UsdShade, UsdUtils
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
 from lookdev.material.library import read_preset
-from lookdev.material.library.arrange import Variants, redirect
+from lookdev.material.library.arrange import Variants, redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, reported_for
-from lookdev.material.library.nodes import free_path, relative_path, sites, upstream
+from lookdev.material.library.nodes import find_sites, find_upstream, free_path, relative_path
 from lookdev.material.library.stack import author_stack, find_stack, layer_shader, require_surface
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import Network, Source
@@ -120,11 +120,12 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     root, (number, shader), stack = stage.GetRootLayer(), layer_shader(material, layer), find_stack(material)
     attributes = {} if stack is None else {part: stack.attribute(number, part) for part in _KINDS if number}
     authored = {part: attribute for part, attribute in attributes.items() if attribute}
-    nodes = upstream(material, authored.values()) | {shader.GetPath()}
-    nodes |= upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
+    nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
+    nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
     is_plain = all(
-        sites(root, path) == [path] and root.GetPrimAtPath(path).specifier == Sdf.SpecifierDef for path in top_paths
+        find_sites(root, path) == [path] and root.GetPrimAtPath(path).specifier == Sdf.SpecifierDef
+        for path in top_paths
     )
     source, fragment = root if is_plain else stage.Flatten(), Sdf.Layer.CreateAnonymous(".usda")
     top = Sdf.PrimSpec(fragment, _ROOT.name, Sdf.SpecifierDef, "Material")
@@ -133,7 +134,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     for path in top_paths:
         new_paths[path] = _free_path(fragment, path.name)
         Sdf.CopySpec(source, path, fragment, new_paths[path])
-    redirect(fragment, new_paths | {material.GetPath(): _ROOT})
+    redirect_connections(fragment, new_paths | {material.GetPath(): _ROOT})
     if by_value:
         _replace_interface(material, fragment, {new: old for old, new in new_paths.items()}, network)
     stack_spec = Sdf.PrimSpec(top, _STACK.name, Sdf.SpecifierDef, "Shader")
@@ -201,12 +202,12 @@ def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
             Sdf.CopySpec(fragment, child.path, root, new_paths[child.path])
     for old, new in new_paths.items():
         if old != _ROOT:
-            redirect(root, new_paths, new)
+            redirect_connections(root, new_paths, new)
     for part, kind in {"": _TYPES.Token, **_KINDS}.items():
         spec = fragment.GetAttributeAtPath(_STACK.AppendProperty(f"inputs:layer1{part}"))
         if not spec:
             continue
-        attribute = stack.input(number, part, kind)
+        attribute = stack.create_input(number, part, kind)
         if targets := spec.connectionPathList.GetAddedOrExplicitItems():
             attribute.SetConnections([_new_target(target, new_paths) for target in targets])
         elif spec.HasDefaultValue():

@@ -52,12 +52,12 @@ class _Statement:
         return " ".join(self.head.partition("=")[0].split())
 
     @property
-    def plain(self) -> tuple[str, ...]:
+    def content(self) -> tuple[str, ...]:
         """The content of the statement, to compare with others of the same layout."""
         inside = [statement for block in (self.meta, self.body) if block for statement in block.statements]
         return (
             self.head.strip() if not inside else "",
-            *(text for statement in inside for text in (statement.key, *statement.plain)),
+            *(text for statement in inside for text in (statement.key, *statement.content)),
         )
 
 
@@ -209,11 +209,11 @@ def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
 def _renamed_keys(before: Sequence[_Statement], after: Sequence[_Statement]) -> dict[str, str]:
     """Return the new keys, by old key, of prims that differ only in their name."""
     old, new = {statement.key for statement in before}, {statement.key for statement in after}
-    removed = {statement.plain: statement.key for statement in before if statement.body and statement.key not in new}
+    removed = {statement.content: statement.key for statement in before if statement.body and statement.key not in new}
     return {
-        removed[statement.plain]: statement.key
+        removed[statement.content]: statement.key
         for statement in after
-        if statement.body and statement.key not in old and statement.plain in removed
+        if statement.body and statement.key not in old and statement.content in removed
     }
 
 

@@ -47,7 +47,7 @@ def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:
     return paths
 
 
-def upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -> set[Sdf.Path]:
+def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -> set[Sdf.Path]:
     """Return the paths of all prims inside the material on which the values of attributes depend."""
     paths: set[Sdf.Path] = set()
     pending = [attribute for attribute in attributes if attribute]
@@ -69,20 +69,20 @@ def prune(
     root = stage.GetRootLayer()
     remaining = set(candidates)
     while True:
-        connected = [(Sdf.Path.emptyPath, path) for path in connected_targets] + list(_connections(stage))
+        connected = [(Sdf.Path.emptyPath, path) for path in connected_targets] + list(_all_connections(stage))
         unused = [
             path
             for path in remaining
             if not any(target.HasPrefix(path) and not user.HasPrefix(path) for user, target in connected)
-            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites(root, path))
+            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path))
         ]
         if not unused:
             return
-        remove_prims(root, [site for path in unused for site in sites(root, path)])
+        remove_prims(root, [site for path in unused for site in find_sites(root, path)])
         remaining.difference_update(unused)
 
 
-def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
+def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
     """Yield all connections as pairs of paths, including those in variants that are not selected."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
@@ -96,7 +96,7 @@ def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
                 yield path.StripAllVariantSelections(), absolute.StripAllVariantSelections()
 
 
-def sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
+def find_sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
     """Return the sites of a prim in a layer."""
     return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
 

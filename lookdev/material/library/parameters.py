@@ -12,7 +12,7 @@ from lookdev.errors import Fault, LookError, ModelError, nearest_hint
 from lookdev.material.expression import Kind
 from lookdev.material.library.edit import INPUT_TYPES, edit_material, replace_source
 from lookdev.material.library.masks import Mask
-from lookdev.material.library.nodes import sites
+from lookdev.material.library.nodes import find_sites
 from lookdev.material.library.stack import layer_shader
 from lookdev.material.usd.network import is_set, shader_id
 
@@ -65,7 +65,7 @@ def unset_parameter(
 def _remove_property(prim: Usd.Prim, name: str) -> None:
     """Remove a property of a prim from the edited file, also inside variants."""
     root = prim.GetStage().GetRootLayer()
-    for site in sites(root, prim.GetPath()):
+    for site in find_sites(root, prim.GetPath()):
         spec = root.GetPrimAtPath(site)
         if name in spec.properties:
             spec.RemoveProperty(spec.properties[name])

@@ -96,7 +96,7 @@ def author_preview(material: UsdShade.Material, layers: Sequence[tuple[Layer, Us
     for name, type_name in _TYPES.items():
         attribute = shader.CreateInput(name, type_name).GetAttr()
         clear_input(attribute)
-        if connections := _connections(name, layers):
+        if connections := _preview_connections(name, layers):
             attribute.SetConnections(connections)
         else:
             # One digit less than float32 has, so that a typed number is written as typed.
@@ -124,7 +124,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
     return shader
 
 
-def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
+def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
     """Return the connection of an input of the preview: that of the layer with most weight, if it decides the input."""
     covers = np.array([1.0, *(_coverage(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
@@ -148,7 +148,7 @@ def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> 
 
 def _coverage(layer: Layer) -> float:
     """Return the fraction of the layers beneath that a layer covers."""
-    return float(_mean(layer.mask, MASK) * _mean(presence(layer), MASK))
+    return float(_mean_value(layer.mask, MASK) * _mean_value(presence(layer), MASK))
 
 
 def _mean_parameters(layer: Layer) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def _mean_parameters(layer: Layer) -> dict[str, Any]:
     model = MODELS[layer.model]
     inputs = with_followers(model.parameters, spelled_out(model.name, model.parameters, layer.inputs))
     means: dict[str, Any] = {
-        name: _mean(inputs.get(name, parameter.default), parameter)
+        name: _mean_value(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
     }
@@ -168,16 +168,16 @@ def _map_layer(layer: Layer) -> dict[str, Value]:
     parameters, preview = _mean_parameters(layer), MODELS[layer.model].preview
     same = {name: parameters[parameter] for name, parameter in preview.same.items()}
     derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(parameters)).items()}
-    derived["ior"] = _ior(derived.pop("f0"))
+    derived["ior"] = _ior_of_f0(derived.pop("f0"))
     return _DEFAULTS | same | derived
 
 
-def _mean(value: Any, parameter: Parameter) -> Value:
+def _mean_value(value: Any, parameter: Parameter) -> Value:
     values = np.asarray(Values(_Grid()).of(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
 
-def _ior(f0: Value) -> Value:
+def _ior_of_f0(f0: Value) -> Value:
     root = sqrt(min(float(f0), _LARGEST_F0))
     return np.asarray((1.0 + root) / (1.0 - root))
 

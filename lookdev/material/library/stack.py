@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.library.nodes import free_path, remove_prims, sites
+from lookdev.material.library.nodes import find_sites, free_path, remove_prims
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
 from lookdev.stage import open_stage, reading
@@ -39,25 +39,25 @@ class Stack:
     def find(self, layer: str) -> tuple[int, str]:
         """Return the number and name of a layer over the base; LookError where it does not exist."""
         if layer == "0" or layer.casefold() == self.base.casefold():
-            raise self.error(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
+            raise self.make_error(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
         numbers = [n for n, name in self.layers.items() if layer == str(n) or layer.casefold() == name.casefold()]
         if len(numbers) > 1:
-            raise self.error(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
+            raise self.make_error(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
         if not numbers:
             valid_names = [label for number, name in self.layers.items() for label in (name, str(number))]
-            raise self.error(
+            raise self.make_error(
                 f"no layer '{layer}'", nearest_hint(layer, valid_names) if valid_names else "it has only a base"
             )
         return numbers[0], self.layers[numbers[0]]
 
-    def error(self, message: str, hint: str) -> LookError:
+    def make_error(self, message: str, hint: str) -> LookError:
         return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), message, hint)])
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
         return f"inputs:layer{number}{part}"
 
-    def input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
+    def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def attribute(self, number: int, part: str) -> Usd.Attribute:
@@ -79,7 +79,7 @@ class Stack:
     def renumber(self, order: Mapping[int, int]) -> None:
         """Give layers new numbers, in every variant; inputs of layers with the new number 0 are removed."""
         root = self.stage.GetRootLayer()
-        for site in sites(root, self.prim.GetPath()):
+        for site in find_sites(root, self.prim.GetPath()):
             prim = root.GetPrimAtPath(site)
             matches = ((LAYER_INPUT.fullmatch(spec.name.removeprefix("inputs:")), spec) for spec in prim.properties)
             specs = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
@@ -152,7 +152,7 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
     number = 0 if is_base else stack.find(layer)[0]
     source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
     if not isinstance(source, Source):
-        raise stack.error(f"layer {number} is not connected", "'lookdev materials remove' removes it")
+        raise stack.make_error(f"layer {number} is not connected", "'lookdev materials remove' removes it")
     return number, source.shader
 
 

@@ -58,10 +58,13 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
         for layer_above in others
         if not same(layer_above.mask, 0.0)
     ]
-    return [replace(part, parameters=_complete(part), name=f"{layer.name} {part.name}".strip()) for part in masked]
+    return [
+        replace(part, parameters=_complete_parameters(part), name=f"{layer.name} {part.name}".strip())
+        for part in masked
+    ]
 
 
-def _complete(layer: StackLayer) -> Parameters:
+def _complete_parameters(layer: StackLayer) -> Parameters:
     model = model_named(layer.model)
     return model.complete({}) | with_followers(model.parameters, layer.parameters)
 

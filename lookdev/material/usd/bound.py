@@ -21,7 +21,7 @@ from lookdev.material.translate import TRANSLATIONS, foreign_shaders
 from lookdev.material.usd import check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
-from lookdev.material.usd.reader import Reader, category
+from lookdev.material.usd.reader import Reader, node_category
 from lookdev.material.usd.terms import NotCarriedError, Term
 from lookdev.mtlx import NOTES
 from lookdev.stage import Composed, open_stage, reading
@@ -192,7 +192,7 @@ class _Material:
             raise NotCarriedError("" if source is None else "is not connected to a shader")
         if depth == _MOST_LAYERS:
             raise NotCarriedError(f"more than {_MOST_LAYERS} shaders are connected in a row")
-        kind = category(source.shader)
+        kind = node_category(source.shader)
         if kind == "dot_surfaceshader":
             return self._read_surface(self._input_attribute(source, "in"), depth + 1)
         if kind == "mix_surfaceshader":
@@ -294,7 +294,7 @@ class _Material:
 
     def _check_normal(self, source: Source, attribute: Usd.Attribute, term: Term) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
-        if category(source.shader) not in _TANGENT_SPACE and not term.tangent:
+        if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
             raise NotCarriedError(
                 "is a normal in world space; only one of a normalmap or a bump, in tangent space, is supported"
             )
@@ -341,7 +341,7 @@ class _Material:
             source = self.network.follow(terminal)
             if not isinstance(source, Source):
                 raise NotCarriedError("" if source is None else "is not connected to a shader")
-            kind = category(source.shader)
+            kind = node_category(source.shader)
             if kind not in ("displacement", *_TANGENT_SPACE):
                 raise NotCarriedError(f"{shader_id(source.shader) or 'no info:id'} is not supported")
             attribute = source.shader.GetPrim().GetAttribute("inputs:displacement")

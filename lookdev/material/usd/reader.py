@@ -86,12 +86,12 @@ class Reader:
         return term
 
     def _compute(self, source: Source) -> Term:
-        node_category = category(source.shader)
-        if node_category not in self._node_readers:
+        kind = node_category(source.shader)
+        if kind not in self._node_readers:
             identifier = shader_id(source.shader) or "no info:id"
             raise NotCarriedError(f"a node of {identifier} is not supported")
         node = Node(self, source)
-        term = self._node_readers[node_category](node)
+        term = self._node_readers[kind](node)
         node.add_unread_faults()
         return term
 
@@ -245,7 +245,7 @@ class Node:
                 self.add_fault(name, f"is not carried: {self.identifier} is read without it")
 
 
-def category(shader: UsdShade.Shader) -> str:
+def node_category(shader: UsdShade.Shader) -> str:
     """Return the category of a node: its identifier without the prefix and the types of MaterialX."""
     identifier = shader_id(shader)
     words = identifier.removeprefix("ND_").split("_")

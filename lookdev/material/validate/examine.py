@@ -23,7 +23,7 @@ from lookdev.material.usd import find_material, layer_faults, materials, read_ma
 from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
-from lookdev.material.validate.unused import Stack, unread_shaders
+from lookdev.material.validate.unused import LayerInputs, unread_shaders
 from lookdev.stage import lights_hint, open_stage, reading, usd_words
 
 MOST_COMBINATIONS = 64
@@ -185,15 +185,15 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         )
         return
     yield from usd_findings
-    stack = Stack(file, UsdShade.Material(prim))
-    for where, message, hint in (*stack.notes(layers), *unread_shaders(prim)):
+    layer_inputs = LayerInputs(file, UsdShade.Material(prim))
+    for where, message, hint in (*layer_inputs.notes(layers), *unread_shaders(prim)):
         yield Finding("note", *_split_path(where), message, hint)
-    if stack.disabled:
+    if layer_inputs.disabled:
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
         session = stage.GetSessionLayer()
         session_text = session.ExportToString()
         with Usd.EditContext(stage, session):
-            for attribute in stack.disabled:
+            for attribute in layer_inputs.disabled:
                 attribute.SetConnections([])
                 attribute.Set(True)
         for finding in _read_material(file, stage, path)[0]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.material.library.nodes import upstream
+from lookdev.material.library.nodes import find_upstream
 from lookdev.material.look import Layer
 from lookdev.material.usd.network import LAYER_INPUT, Network, is_set, shader_id
 from lookdev.material.values import presence
@@ -22,7 +22,7 @@ class Unused(NamedTuple):
     hint: str = ""
 
 
-class Stack:
+class LayerInputs:
     """The layer inputs of a material's LookdevLayers; empty where the material has no such shader.
 
     `disabled` has the inputs that disable layers.
@@ -67,7 +67,7 @@ class Stack:
 def unread_shaders(material: Usd.Prim) -> Iterator[Unused]:
     """Yield the shaders of a material that none of its outputs depends on."""
     outputs = [output.GetAttr() for output in UsdShade.Material(material).GetOutputs()]
-    read_paths = upstream(UsdShade.Material(material), outputs)
+    read_paths = find_upstream(UsdShade.Material(material), outputs)
     for prim in Usd.PrimRange(material):
         if prim.IsA(UsdShade.Shader) and prim.GetPath() not in read_paths:
             node = shader_id(UsdShade.Shader(prim)) or "a shader"
