@@ -86,9 +86,9 @@ def stack(inputs: str, *shaders: str) -> str:
 STACK = "</M/Layers.outputs:surface>"
 
 
-def short(place: str) -> str:
+def shorten_path(path: str) -> str:
     """Return ``Tex.st`` for the place /M/Tex.inputs:st."""
-    return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", place)
+    return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", path)
 
 
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
@@ -96,7 +96,7 @@ def faults_of(file: Path, read: Callable[..., object] = read_look, **options: ob
     with pytest.raises(LookError) as caught:
         read(file, **options)
     assert all(fault.file == str(file) for fault in caught.value.faults)
-    return [(short(fault.where), fault.what, fault.hint) for fault in caught.value.faults]
+    return [(shorten_path(fault.where), fault.what, fault.hint) for fault in caught.value.faults]
 
 
 PREVIEW = "token outputs:surface.connect = </M/S.outputs:surface>\n"
@@ -124,11 +124,11 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
     return read_bound(composed, [path])[path]
 
 
-def lost(found: BoundLook) -> list[tuple[str, str]]:
-    return [(short(fault.where), fault.what) for fault in found.lost]
+def fault_texts(result: BoundLook) -> list[tuple[str, str]]:
+    return [(shorten_path(fault.where), fault.what) for fault in result.lost]
 
 
-def rotated(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+def rotate_clockwise(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
     """mx_rotate_vector2 of the MaterialX library: clockwise."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)

@@ -172,7 +172,7 @@ def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equa
     for kind in dict.fromkeys(models):
         of_kind = np.array([number for number, model in enumerate(models) if model == kind])
         for block in np.array_split(of_kind, -(-len(of_kind) // _AT_A_TIME)):
-            below, above = (_stacked([presets[pairs[number][side]][1] for number in block]) for side in (0, 1))
+            below, above = (_stack_parameters([presets[pairs[number][side]][1] for number in block]) for side in (0, 1))
             for name in equal:
                 below[name] = above[name] = 0.5 * (below[name] + above[name])
             bsdf = stack_bsdf([StackLayer(kind[0], below), StackLayer(kind[1], above, MASKS[:, None])])
@@ -180,11 +180,13 @@ def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equa
     return colors
 
 
-def _stacked(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _stack_parameters(parameter_sets: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Stack parameters to shape (n, 1, 1), colours and normals (n, 1, 1, 3)."""
     return {
-        name: value if isinstance(value, str) else np.stack([each[name] for each in several])[:, None, None]
-        for name, value in several[0].items()
+        name: value
+        if isinstance(value, str)
+        else np.stack([parameters[name] for parameters in parameter_sets])[:, None, None]
+        for name, value in parameter_sets[0].items()
     }
 
 
@@ -216,7 +218,7 @@ def write_edges(kinds: Mapping[Pair, str]) -> None:
     EDGES.write_text("\n".join(row.rstrip() for row in rows) + "\n")
 
 
-def written(page: str, name: str) -> str:
+def page_table(page: str, name: str) -> str:
     """Return a table of the page."""
     (rows,) = re.findall(rf"<!-- edges: {name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
     return rows
@@ -226,9 +228,9 @@ def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str
     """Count the pairs of each kind, by their models."""
     blended = {"disney disney": "their parameters", "pixar pixar": "their lobes", "disney pixar": "what is evaluated"}
     rows = [("presets", "what is blended", "within 5 %", "up to its width", "beyond")]
-    for models, what in ((names.split(), what) for names, what in blended.items()):
+    for models, blend in ((names.split(), blend) for names, blend in blended.items()):
         kinds_found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
-        rows.append((" and ".join(models), what, *(str(kinds_found.count(kind)) for kind in KINDS)))
+        rows.append((" and ".join(models), blend, *(str(kinds_found.count(kind)) for kind in KINDS)))
     return _markdown(rows)
 
 
@@ -300,7 +302,7 @@ def main() -> None:
     write_edges(kinds)
     page = PAGE.read_text()
     for name, table in {"kinds": kinds_table(presets, kinds), **tables(presets)}.items():
-        page = page.replace(f"<!-- edges: {name} -->\n{written(page, name)}", f"<!-- edges: {name} -->\n{table}")
+        page = page.replace(f"<!-- edges: {name} -->\n{page_table(page, name)}", f"<!-- edges: {name} -->\n{table}")
     PAGE.write_text(page)
     _draw_picture(worst)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from look_files import PREVIEW, ST, asset, bound, disney, faults_of, lost, materialx, preview, shader, write_gray
+from look_files import PREVIEW, ST, asset, bound, disney, fault_texts, faults_of, materialx, preview, shader, write_gray
 from pxr import UsdUtils
 
 from lookdev.brdf import MODELS
@@ -131,7 +131,7 @@ def test_inputs_are_carried(folder: Path, links: str, nodes: str, expected: dict
             assert source.file in (folder / "rgb.png", folder / "rgb16.png")
             source = {key: getattr(source, key) for key in value}
         assert source == value
-    assert lost(result) == losses
+    assert fault_texts(result) == losses
     assert capfd.readouterr().err == ""
 
 
@@ -162,7 +162,7 @@ def test_materialx_comes_before_the_universal_terminal(folder: Path) -> None:
     assert bound(folder, body).look.layers[0].name == "X"
     result = bound(folder, body.replace("ND_UsdPreviewSurface_surfaceshader", "ND_lama_surface"))
     assert result.look.layers[0].name == "S"
-    ((where, message),) = lost(result)
+    ((where, message),) = fault_texts(result)
     assert where == "/M.outputs:mtlx:surface"
     assert "ND_lama_surface is not supported" in message
     ignored = "token outputs:mdl:surface.connect = </M/S.outputs:surface>\n"
@@ -172,7 +172,7 @@ def test_materialx_comes_before_the_universal_terminal(folder: Path) -> None:
 CYCLE = 'def NodeGraph "G"\n{\ntoken outputs:o.connect = </M/G.outputs:o>\n}\n'
 
 
-def mixed(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader") -> str:
+def mix_material(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader") -> str:
     terminal = "token outputs:mtlx:surface.connect = </M/Mix.outputs:out>\n"
     surface = "ND_UsdPreviewSurface_surfaceshader"
     mix = shader("Mix", identifier, "token fg <- A.out\ntoken bg <- B.out\n" + inputs)
@@ -187,7 +187,12 @@ def mixed(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader")
         (PREVIEW, "/M", "/M.outputs:surface", "is neither an output of a shader"),
         (PREVIEW + 'def Shader "S"\n{\n}\n', "/M", "/M.outputs:surface", "of no info:id is not supported"),
         (PREVIEW.replace("/S", "/G").replace("surface>", "o>") + CYCLE, "/M", "/M/G.outputs:o", "run in a cycle"),
-        (mixed("").replace("</M/A.outputs:out>", "</M/Mix.outputs:out>"), "/M", "/M.outputs:mtlx:surface", "in a row"),
+        (
+            mix_material("").replace("</M/A.outputs:out>", "</M/Mix.outputs:out>"),
+            "/M",
+            "/M.outputs:mtlx:surface",
+            "in a row",
+        ),
         (preview(""), "/None", "/None", "is not a material"),
         (preview(""), "/M/S", "/M/S", "is not a material"),
     ],
@@ -195,7 +200,7 @@ def mixed(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader")
 def test_what_cannot_be_read_is_grey(folder: Path, body: str, path: str, where: str, message: str) -> None:
     result = bound(folder, body, path=path)
     assert result.look.layers == (GREY,)
-    assert any(fault_path == where and message in said for fault_path, said in lost(result)), lost(result)
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result)), fault_texts(result)
 
 
 def test_grey_says_what_can_be_read(folder: Path) -> None:
@@ -229,7 +234,7 @@ def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
     links = "float clearcoat <- A.result\nfloat roughness <- B.result\ncolor3f diffuseColor <- C.result"
     result = bound(folder, preview(links, nodes))
     assert inputs_of(result) == {"clearcoat": Primvar("w", 0.25), "roughness": Primvar("w", 0.25)}
-    assert sorted(where for where, _ in lost(result)) == ["/M/B", "/M/C", "S.diffuseColor"]
+    assert sorted(where for where, _ in fault_texts(result)) == ["/M/B", "/M/C", "S.diffuseColor"]
 
 
 @pytest.mark.parametrize(
@@ -245,10 +250,10 @@ def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, na
         bound(folder, bad)
     result = bound(folder, bad, missing="warn")
     assert not inputs_of(result)
-    assert [where for where, _ in lost(result)] == ["S.roughness", "Tex.file"]
+    assert [where for where, _ in fault_texts(result)] == ["S.roughness", "Tex.file"]
     result = bound(folder, preview(ROUGH.format("g"), texture("float4 fallback = (0, 0.5, 0, 1)", body)))
     assert inputs_of(result) == {"roughness": 0.5}
-    assert [where for where, _ in lost(result)] == ["Tex.file"]
+    assert [where for where, _ in fault_texts(result)] == ["Tex.file"]
     assert [where for where, _ in any_faults(asset(folder, bad))] == ["Tex.file"]
 
 
@@ -258,7 +263,7 @@ def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, na
 )
 def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, name: str, hint: str) -> None:
     result = bound(folder, preview(f"float {name} = 0.5"))
-    assert lost(result) == [(f"S.{name}", "is not carried: UsdPreviewSurface is read without it")]
+    assert fault_texts(result) == [(f"S.{name}", "is not carried: UsdPreviewSurface is read without it")]
     assert result.lost[0].hint == hint
 
 
@@ -288,19 +293,19 @@ def test_a_wrong_value_is_listed_and_not_taken(folder: Path, inputs: str, messag
     if message is None:
         assert not result.lost
     else:
-        assert any(where == f"S.{name}" and message in said for where, said in lost(result)), lost(result)
+        assert any(where == f"S.{name}" and message in text for where, text in fault_texts(result)), fault_texts(result)
 
 
 def test_what_translations_lose_is_listed(folder: Path) -> None:
     result = bound(folder, preview("color3f emissiveColor = (1, 1, 1)"))
     names = [name for name, _ in TRANSLATIONS["preview_surface"].losses({"emissiveColor": (1.0, 1.0, 1.0)})]
-    assert [where for where, _ in lost(result)] == [f"S.{name}" for name in names]
+    assert [where for where, _ in fault_texts(result)] == [f"S.{name}" for name in names]
 
 
 DISPLACED = PREVIEW + "token outputs:displacement.connect = </M/S.outputs:displacement>\n"
 
 
-def displaced(inputs: str, identifier: str = "ND_displacement_float") -> str:
+def displaced_material(inputs: str, identifier: str = "ND_displacement_float") -> str:
     terminal = PREVIEW + "token outputs:mtlx:displacement.connect = </M/D.outputs:out>\n"
     return preview("", shader("D", identifier, inputs), terminal=terminal)
 
@@ -309,14 +314,14 @@ def test_displacement(folder: Path) -> None:
     for body, expected in (
         (preview("float displacement = 0.5", terminal=DISPLACED), Displacement(0.5)),
         (preview("float displacement = 0", terminal=DISPLACED), None),
-        (displaced("float displacement = 0.5\nfloat scale = 3"), Displacement(1.5)),
+        (displaced_material("float displacement = 0.5\nfloat scale = 3"), Displacement(1.5)),
     ):
         assert bound(folder, body).look.displacement == expected
     image = bound(folder, preview("float displacement <- Tex.r", texture(), terminal=DISPLACED)).look
     assert isinstance(image.displacement.height, Texture)
 
 
-VECTORS = displaced("float3 displacement = (0, 0, 1)", "ND_displacement_vector3")
+VECTORS = displaced_material("float3 displacement = (0, 0, 1)", "ND_displacement_vector3")
 MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
 
 
@@ -325,29 +330,29 @@ MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
     [
         (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal leads to it
         (VECTORS, MATERIALX_TERMINAL, "displaces by vectors"),
-        (displaced("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
-        (displaced("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),
+        (displaced_material("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
+        (displaced_material("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),
     ],
 )
 def test_displacement_that_cannot_be_read_is_noted(folder: Path, body: str, where: str, message: str) -> None:
     result = bound(folder, body)
     assert result.look.displacement is None
-    assert any(fault_path == where and message in said for fault_path, said in lost(result))
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result))
 
 
 def test_volumes_are_noted(folder: Path) -> None:
     body = preview("", terminal=PREVIEW + "token outputs:volume.connect = </M/S.outputs:surface>\n")
-    assert lost(bound(folder, body)) == [("/M.outputs:volume", "volumes are not supported")]
+    assert fault_texts(bound(folder, body)) == [("/M.outputs:volume", "volumes are not supported")]
 
 
 def test_a_mix_of_surfaces_is_a_layer_over_another(folder: Path) -> None:
-    constant = bound(folder, mixed("float mix = 0.25")).look
+    constant = bound(folder, mix_material("float mix = 0.25")).look
     assert [(layer.name, layer.mask, layer.mode) for layer in constant.layers] == [
         ("B", 1.0, "over"),
         ("A", 0.25, "over"),
     ]
-    assert isinstance(bound(folder, mixed("float mix <- Tex.r", texture())).look.layers[1].mask, Texture)
-    inner = mixed("float mix = 0.25").replace('"Mix"', '"Inner"').replace("/Mix.", "/Outer.")
+    assert isinstance(bound(folder, mix_material("float mix <- Tex.r", texture())).look.layers[1].mask, Texture)
+    inner = mix_material("float mix = 0.25").replace('"Mix"', '"Inner"').replace("/Mix.", "/Outer.")
     outer = shader("Outer", "ND_mix_surfaceshader", "token fg <- Inner.out\ntoken bg <- A.out\nfloat mix = 0.75")
     layers = bound(folder, inner + outer).look.layers
     assert [(layer.name, layer.mask) for layer in layers] == [("B", 1.0), ("A", 0.25), ("A", 0.25)]
@@ -377,7 +382,7 @@ def test_colours_are_converted_to_linear_rec709(folder: Path) -> None:
     # Negative channels are clipped.
     assert inputs_of(result)["emissiveColor"] == pytest.approx((1.705051, 0.0, 0.0), abs=1e-5)
     odd = bound(folder, preview(color.format("diffuseColor", "(0.5, 0.5, 0.5)", "my_space")))
-    assert lost(odd) == [("S.diffuseColor", "the colour space 'my_space' is unknown")]
+    assert fault_texts(odd) == [("S.diffuseColor", "the colour space 'my_space' is unknown")]
 
 
 def test_several_materials_are_read_once_each(folder: Path) -> None:
@@ -403,7 +408,7 @@ def test_a_document_is_a_look(folder: Path) -> None:
     assert result.look.layers == (Layer("S", "standard_surface", {"metalness": 1.0, "subsurface": 0.5}),)
     assert (result.look.name, result.look.source) == ("gold", f"{file}</MaterialX/Materials/Gold>")
     assert result.titles == ("Standard Surface as Disney",)
-    assert [where for where, _ in lost(result)] == ["/MaterialX/Materials/Gold/S.inputs:subsurface"]
+    assert [where for where, _ in fault_texts(result)] == ["/MaterialX/Materials/Gold/S.inputs:subsurface"]
     file.write_text(DOCUMENT.format(MATERIAL.format("Gold") + MATERIAL.format("Tin")))
     assert read_any_look(file, "/MaterialX/Materials/Tin").look.name == "Tin"
     assert any_faults(file) == [("", "holds 2 materials and none is the default prim")]
@@ -531,7 +536,7 @@ OF_H = ROUGH_OF.format('nodegraph="H" output="o"')
 def test_what_is_broken_in_a_document_is_listed(folder: Path, inputs: str, nodes: str, message: str) -> None:
     result = gold(write_reference(folder, nodes, SURFACE.format(inputs), GOLD.format("")))
     assert "roughness" not in inputs_of(result)
-    assert any(message in said for _, said in lost(result)), lost(result)
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
 
 
 def test_a_missing_image_of_a_document_names_the_prim(folder: Path) -> None:

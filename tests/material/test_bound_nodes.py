@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from look_files import bound, lost, materialx, rotated, shader, write_gray
+from look_files import bound, fault_texts, materialx, rotate_clockwise, shader, write_gray
 from numpy.typing import NDArray
 
 from lookdev.brdf import Parameter
@@ -136,7 +136,7 @@ def folder(tmp_path: Path) -> Path:
 IMAGE = shader("I", "ND_image_color3", "asset file = @./a.exr@")
 
 
-def sampled(folder: Path, st: Floats) -> Floats:
+def sample_exr(folder: Path, st: Floats) -> Floats:
     return image_texels(Texture(folder / "a.exr", "rgb", "raw"), st)
 
 
@@ -145,7 +145,7 @@ def test_arithmetic_on_an_image_stays_a_texture(folder: Path) -> None:
     result = bound(folder, materialx(COLOR, IMAGE, half, shader("N", "ND_invert_color3", "color3f in <- A.out")))
     image = result.look.layers[0].inputs["diffuseColor"]
     assert (image.scale[:3], image.bias[:3]) == ((-0.5,) * 3, (1.0,) * 3)
-    np.testing.assert_allclose(value(result, "diffuseColor"), 1 - 0.5 * sampled(folder, ST)[:, :3], atol=1e-6)
+    np.testing.assert_allclose(value(result, "diffuseColor"), 1 - 0.5 * sample_exr(folder, ST)[:, :3], atol=1e-6)
 
 
 def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
@@ -154,8 +154,8 @@ def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
     mix = "color3f fg <- I.out\ncolor3f bg = (1, 0, 0)\nfloat mix <- J.out"
     result = bound(folder, materialx(COLOR, IMAGE, other, uv, shader("N", "ND_mix_color3", mix)))
     assert sorted(result.look.layers[0].inputs["diffuseColor"].inputs) == ["I", "J"]
-    mask = sampled(folder, 2.0 * ST)[:, :1]
-    expected = mask * sampled(folder, ST)[:, :3] + (1 - mask) * [1, 0, 0]
+    mask = sample_exr(folder, 2.0 * ST)[:, :1]
+    expected = mask * sample_exr(folder, ST)[:, :3] + (1 - mask) * [1, 0, 0]
     np.testing.assert_allclose(value(result, "diffuseColor"), expected, atol=1e-6)
 
 
@@ -164,7 +164,7 @@ def test_channels_of_four(folder: Path, index: int) -> None:
     split = shader("X", "ND_separate4_color4", "color4f in <- I.out")
     link = f"float roughness <- X.out{'rgba'[index]}"
     result = bound(folder, materialx(link, IMAGE.replace("color3", "color4"), split))
-    np.testing.assert_allclose(value(result, "roughness", "float"), sampled(folder, ST)[:, index], atol=1e-6)
+    np.testing.assert_allclose(value(result, "roughness", "float"), sample_exr(folder, ST)[:, index], atol=1e-6)
 
 
 PLACE = "float2 pivot = (0.5, 0.25); float2 scale = (2, 0.5); float rotate = 30; float2 offset = (0.1, 0.2); "
@@ -174,7 +174,7 @@ TILED = "float2 uvtiling = (2, 3); float2 uvoffset = (0.25, 0.5); float2 realwor
 TILED += "float2 realworldtilesize = (1, 4)"
 GLTF = "color3f factor = (1, 0.5, 0.25); float2 scale = (2, 3); float2 offset = (0.25, 0.5); float rotate = 30"
 # NG_gltf_image: place2d about (0, 1) by 1 / scale, -rotate and offset times (-1, 1).
-FROM_GLTF = rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
+FROM_GLTF = rotate_clockwise((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
 
 
 def p(kind: str, inputs: str) -> str:
@@ -183,9 +183,9 @@ def p(kind: str, inputs: str) -> str:
 
 ADDED = shader("Q", "ND_add_vector2", "float2 in1 <- Uv.out; float2 in2 = (1, 0.5)")
 PLACED = [
-    (p("place2d_vector2", PLACE), rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25]),
-    (p("place2d_vector2", ORDER), rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25]),
-    (p("rotate2d_vector2", "float2 in <- Uv.out; float amount = 30"), rotated(ST, 30)),
+    (p("place2d_vector2", PLACE), rotate_clockwise((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25]),
+    (p("place2d_vector2", ORDER), rotate_clockwise(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25]),
+    (p("rotate2d_vector2", "float2 in <- Uv.out; float amount = 30"), rotate_clockwise(ST, 30)),
     (p("multiply_vector2", "float2 in1 <- Q.out; float2 in2 = (2, 3)") + ADDED, np.add(ST, [1, 0.5]) * [2, 3]),
     (p("UsdTransform2d", "float2 in <- Uv.out; float2 scale = (2, 3)"), ST * [2, 3]),
     (p("geompropvalue_vector2", 'string geomprop = "map1"'), 2 * ST),
@@ -200,7 +200,7 @@ IMAGES = [
 @pytest.mark.parametrize(("kind", "inputs", "nodes", "st", "factor"), IMAGES)
 def test_placement(folder: Path, kind: str, inputs: str, nodes: str, st: Floats, factor: Any) -> None:
     result = bound(folder, materialx(COLOR, shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}"), nodes, UV))
-    np.testing.assert_allclose(value(result, "diffuseColor"), sampled(folder, st)[:, :3] * factor, atol=1e-6)
+    np.testing.assert_allclose(value(result, "diffuseColor"), sample_exr(folder, st)[:, :3] * factor, atol=1e-6)
 
 
 def test_uv_textures_of_materialx(folder: Path) -> None:
@@ -236,7 +236,7 @@ def test_normal_maps(folder: Path, inputs: str, scale: float) -> None:
     node = shader("N", "ND_normalmap", "float3 in <- I.out\n" + inputs)
     result = bound(folder, materialx(NORMAL, node, IMAGE.replace("color3", "vector3")))
     assert isinstance(result.look.layers[0].inputs["normal"], Texture)
-    expected = (2 * sampled(folder, ST)[:, :3] - 1) * [scale, scale, 1]
+    expected = (2 * sample_exr(folder, ST)[:, :3] - 1) * [scale, scale, 1]
     np.testing.assert_allclose(value(result, "normal", "normal"), expected, atol=1e-6)
 
 
@@ -281,7 +281,7 @@ def test_what_is_not_carried_is_listed_at_its_node(
     folder: Path, kind: str, inputs: str, where: str, message: str
 ) -> None:
     result = bound(folder, materialx(COLOR, shader("N", kind, inputs), SQUARED))
-    assert any(fault_path == where and message in said for fault_path, said in lost(result)), lost(result)
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result)), fault_texts(result)
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,7 @@ def test_normals_that_cannot_be_read(folder: Path, kind: str, inputs: str, messa
     primvar = shader("P", "ND_geompropvalue_float", 'string geomprop = "h"')
     result = bound(folder, materialx(NORMAL, shader("N", kind, inputs), primvar))
     assert "normal" not in result.look.layers[0].inputs
-    assert any(message in said for _, said in lost(result)), lost(result)
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
 
 
 def chain(count: int, body: str) -> str:
@@ -316,7 +316,7 @@ def test_huge_networks_are_refused_soon(tmp_path: Path, count: int, body: str, m
     before = time.process_time()
     result = bound(tmp_path, materialx(ROUGH, chain(count, body)))
     assert "roughness" not in result.look.layers[0].inputs
-    assert any(message in said for _, said in lost(result)), lost(result)
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
     assert time.process_time() - before < 5.0
 
 
@@ -327,7 +327,7 @@ def test_shared_nodes_are_read_once(tmp_path: Path) -> None:
 
 def test_coordinates_as_a_colour_are_noted(tmp_path: Path) -> None:
     result = bound(tmp_path, materialx(COLOR, shader("N", "ND_texcoord_vector2")))
-    assert lost(result) == [("S.diffuseColor", "has three channels, connected to 2")]
+    assert fault_texts(result) == [("S.diffuseColor", "has three channels, connected to 2")]
     np.testing.assert_allclose(value(BoundLook(result.look), "diffuseColor"), C)
 
 

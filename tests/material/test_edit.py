@@ -305,7 +305,7 @@ def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take)
 
 
 @pytest.mark.parametrize(
-    ("text", "prim", "what"),
+    ("text", "prim", "summary"),
     [
         (None, None, "no such file"),
         ('def Material "M" {}\n', None, "is not connected to layers"),
@@ -314,11 +314,11 @@ def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take)
         ("def {", None, "USD cannot open it"),
     ],
 )
-def test_what_is_no_look_to_edit(tmp_path: Path, take: Take, text: str | None, prim: str | None, what: str) -> None:
+def test_what_is_no_look_to_edit(tmp_path: Path, take: Take, text: str | None, prim: str | None, summary: str) -> None:
     file = tmp_path / "bare.usda"
     if text is not None:
         file.write_text(f"#usda 1.0\n{text}")
-    assert what in refused(lambda: add_layer(file, take("gold"), prim=prim), file)
+    assert summary in refused(lambda: add_layer(file, take("gold"), prim=prim), file)
 
 
 def test_a_link_is_not_edited(tmp_path: Path, paint: Path, take: Take) -> None:

@@ -56,7 +56,7 @@ PLAIN = '#usda 1.0\n(defaultPrim = "A")\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "what"),
+    ("text", "where", "expected_summary"),
     [
         ('#usda 1.0\ndef Shader "A" {}\n', "", "has no default prim"),
         (PLAIN + 'def Material "A" {}\n', "/A", "is a Material"),
@@ -65,11 +65,11 @@ PLAIN = '#usda 1.0\n(defaultPrim = "A")\n'
         (PLAIN + shader("A", "LookdevDisney"), "/A", "has no outputs:layer"),
     ],
 )
-def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> None:
+def test_what_is_no_preset(tmp_path: Path, text: str, where: str, expected_summary: str) -> None:
     file = tmp_path / "a.usda"
     file.write_text(text)
     ((path, summary, hint),) = faults_of(file, lambda _: find_preset("a.usda"))
-    assert (path, summary) == (where, what)
+    assert (path, summary) == (where, expected_summary)
     assert hint
 
 

@@ -146,7 +146,7 @@ def variants_of(file: Path) -> list[dict[str, str]]:
     return [{name: choice} for name in sets.GetNames() for choice in sets.GetVariantSet(name).GetVariantNames()]
 
 
-def shipped(name: str, **variants: str) -> Look:
+def read_shipped(name: str, **variants: str) -> Look:
     return read_look(MATERIALS / f"{name}.usda", variants=variants)
 
 
@@ -174,7 +174,7 @@ def test_every_variant_can_be_read(file: Path, variants: dict[str, str]) -> None
 
 
 def test_robot_paint_shows_metal_where_it_is_worn() -> None:
-    new, worn_look = (shipped("robot_paint", wear=wear) for wear in ("new", "worn"))
+    new, worn_look = (read_shipped("robot_paint", wear=wear) for wear in ("new", "worn"))
     assert [layer.name for layer in new.layers] == ["Metal", "Paint"]
     assert [layer.name for layer in worn_look.layers] == ["Metal", "Paint", "Dirt"]
     assert {layer.model for layer in worn_look.layers} == {"pixar"}
@@ -187,7 +187,7 @@ def test_robot_paint_shows_metal_where_it_is_worn() -> None:
 
 
 def test_leaf_is_thin_and_cut_out() -> None:
-    blade, veins = shipped("leaf").layers
+    blade, veins = read_shipped("leaf").layers
     assert 0.4 <= blade.inputs["back"] <= 0.7
     assert 0.0 < blade.inputs["clear"] < 0.5
     presence = blade.inputs["presence"]

@@ -249,12 +249,12 @@ TEX = texture('token sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:r
 EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat fallback = 0.25')
 
 
-def masked(*shaders: str) -> str:
+def masked_look(*shaders: str) -> str:
     return stack(BASE + LAYER1 + "float layer1Mask <- Expr.result\n", disney(), disney("Coat"), *shaders)
 
 
 def mask_of(write, *shaders: str) -> Formula:
-    return read_look(write(masked(*shaders), STACK)).layers[1].mask
+    return read_look(write(masked_look(*shaders), STACK)).layers[1].mask
 
 
 def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) -> None:
@@ -284,7 +284,7 @@ def test_a_parameter_may_be_an_expression(write) -> None:
 
 @pytest.mark.parametrize("declared", ["", "float view"])
 def test_the_view_needs_no_source(write, declared: str) -> None:
-    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
+    file = write(masked_look(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
     assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
     assert examine(file).findings == ()
@@ -310,7 +310,7 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     link = "float a <- E{0}.result\nfloat b <- E{0}.result"
     chain = [expression("a * b", link.format(number + 1), f"E{number}") for number in range(30)]
     dirt = expression("dirt", "float dirt <- Tex.r", "E30")
-    file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
+    file = write(masked_look(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
     look = read_look(file)
     assert look_uvs(look) == ("st",)
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is opened"))

@@ -28,7 +28,7 @@ def test_a_shipped_look_is_clean(file: Path) -> None:
     assert examine(file).findings == ()
 
 
-def layered(inputs: str, coat: str = "", base: str = "") -> str:
+def layered_material(inputs: str, coat: str = "", base: str = "") -> str:
     return stack(BASE + LAYER1 + inputs, disney(body=base), disney("Coat", coat))
 
 
@@ -46,10 +46,10 @@ ABSENT = stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", 
 @pytest.mark.parametrize(
     ("body", "path", "message"),
     [
-        (layered("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
+        (layered_material("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
         (ABSENT, "Layers.layer1", "the layer never shows: the presence of Coat is 0"),
-        (layered("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
-        (layered("float layer1Mask = 0.5") + UNREAD, "/M/Tex", "UsdUVTexture that nothing reads"),
+        (layered_material("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
+        (layered_material("float layer1Mask = 0.5") + UNREAD, "/M/Tex", "UsdUVTexture that nothing reads"),
     ],
 )
 def test_note(write, body: str, path: str, message: str) -> None:
@@ -59,7 +59,7 @@ def test_note(write, body: str, path: str, message: str) -> None:
 
 
 def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
-    assert findings(write(layered(""), STACK)) == [
+    assert findings(write(layered_material(""), STACK)) == [
         ("note", "Layers.base", "the layer never shows: Coat covers it wholly"),
         ("note", "Layers.layer1Mask", "the mask is not connected, so the layer covers all beneath"),
     ]
@@ -72,7 +72,7 @@ def test_what_lets_light_through_hides_nothing(write) -> None:
 
 
 def test_a_disabled_layer_is_examined_too(write) -> None:
-    body = layered("bool layer1Enabled = 0", coat="float roughness = 2")
+    body = layered_material("bool layer1Enabled = 0", coat="float roughness = 2")
     assert findings(write(body, STACK)) == [
         ("warning", "Coat.roughness", "2 is out of range (in a layer that is not enabled)"),
         ("note", "Layers.layer1Enabled", "the layer is not enabled"),
@@ -100,7 +100,7 @@ def test_every_variant_is_examined(write) -> None:
 
 def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_not(write) -> None:
     off, on = (over("Layers", f"bool layer1Enabled = {value}") for value in (0, 1))
-    body = layered("float layer1Mask = 0.5", base="float sheen = 7")
+    body = layered_material("float layer1Mask = 0.5", base="float sheen = 7")
     file = write(body + variants("wear", dusty=off, new=on), STACK, WEAR)
     hint = "it must be within [0, 1]"
     assert examine(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
@@ -175,9 +175,9 @@ GONE += shader("Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs
     ],
 )
 def test_usd_finds(write, body: str, severity: str, path: str, message: str) -> None:
-    [(*location, said)] = findings(write("token outputs:surface.connect = </M/P.outputs:surface>\n" + disney() + body))
+    [(*location, text)] = findings(write("token outputs:surface.connect = </M/P.outputs:surface>\n" + disney() + body))
     assert location == [severity, path]
-    assert message in said
+    assert message in text
 
 
 def test_what_usd_finds_too_is_reported_once(write) -> None:

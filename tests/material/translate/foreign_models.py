@@ -101,7 +101,7 @@ def conductor(reflectivity: Floats, edge: Floats) -> Fresnel:
     return fresnel
 
 
-def layered(top: Floats, base: Floats, weight: float = 1.0) -> Floats:
+def layer_over(top: Floats, base: Floats, weight: float = 1.0) -> Floats:
     """MaterialX's `layer`."""
     return weight * top + (1.0 - weight * float(top.mean())) * base
 
@@ -115,8 +115,8 @@ def preview_surface(p: dict[str, Any], degrees: float) -> Floats:
         f90 = 1.0 - metallic + metallic * color
         f0 = (1.0 - metallic) * at_normal * f90 + metallic * f90
         diffuse = (1.0 - metallic) * color
-    base = layered(lobe(p["roughness"], degrees, schlick(f0, f90)), diffuse)
-    return layered(lobe(p["clearcoatRoughness"], degrees, schlick(at_normal, 1.0)), base, p["clearcoat"])
+    base = layer_over(lobe(p["roughness"], degrees, schlick(f0, f90)), diffuse)
+    return layer_over(lobe(p["clearcoatRoughness"], degrees, schlick(at_normal, 1.0)), base, p["clearcoat"])
 
 
 def oren_nayar(roughness: float, degrees: float) -> float:
@@ -155,15 +155,15 @@ def standard_surface(p: dict[str, Any], degrees: float) -> Floats:
     metal = lobe(roughness, degrees, conductor(p["base"] * base_color, p["specular"] * specular_color))
     mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * specular
     attenuated = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
-    return layered(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
+    return layer_over(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
 
 
 def gltf_pbr(p: dict[str, Any], degrees: float) -> Floats:
     color, metallic = np.asarray(p["base_color"]), p["metallic"]
     at_normal = np.minimum(((1.0 - p["ior"]) / (1.0 + p["ior"])) ** 2 * np.asarray(p["specular_color"]), 1.0)
     top = lobe(p["roughness"], degrees, schlick(at_normal * p["specular"], p["specular"]))
-    mixed = metallic * lobe(p["roughness"], degrees, schlick(color, 1.0)) + (1.0 - metallic) * layered(top, color)
-    return layered(lobe(p["clearcoat_roughness"], degrees, dielectric(1.5)), mixed, p["clearcoat"])
+    mixed = metallic * lobe(p["roughness"], degrees, schlick(color, 1.0)) + (1.0 - metallic) * layer_over(top, color)
+    return layer_over(lobe(p["clearcoat_roughness"], degrees, dielectric(1.5)), mixed, p["clearcoat"])
 
 
 def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
@@ -189,7 +189,7 @@ def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
     darker = over * p["coat_darkening"]
     mixed = mixed * (1.0 - darker + darker * (1.0 - inside) / (1.0 - estimate * inside))
     mixed = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
-    return layered(lobe(coated, degrees, dielectric(p["coat_ior"])), mixed, over)
+    return layer_over(lobe(coated, degrees, dielectric(p["coat_ior"])), mixed, over)
 
 
 VIEWS = (0.0, 20.0, 40.0, 60.0, 75.0)
@@ -209,7 +209,7 @@ def _color(rng: Rng) -> tuple[float, ...]:
     return tuple(rng.uniform(0.0, 1.0, 3).tolist())
 
 
-def _often(*usual: float) -> Draw:
+def _draw_often(*usual: float) -> Draw:
     """Draw one of the usual numbers, or any."""
     return lambda rng: float(rng.choice([*usual, rng.uniform()]))
 
@@ -217,49 +217,49 @@ def _often(*usual: float) -> Draw:
 _PREVIEW_SURFACE: dict[str, Draw] = {
     "diffuseColor": _color,
     "roughness": _number(),
-    "metallic": _often(0.0, 0.0, 1.0),
-    "clearcoat": _often(0.0),
+    "metallic": _draw_often(0.0, 0.0, 1.0),
+    "clearcoat": _draw_often(0.0),
     "clearcoatRoughness": _number(),
     "ior": _number(1.0, 2.2),
 }
 _STANDARD_SURFACE: dict[str, Draw] = {
     "base": _number(0.5),
     "base_color": _color,
-    "metalness": _often(0.0, 0.0, 1.0),
-    "specular": _often(1.0),
+    "metalness": _draw_often(0.0, 0.0, 1.0),
+    "specular": _draw_often(1.0),
     "specular_roughness": _number(),
     "specular_IOR": _number(1.0, 2.2),
-    "subsurface": _often(0.0, 0.0),
+    "subsurface": _draw_often(0.0, 0.0),
     "subsurface_color": _color,
-    "coat": _often(0.0),
-    "coat_color": lambda rng: (_often(1.0)(rng),) * 3,
+    "coat": _draw_often(0.0),
+    "coat_color": lambda rng: (_draw_often(1.0)(rng),) * 3,
     "coat_roughness": _number(),
     "coat_IOR": _number(1.0, 2.2),
-    "coat_affect_color": _often(0.0),
-    "coat_affect_roughness": _often(0.0),
+    "coat_affect_color": _draw_often(0.0),
+    "coat_affect_roughness": _draw_often(0.0),
 }
 _GLTF_PBR: dict[str, Draw] = {
     "base_color": _color,
-    "metallic": _often(0.0, 0.0, 1.0),
+    "metallic": _draw_often(0.0, 0.0, 1.0),
     "roughness": _number(),
-    "specular": _often(1.0),
+    "specular": _draw_often(1.0),
     "ior": _number(1.0, 2.2),
-    "clearcoat": _often(0.0),
+    "clearcoat": _draw_often(0.0),
     "clearcoat_roughness": _number(),
 }
 _OPEN_PBR_SURFACE: dict[str, Draw] = {
     "base_weight": _number(0.5),
     "base_color": _color,
-    "base_metalness": _often(0.0, 0.0, 1.0),
-    "specular_weight": _often(1.0),
+    "base_metalness": _draw_often(0.0, 0.0, 1.0),
+    "specular_weight": _draw_often(1.0),
     "specular_roughness": _number(),
     "specular_ior": _number(1.0, 2.2),
-    "subsurface_weight": _often(0.0, 0.0),
+    "subsurface_weight": _draw_often(0.0, 0.0),
     "subsurface_color": _color,
-    "coat_weight": _often(0.0),
+    "coat_weight": _draw_often(0.0),
     "coat_roughness": _number(),
     "coat_ior": _number(1.0, 2.2),
-    "coat_darkening": _often(0.0, 1.0),
+    "coat_darkening": _draw_often(0.0, 1.0),
 }
 
 
@@ -313,14 +313,14 @@ class Compared:
 
 def compare(name: str, count: int, seed: int) -> list[Compared]:
     """Compare the albedos of random sets."""
-    rng, foreign, known = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
+    rng, foreign, parameters = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
     albedos = []
     for _ in range(count):
         values = _draw(foreign.draws, rng)
-        whole = {input_name: parameter.default for input_name, parameter in known.items()} | values
-        own = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
+        whole = {input_name: parameter.default for input_name, parameter in parameters.items()} | values
+        reference = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
         ours = np.stack([translated_albedo(name, values, angle) for angle in VIEWS])
-        albedos.append(Compared(values, foreign.metal(whole), own, ours))
+        albedos.append(Compared(values, foreign.metal(whole), reference, ours))
     return albedos
 
 
