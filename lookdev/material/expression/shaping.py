@@ -141,7 +141,10 @@ def gaussstep(x: Array, a: Array, b: Array) -> Array:
 
 
 def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -> Array:
-    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond: 0 linear, 1 smooth, 2 gaussian."""
+    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond.
+
+    `interp` is the shape of the fall: 0 linear, 1 smooth, 2 gaussian.
+    """
     span, falloff, distance = np.absolute(span), np.absolute(falloff), np.absolute(x - source)
     sudden = falloff < TINY
     t = np.clip((span + falloff - distance) / np.where(sudden, 1.0, falloff), 0.0, 1.0)

@@ -39,7 +39,7 @@ _LARGEST_F0 = 0.9  # an index of refraction of 38
 
 
 class _Grid:
-    """The unit square of st as a `lookdev.material.values.Surface`, (32, 32) points; primvars are their fallbacks.
+    """The unit square of st as a `lookdev.material.values.Surface` of (32, 32) points; primvars have their fallbacks.
 
     Each point has another view, from the distribution of views over the image of a sphere.
     """

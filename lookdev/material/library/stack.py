@@ -157,7 +157,7 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
 
 
 def require_surface(material: UsdShade.Material) -> tuple[Network, Source]:
-    """Return the shader of the stack, or of the only layer, of a look; raises LookError where there is none."""
+    """Return the network of a look, and the shader of its stack or only layer; raises LookError where it has none."""
     network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
     source = network.surface_source(material)
     if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):

@@ -51,7 +51,7 @@ def f0_of_ior(ior: Real) -> Real:
 
 
 def edge_of_f0(f0: Real) -> Real:
-    """Return the f90, (...), with which Schlick's term fits the Fresnel term of a dielectric best."""
+    """Return the grazing reflectance, (...), with which Schlick's term fits the Fresnel term of a dielectric best."""
     share = np.minimum(np.sqrt(f0) * (1.0 / WHITE_EDGE), 1.0)
     return np.where(share > 0.999, 1.0, np.clip(load_fit("edge")(share), 0.0, 1.0))
 

@@ -126,7 +126,7 @@ def _diffuse(p: Parameters) -> Array:
 
 
 def _ior(p: Parameters) -> Real:
-    """Return the index of refraction of the dielectric, whose reflectance has the weight, relative to the coat."""
+    """Return the effective index of refraction of the dielectric, with the specular weight and under the coat."""
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
     coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
     f0 = p["specular_weight"] * f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
@@ -144,7 +144,7 @@ def _coated_roughness(p: Parameters) -> Real:
 
 
 def _tint(p: Parameters) -> Array:
-    """Return the factor (..., 3) of the base's colour for the coat's colour and the absorption between both."""
+    """Return the factor (..., 3) on the base's colour: the coat's colour, and the loss by reflection between both."""
     internal = 1.0 - (1.0 - f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
     dielectric = mix_color(p["base_color"], p["subsurface_color"], p["subsurface_weight"])
     base = mix_color(dielectric, scale(p["base_color"], np.minimum(p["specular_weight"], 1.0)), p["base_metalness"])

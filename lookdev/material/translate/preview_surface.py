@@ -45,7 +45,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
         # The colour at normal incidence; "edge color is assumed white".
         interface = Interface(p["specularColor"], 1.0, roughness)
     else:
-        # "F0 is derived from ior and F90 is white", of a metal both are the albedo; "in between, we interpolate".
+        # "F0 is derived from ior and F90 is white"; for a metal both are the albedo; "in between, we interpolate".
         specular = mix_color(WHITE, color, p["metallic"])
         f0 = mix_color(scale(specular, f0_of_ior(p["ior"])), specular, p["metallic"])
         interface, color = Interface(f0, max_channel(specular), roughness), scale(color, 1.0 - p["metallic"])

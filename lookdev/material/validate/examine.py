@@ -179,7 +179,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         yield Finding("note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be")
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
-    if is_foreign(prim):  # read leniently: it renders in spite of errors that USD finds
+    if is_foreign(prim):  # read leniently: the material renders in spite of errors that USD finds
         yield from (
             replace(finding, severity="warning") if finding.severity == "error" else finding for finding in usd_findings
         )
