@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, short, stack
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, shorten_path, stack
 from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
@@ -19,7 +19,7 @@ LOOKS = [file for path in (".", "presets", "classic") for file in sorted((ROOT /
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
     """Return severity, place and text of what is found in a look."""
     report = examine(file, **options)
-    places = [short(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
+    places = [shorten_path(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
     return [(finding.severity, path, finding.what) for path, finding in zip(places, report.findings, strict=True)]
 
 
