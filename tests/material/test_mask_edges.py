@@ -186,9 +186,9 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], name: st
 def test_the_tables_of_the_page_are_what_is_measured(presets: dict[str, Preset]) -> None:
     page = mask_edges.PAGE.read_text()
     for name, table in mask_edges.tables(presets).items():
-        assert mask_edges.written(page, name) == table, "run: python tests/material/mask_edges.py"
+        assert mask_edges.page_table(page, name) == table, "run: python tests/material/mask_edges.py"
 
 
 def test_the_page_counts_what_is_recorded(presets: dict[str, Preset]) -> None:
     recorded = mask_edges.kinds_table(presets, mask_edges.read_edges())
-    assert mask_edges.written(mask_edges.PAGE.read_text(), "kinds") == recorded
+    assert mask_edges.page_table(mask_edges.PAGE.read_text(), "kinds") == recorded

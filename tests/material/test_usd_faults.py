@@ -55,7 +55,7 @@ FAULTS = [
     (base("float roughness.timeSamples = { 1: 0.5 }"), "Base.roughness", "animated"),
     (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
     (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
-    (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
+    (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is neither an output"),
     (base("float roughness <- .gone"), "Base.roughness", "nor an interface input"),
     (base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"), "Base.roughness", "2 connections"),
     ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
@@ -92,7 +92,7 @@ FAULTS = [
     (bump("float height <- P.result", reader("float", 'string varname = "h"')), "Bump.height", "comes from </M/P>"),
     (bump("float height <- Tex.rgb"), "Bump.height", "outputs:r"),
     (bump("color3f height <- Tex.r"), "Bump.height", "must be float"),
-    (bump("float height <- Gone.r"), "Bump.height", "which is no output"),
+    (bump("float height <- Gone.r"), "Bump.height", "which is neither an output"),
     (bump(HEIGHT + "float scale <- Tex.g"), "Bump.scale", "must be a constant"),
     (bump(HEIGHT + "float scale = inf"), "Bump.scale", "not finite"),
     (bump(HEIGHT + "float scal = 1"), "Bump.scal", "mean 'scale'"),
@@ -110,7 +110,7 @@ FAULTS = [
     (
         displaced_look("float inputs:height.connect = </M/Moved.inputs:height>"),
         "Moved.height",
-        "which is no output of a",
+        "which is neither an output of a",
     ),
     (displaced_look("float height = 1\nfloat scale <- Tex.r", texture()), "Moved.scale", "it must be a constant"),
     (
