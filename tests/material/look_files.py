@@ -1,7 +1,7 @@
-"""Materials /M made from text, of `lookdev` or of other models, their images, and what reading them ends in.
+"""Helpers that write materials /M from text, of `lookdev` or of other models, with images, and read them.
 
-Texts have a short notation beside USD's own: ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r`` one
-that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to the interface </M.inputs:rough>; a
+Besides USD's own notation, texts have a short one: ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r``
+one that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to the interface </M.inputs:rough>. A
 semicolon ends a line.
 """
 
@@ -92,7 +92,7 @@ def shorten_path(path: str) -> str:
 
 
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
-    """Return place, text and hint of each fault for which a file is refused."""
+    """Return place, text and hint of each fault in the error that reading a file raises."""
     with pytest.raises(LookError) as caught:
         read(file, **options)
     assert all(fault.file == str(file) for fault in caught.value.faults)
@@ -135,7 +135,7 @@ def rotate_clockwise(v: NDArray[np.float64], degrees: float) -> NDArray[np.float
 
 
 def write_preset(file: Path, inputs="", model="LookdevDisney", category="metal", doc="") -> None:
-    """Write a preset whose prim is called as the file is, capitalised."""
+    """Write a preset whose prim has the capitalised name of the file."""
     prim, documentation = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
     head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {documentation}\n'
     data = f'    customData = {{\n        string category = "{category}"\n    }}\n)\n'

@@ -1,7 +1,7 @@
-"""A blurred mask between two presets: pixels of a sphere under an image-based light, without noise.
+"""Pixels of a sphere with a blurred mask between two presets, under an image-based light, without noise.
 
-A pixel is the radiance of one point of a sphere towards the viewer; behind a surface that transmits is the light
-itself, as behind a card. The light on the point is gathered once into cells of directions, small about the mirror
+A pixel is the radiance of one point of a sphere towards the viewer. Behind a surface that transmits, as behind a card,
+is the light itself. The light on the point is gathered once into cells of directions, small about the mirror
 direction and the refracted one, each with its light and its mean direction. A surface is then a sum over the same
 cells, so that a difference of two surfaces has no noise.
 
@@ -51,7 +51,7 @@ ALLOWED = 0.05
 KINDS = {".": ALLOWED, "+": 1.0, "#": np.inf}
 """Up to which overshoot a pair is of each kind: within the claim, by less than the range itself, by more."""
 
-# Degrees between normal and view, and how many pixels there are at each.
+# Degrees between normal and view, and the number of pixels at each.
 _RINGS = ((15.0, 1), (40.0, 3), (62.0, 3), (78.0, 3))
 # Cells in slope of the half vector, logarithmic beyond _T0, and in its azimuth.
 _CELLS = (24, 16)
@@ -82,7 +82,7 @@ def read_presets() -> dict[str, Preset]:
 
 @dataclass(frozen=True)
 class Pixel:
-    """A viewing direction (3,), and from which directions (n, 3) how much light (n, 3) comes: radiance times sr.
+    """A viewing direction (3,), and directions (n, 3) of incident light (n, 3), in radiance times sr.
 
     `frame` (3, 3) has tangent, bitangent and normal as its rows.
     """
@@ -115,7 +115,7 @@ def _gather(light: Light, frame: Floats, seed: int) -> Pixel:
     rng = np.random.default_rng(seed)
     wo = frame @ [0.0, -1.0, 0.0]
     sides = [(1.0, wo), (-1.0, np.append(wo[:2], np.sqrt(_IOR**2 - 1.0 + wo[2] ** 2)) / _IOR)]
-    # Drawn from the cells and from the light, both combined: lamps are found however small, and so is what is mirrored.
+    # Drawn from the cells and from the light, both combined: small lamps are found, and so are mirror images.
     wi = np.concatenate([_draw(side, view, rng) for side, view in sides])
     wi = np.concatenate([wi, light.sample(_ANYWHERE, qmc.Sobol(2, rng=rng).random(_POINTS)) @ frame.T])
     wi = wi[np.abs(wi[:, 2]) > 1e-6]
@@ -163,7 +163,7 @@ def _cell(view: Floats, wi: Floats) -> tuple[NDArray[np.intp], Floats]:
 
 
 def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
-    """Return what pixels show across blurred masks, the second preset of each pair over the first, (n, 9, P, 3).
+    """Return the pixels across blurred masks, (n, 9, P, 3), with the second preset of each pair over the first.
 
     Parameters named by `equal` are first set to their mean over the two.
     """
@@ -191,7 +191,7 @@ def _stack_parameters(parameter_sets: Sequence[Mapping[str, Any]]) -> dict[str, 
 
 
 def excess(colors: Floats) -> Floats:
-    """Return by how much values (n, 9, ...) leave the range of their two ends, as fractions of it."""
+    """Return the distances by which values (n, 9, ...) leave the range of their two ends, as fractions of it."""
     low, high = (end(colors[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
     return np.asarray(np.maximum(colors - high, low - colors) / np.maximum(high - low, NARROW * high))
 
@@ -235,7 +235,7 @@ def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str
 
 
 def tables(presets: Mapping[str, Preset]) -> dict[str, str]:
-    """Return the tables that are measured anew."""
+    """Return the tables from new measurements."""
     pairs = [pair for pair in PAIRS if all(presets[name][0] == "disney" for name in pair)]
     rows = [("made equal first", "pairs within 5 %")]
     for name, equal in _EQUAL.items():

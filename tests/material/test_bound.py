@@ -1,4 +1,4 @@
-"""Materials of other models as looks: terminals, inputs, textures, and the list of what is not carried."""
+"""Materials of other models as looks: terminals, inputs, textures, and the list of losses."""
 
 import zipfile
 from pathlib import Path
@@ -69,7 +69,7 @@ def image(file: str, space: str = "", setting: str = "") -> str:
     return texture(setting, f"asset file = @./{file}@ {metadata}\nfloat2 st <- St.result\n")
 
 
-# Inputs of the surface, nodes, what the inputs become (of textures: some attributes), and what is noted.
+# Inputs of the surface, nodes, the resulting inputs (of textures: some attributes), and the faults.
 CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
     (CONSTANTS, "", VALUES | {"normal": (0.0, 0.0, 1.0)}, []),
     (COLOR.format("rgb"), texture(RAW + SETTINGS), {"diffuseColor": SET}, []),
@@ -328,7 +328,7 @@ MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
 @pytest.mark.parametrize(
     ("body", "where", "message"),
     [
-        (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal leads to it
+        (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal is connected to it
         (VECTORS, MATERIALX_TERMINAL, "displaces by vectors"),
         (displaced_material("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
         (displaced_material("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),

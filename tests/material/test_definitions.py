@@ -11,7 +11,7 @@ pytestmark = pytest.mark.both_pythons
 
 @pytest.fixture(scope="module")
 def nodes() -> dict[str, Sdr.ShaderNode]:
-    """Every node of the file, as another tool gets it."""
+    """Return every node of the file, as another tool reads it."""
     stage = Usd.Stage.Open(str(DEFINITIONS))
     sdr_nodes = {}
     for prim in stage.Traverse():
@@ -63,7 +63,7 @@ def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node:
 
 
 def inputs_of(node: Sdr.ShaderNode) -> dict[str, tuple[str, object, bool, list[str]]]:
-    """Return type, default, whether it is connectable, and options of each input; all have a help."""
+    """Return type, default, connectability and options of each input; check that all have a help text."""
     inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
     assert all(node_input.GetHelp() for node_input in inputs.values())
     types = {name: str(node_input.GetTypeAsSdfType().GetSdfType()) for name, node_input in inputs.items()}

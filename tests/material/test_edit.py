@@ -1,4 +1,4 @@
-"""Edits of looks leave files that read without a fault, or are not made; looks with another value of one input."""
+"""Edits of looks, which either leave a file without faults or change nothing; looks with another value of an input."""
 
 import shutil
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def node_of(file: Path) -> dict[str, object]:
 
 
 def refused(edit: Callable[[], object], file: Path) -> str:
-    """Return the message of an edit that is refused, and check that nothing was written."""
+    """Return the message of the error that an edit raises, and check that nothing was written."""
     before = {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()}
     with pytest.raises(LookdevError) as caught:
         edit()
@@ -215,7 +215,7 @@ def test_an_edit_twice_is_an_edit_once(paint: Path, take: Take) -> None:
 
 
 def test_an_expression_keeps_the_sources_of_its_names(paint: Path, take: Take, monkeypatch: pytest.MonkeyPatch) -> None:
-    # What is written counts here, whatever reads it.
+    # This test is on the written text, so reading it is replaced.
     monkeypatch.setattr("lookdev.material.library.edit.read_look", lambda *_: None)
     inputs = ["dirt=dirt.png:g", "edge=primvar:edge", "tint=dirt.png:rgb", "amount=2"]
     add_layer(paint, take("rubber"), parse_mask("dirt * edge * amount * tint[0]", inputs))
@@ -337,7 +337,7 @@ def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: T
 
 
 def test_a_fault_in_another_variant_counts(car: Path, take: Take) -> None:
-    # The copy with 'clean' selected would be fine: there, dust is not there at all.
+    # With 'clean' selected, the copy would have no fault, as it has no dust.
     fault = '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n'
     car.write_text(car.read_text().replace('"dusty" {\n', fault))
     assert f"{car}: /CarPaint/Dust.inputs:shine: unknown input" in refused(lambda: add_layer(car, take("gold")), car)
@@ -404,14 +404,14 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
             assert constant_of(written_look, constant.name).value == pytest.approx(constant.value)
         assert len(written_look.layers) == len(before.layers)
         stage = Usd.Stage.Open(str(out))
-        # An interface keeps a constant that is its own; one that two layers share is left to the other.
+        # An interface input of one layer gets the constant. One that two layers read stays with the other layer.
         shared = "Base.roughness" in names
         assert stage.GetPrimAtPath("/M").GetAttribute("inputs:rough").Get() == pytest.approx(0.4)
         if not shared:
             assert stage.GetPrimAtPath("/M").GetAttribute("inputs:shine").Get() == pytest.approx(0.3)
             assert stage.GetPrimAtPath("/M/Coat").GetAttribute("inputs:clearcoatGloss").HasAuthoredConnections()
         assert constant_of(written_look, "Coat.roughness").value == pytest.approx((0.4,))
-        # Only the variant that is shown changes.
+        # Only the selected variant changes.
         new = read_look(out, None, {"wear": "new"})
         assert constant_of(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
     assert read_look(file) == before

@@ -1,6 +1,6 @@
 """Expressions: their values, their faults, their traces, and shaping functions.
 
-Those have SeExpr's formulas, values where those have none, and noise that float32 does not change.
+Shaping functions have SeExpr's formulas, values where these are undefined, and noise that is equal in float32.
 """
 
 import math
@@ -267,7 +267,7 @@ def test_every_function_computes_the_same_when_traced(name: str) -> None:
     direct = expression.evaluate(values, dict.fromkeys(names, "float"))
     for element, component in zip(elements, direct.reshape(len(direct), -1).T, strict=True):
         np.testing.assert_allclose(compute(element, values, np.float64), component, rtol=1e-13)
-        # Float32 has 6e-8; pow and divisions magnify it by what they magnify their arguments, at worst 1e3 here.
+        # Float32 rounds by 6e-8; pow and divisions magnify this error as they magnify arguments, at worst 1e3 here.
         single = compute(element, values, np.float32)
         assert single.dtype == np.float32
         close = np.isclose(single, component, rtol=1e-4, atol=1e-4)

@@ -1,6 +1,6 @@
 """A blurred mask between any two presets stays plausible, pair by pair; and which pairs cannot.
 
-A BRDF is no straight line in its parameters, so some pairs leave the range of their ends; `mask_edges.txt` names them.
+A BRDF is not linear in its parameters, so some pairs leave the range of their ends; `mask_edges.txt` names them.
 """
 
 from typing import Any
@@ -136,7 +136,7 @@ def test_presets_that_differ_in_one_thing_leave_the_range(presets: dict[str, Pre
     assert unlike(*(presets[preset][1] for preset in pair)) == {name}
     assert max(overshoot(light, presets, [pair])[0] for light in LIGHTS) > ALLOWED
     if name != "tint":
-        # And that one thing is why. Equal tints still bend as the base colour changes: they are quotients.
+        # That one difference is the reason. Equal tints still vary as the base colour changes, as they are quotients.
         assert max(overshoot(light, presets, [pair], equal=[name])[0] for light in LIGHTS) <= ALLOWED
 
 

@@ -1,6 +1,6 @@
-"""MaterialX documents: what is carried over arrives in the look, all else is reported, and soon.
+"""Import of MaterialX documents: inputs arrive in the look, or the import reports them, in little time.
 
-Documents are of a material M, made of a disney_principled S.
+Documents have a material M with a disney_principled S.
 """
 
 import time
@@ -52,7 +52,7 @@ def document(folder: Path, *inputs: str, nodes="", material=MATERIAL, attributes
 
 
 def as_look(import_layer: Imported) -> Layer:
-    """Write what was imported, read it as a look and return its one layer; connections join what is of one type."""
+    """Write an imported document, read it as a look and return its only layer; check the types of connections."""
     usda = import_layer.file.with_suffix(".usda")
     write_usda(import_layer, usda, replace=True)
     stage = Usd.Stage.Open(str(usda))
@@ -440,5 +440,5 @@ def test_a_megabyte_of_nodes_ends_soon(tmp_path: Path, version: str, closed: boo
         assert "its connections run in a cycle" in faults(file)[0][1]
     else:
         assert len(import_materialx(file).unmapped) == len(names) + 1
-    # A second is what it may take; a busy machine's caches are allowed for. Upgrading such a file took 150 s.
+    # It takes less than a second on an idle machine. Upgrading such a file took 150 s.
     assert time.process_time() - before < 5.0

@@ -1,4 +1,4 @@
-"""Looks of measured reflectance: read from USD, imported, previewed, and what shows them."""
+"""Looks of measured reflectance: read from USD, imported, previewed, and in generated code."""
 
 from functools import lru_cache
 from pathlib import Path

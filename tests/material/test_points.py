@@ -158,7 +158,7 @@ def test_normals_lean_along_the_uvs(kind: str, points: Points, image: Path) -> N
             x, y, z = *(-0.05 * sample_slopes(height, points.st[i])), 1.0
         else:
             x, y, z = np.clip(sample_texture(normal_map, points.st[i]), -1.0, 1.0) if kind == "map" else source
-        # Of a unit vector's direction only: constants may not be longer than their range.
+        # Only the direction of unit vectors: constants may not be longer than their range.
         length = max(1.0, abs(x), abs(y))
         return layers((x / length, y * points.hands[i] / length, z / length))
 
@@ -231,7 +231,7 @@ def test_sampling_at_a_hit_agrees_with_brute_force(cosine: float) -> None:
     # 24 comparisons over the four views: noise exceeds 4.5 standard errors once in 6,000 runs.
     assert (np.abs(brute - drawn.value) <= 4.5 * np.hypot(error, drawn.error) + exact.error).all()
     assert (np.abs(exact.value - drawn.value) <= 4.5 * drawn.error + exact.error).all()
-    # Directions over the sphere are drawn with probability 1, but for those that no lobe sends.
+    # Directions over the sphere are drawn with probability 1, except those that no lobe samples.
     density = pdf(bsdf, view, wi) * (4.0 * np.pi)
     assert density.mean() < 1.0 + 4.5 * density.std() / np.sqrt(SAMPLES)
 

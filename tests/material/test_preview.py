@@ -96,7 +96,7 @@ PREVIEWS = {
 
 @pytest.mark.parametrize(("name", "layers", "expected"), [(name, *case) for name, case in PREVIEWS.items()])
 def test_values(name: str, layers: list[Layer], expected: dict[str, Any]) -> None:
-    # What depends on the view is a mean over some places of a sphere; an exact metal's colour is approximate.
+    # Values that depend on the view are means over some points of a sphere; an exact metal's colour is approximate.
     rounding = 1e-3 if "sphere" in name or "silver" in name else 1e-6
     values = preview_values(layers)
     for key, value in expected.items():

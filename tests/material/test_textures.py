@@ -50,7 +50,7 @@ def test_srgb_is_the_piecewise_curve() -> None:
 
 
 def test_equal_texels_are_equal_files(tmp_path: Path) -> None:
-    """Otherwise frames would be stale once the cache was deleted."""
+    """Otherwise frames would be stale after the cache is deleted."""
     texture = Texture(save(tmp_path / "a.png", np.zeros((2, 2, 3), np.uint8), "uint8"), "r", "raw")
     for file in (linear_texture(texture), slope_texture(texture)):
         assert oiio.ImageBuf(str(file)).spec().getattribute("DateTime") == "2000:01:01 00:00:00"

@@ -1,4 +1,4 @@
-"""Everything wrong with a look is found, whatever the file is, and what is right is left alone."""
+"""Validation finds all faults of a look, in any file, and reports nothing in sound looks."""
 
 import json
 import sys
@@ -17,7 +17,7 @@ LOOKS = [file for path in (".", "presets", "classic") for file in sorted((ROOT /
 
 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
-    """Return severity, place and text of what is found in a look."""
+    """Return severity, place and text of the findings in a look."""
     report = examine(file, **options)
     places = [shorten_path(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
     return [(finding.severity, path, finding.what) for path, finding in zip(places, report.findings, strict=True)]

@@ -210,7 +210,7 @@ def _color(rng: Rng) -> tuple[float, ...]:
 
 
 def _draw_often(*usual: float) -> Draw:
-    """Draw one of the usual numbers, or any."""
+    """Return a function that draws one of the usual numbers, or a random one."""
     return lambda rng: float(rng.choice([*usual, rng.uniform()]))
 
 
@@ -325,7 +325,7 @@ def compare(name: str, count: int, seed: int) -> list[Compared]:
 
 
 def translated_albedo(name: str, inputs: dict[str, Any], degrees: float) -> Floats:
-    """Return the directional albedo, (3,), of the layers that stand for inputs."""
+    """Return the directional albedo, (3,), of the layers that a model with some inputs translates to."""
     stack = translate_layer(StackLayer(name, complete(name, TRANSLATIONS[name].parameters, inputs)))
     bsdf, wo = stack_bsdf(stack), view(degrees)
     # A grid for each width of the coats is dense where they peak; the ground is even.

@@ -1,7 +1,6 @@
-"""Every translation has the inputs of its node's definition, and is traced, folded and masked as any layer is.
-from lookdev.scene import Sampling
+"""Every translation has the inputs of its node's definition, and is traced, folded and masked as any other layer.
 
-Directional albedos are compared with the foreign models' own definitions; an error is a part of the light that arrives.
+Directional albedos are compared with the foreign models' own definitions; an error is a fraction of the incident light.
 """
 
 from pathlib import Path
@@ -232,7 +231,7 @@ def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
     whole, first, second = (
         evaluate(look_bsdf(Look("look", stacked), Carried({})), WO, WI) for stacked in (layers, layers[:1], layers[1:])
     )
-    # What the coats of the upper layer withhold, they withhold from what shows beside it, too.
+    # The coats of the upper layer withhold light also from the layers that are visible beside it.
     np.testing.assert_allclose(whole, 0.25 * second + 0.75 * first, rtol=0.1)
     names = [layer.name for layer in look_layers(Look("look", layers), Carried({}))]
     assert names == [f"{layer} {part}" for layer in "AB" for part in ("ground", "specular", "clearcoat")]
