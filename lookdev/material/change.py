@@ -1,4 +1,4 @@
-"""A look with another value of one input: what a wedge varies, and what a fit searches."""
+"""Changes of single inputs of a look: a wedge varies an input, a fit searches the values of several."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Value = float | tuple[float, float, float] | str
 def changed_look(look: Look, parameter: str, value: Value) -> Look:
     """Return a look with another value of one of its `varied_names`.
 
-    ``mask`` and the inputs of expressions may be an expression or a value of their kind. An input without its layer is
-    meant where one layer alone has it.
+    ``mask`` and the inputs of expressions may be an expression or a value of their kind. A name without its layer
+    suffices where only one layer has such an input.
 
     Raises
     ------
     ModelError
-        There is no such parameter, several layers have it, or the value is not one that it can have.
+        There is no such parameter, several layers have it, or it cannot have this value.
     """
     inputs, name = _find_input(look, parameter)
     layer, path = inputs[name]
@@ -36,7 +36,7 @@ def changed_look(look: Look, parameter: str, value: Value) -> Look:
 
 
 def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
-    """Return the inputs of a look by their names, and which of them is meant; raises ModelError for none or several."""
+    """Return the inputs of a look by name, and the full name of `parameter`; ModelError where none or several match."""
     names = dict(varied_names(look))
     matches = [full_name for full_name in names if full_name == parameter] or [
         full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
@@ -55,9 +55,10 @@ def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tupl
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of a look: its whole name, the record of its parameter, and the value, a number or three.
+    """A constant of a look: its full name, the record of its parameter, and its value of one number or three.
 
-    `path` leads to it from the layer of the number `layer`: a parameter or ``"mask"``, then inputs of an expression.
+    `layer` is the index of its layer. `path` leads to it from there: a parameter or ``"mask"``, then an input of an
+    expression.
     """
 
     name: str
@@ -68,9 +69,9 @@ class Constant:
 
 
 def constant_of(look: Look, parameter: str) -> Constant:
-    """Return a constant by its name, as of `changed_look`.
+    """Return a constant by its name, which may lack the layer as in `changed_look`.
 
-    Raises ModelError where that raises, and where it is no constant number or colour.
+    Raises ModelError as `changed_look`, and where the input is not a constant number or colour.
     """
     inputs_by_name, full_name = _find_input(look, parameter)
     layer, path = inputs_by_name[full_name]
@@ -98,9 +99,9 @@ def constant_of(look: Look, parameter: str) -> Constant:
 
 
 def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
-    """Return a look whose constants are live, each by a key: an input that a program reads and has derivatives by.
+    """Return a look whose constants are live, each under a key: inputs of a program, which has derivatives by them.
 
-    It is a primvar of a reserved name, `live_primvar`, which no mesh has.
+    A live input is a primvar of a reserved name, `live_primvar`, which no mesh has.
     """
     sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
     return _with_sources(look, sources)
@@ -139,7 +140,7 @@ def is_live(primvar: str) -> bool:
 
 
 def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]]]]:
-    """Yield the name of each input that can be varied, its layer, and the names on the way to it."""
+    """Yield the full name of each input that can be varied, with its layer and its path in that layer."""
     for layer in look.layers:
         inputs: dict[str, Input] = dict.fromkeys(layer_parameters(layer.model), 0.0) | layer.inputs
         if layer is not look.layers[0]:

@@ -29,7 +29,7 @@ from lookdev.material.look import (
     View,
 )
 from lookdev.material.textures import texture_value
-from lookdev.material.translate import layer_parameters, translated
+from lookdev.material.translate import layer_parameters, translate_layer
 
 
 class Surface(Protocol):
@@ -79,7 +79,7 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
         )
         for layer in look.layers
     ]
-    return [translated_layer for layer in stack for translated_layer in translated(layer)]
+    return [translated_layer for layer in stack for translated_layer in translate_layer(layer)]
 
 
 def _complete_parameters(layer: Layer, values: Values) -> dict[str, Any]:

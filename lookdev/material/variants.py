@@ -1,4 +1,4 @@
-"""Choices of variants: in the form of the command line, and of several variants of a set."""
+"""Selections of variants: parsed from the command line, and expanded where ``"*"`` selects all variants of a set."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from lookdev.errors import Fault, LookdevError, LookError
 
 MOST_COMBINATIONS = 1000
-"""Of variants, that ``"*"`` may stand for: in one look, and in all looks of a job."""
+"""The largest number of combinations that ``"*"`` may expand to: in one look, and in all looks of a job."""
 
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
-    """Return the variant of each set from pairs ``SET=VARIANT``; LookdevError where one is not such a pair."""
+    """Return the variant of each set from pairs ``SET=VARIANT``; LookdevError for a text of another form."""
     variants = {}
     for pair in pairs:
         name, _, choice = pair.partition("=")
@@ -24,11 +24,11 @@ def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
 def combinations(
     variants: Mapping[str, str], choices: Callable[[dict[str, str], str], Sequence[str]], file: str, prim: str = ""
 ) -> tuple[dict[str, str], ...]:
-    """Replace each ``"*"`` by every variant of its set: all combinations.
+    """Return all selections in which a variant of its set replaces each ``"*"``.
 
-    `choices` returns the variants of a set, which may be inside a variant of another, after the selections made so
-    far: a mapping in which sets yet to come are ``"*"``. Raises LookError, with `file` and `prim` as its place, where
-    a set is empty or there are too many combinations.
+    `choices` returns the variants of a set for the selection so far, in which sets that follow are still ``"*"``. A set
+    may be inside a variant of another. Raises LookError, at `file` and `prim`, where a set is empty or there are too
+    many combinations.
     """
     selections = [dict(variants)]
     while (set_name := next((name for name, choice in selections[0].items() if choice == "*"), None)) is not None:

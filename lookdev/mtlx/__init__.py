@@ -1,7 +1,7 @@
-"""MaterialX documents as USD: what an asset refers to as `x.mtlx` composes like any other layer.
+"""MaterialX documents as USD layers: a reference to `x.mtlx` composes like one to any other layer.
 
-The wheels of USD lack its plugin for MaterialX. So a document becomes a USD layer of the same structure (`shade`), in
-the cache, and the arcs to it are redirected in memory (`arcs`).
+The wheels of USD lack its plugin for MaterialX. So `shade` converts a document to a cached USD layer of the same
+structure, and `arcs` redirects the arcs to the document in memory.
 """
 
 from lookdev.mtlx.arcs import is_document, redirect

@@ -1,4 +1,4 @@
-"""Arcs of USD layers to MaterialX documents, redirected to the layers that stand for them."""
+"""Redirects arcs of USD layers from MaterialX documents to the layers that these convert to."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from lookdev.mtlx.shade import document_layer
 
 SUFFIX = ".mtlx"
 
-_ITEMS = ("explicitItems", "addedItems", "prependedItems", "appendedItems", "deletedItems", "orderedItems")
+_ITEM_LISTS = ("explicitItems", "addedItems", "prependedItems", "appendedItems", "deletedItems", "orderedItems")
 
 
 def is_document(path: str) -> bool:
-    """Return whether the name of a file is that of a MaterialX document, inside a package or not."""
+    """Return whether a path, which may be inside a package, has the suffix of a MaterialX document."""
     name = Ar.SplitPackageRelativePathInner(path)[1] if Ar.IsPackageRelativePath(path) else path
     return name.lower().endswith(SUFFIX)
 
 
 def redirect(layer: Sdf.Layer) -> None:
-    """Let the references, payloads and sublayers of a layer to MaterialX documents lead to USD layers instead.
+    """Redirect references, payloads and sublayers of a layer from MaterialX documents to their USD layers.
 
-    The layer is changed in memory and can no longer be saved. A document that is missing stays as it is, for
-    composition to report.
+    The layer changes in memory and can no longer be saved. Arcs to missing documents stay, so that composition reports
+    them.
 
     Raises
     ------
     LookError
-        A document is malformed: every fault of it.
+        A document is malformed; the error has all its faults.
     """
     targets: dict[str, str] = {}
     for asset in filter(is_document, layer.GetCompositionAssetDependencies()):
         try:
-            found = str(Ar.GetResolver().Resolve(layer.ComputeAbsolutePath(asset)))
+            resolved = str(Ar.GetResolver().Resolve(layer.ComputeAbsolutePath(asset)))
         except Tf.ErrorException:
             continue
-        if found and (Ar.IsPackageRelativePath(found) or Path(found).is_file()):
-            targets[asset] = str(document_layer(found))
+        if resolved and (Ar.IsPackageRelativePath(resolved) or Path(resolved).is_file()):
+            targets[asset] = str(document_layer(resolved))
     if not targets:
         return
     for number, path in enumerate(layer.subLayerPaths):
@@ -49,22 +49,22 @@ def redirect(layer: Sdf.Layer) -> None:
             spec = layer.GetPrimAtPath(path)  # none for the path of a variant set
             for key in ("references", "payload") if spec else ():
                 if spec.HasInfo(key):
-                    spec.SetInfo(key, _redirected(spec.GetInfo(key), targets))
+                    spec.SetInfo(key, _redirect_arcs(spec.GetInfo(key), targets))
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     layer.SetPermissionToSave(False)
 
 
-def _redirected(arcs: Sdf.ReferenceListOp | Sdf.PayloadListOp, targets: dict[str, str]) -> object:
+def _redirect_arcs(arcs: Sdf.ReferenceListOp | Sdf.PayloadListOp, targets: dict[str, str]) -> object:
     result = type(arcs)()
-    for name in _ITEMS:
-        items = [_moved(each, targets) for each in getattr(arcs, name)]
+    for name in _ITEM_LISTS:
+        items = [_redirect_arc(arc, targets) for arc in getattr(arcs, name)]
         if items or (name == "explicitItems" and arcs.isExplicit):
             setattr(result, name, items)
     return result
 
 
-def _moved(arc: Sdf.Reference | Sdf.Payload, targets: dict[str, str]) -> Sdf.Reference | Sdf.Payload:
+def _redirect_arc(arc: Sdf.Reference | Sdf.Payload, targets: dict[str, str]) -> Sdf.Reference | Sdf.Payload:
     if arc.assetPath not in targets:
         return arc
     if isinstance(arc, Sdf.Payload):

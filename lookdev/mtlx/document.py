@@ -1,7 +1,7 @@
-"""Reading a MaterialX document from untrusted XML.
+"""Reader of MaterialX documents from untrusted XML.
 
-The XML is checked before the MaterialX package reads it: the package silently drops siblings of one name and includes.
-Documents are not upgraded to the package's version: that takes minutes for a megabyte of nodes.
+The XML is checked before the MaterialX package reads it, as the package silently drops includes and siblings of equal
+names. Documents are not upgraded to the version of the package: that takes minutes for a megabyte of nodes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 
 def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
-    """Return a MaterialX document, and the includes in it, which are not followed.
+    """Return a MaterialX document, and its includes as faults, since they are not followed.
 
     Raises
     ------
@@ -41,48 +41,50 @@ def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
     try:
         mx.readFromXmlString(document, text, mx.FileSearchPath(), options)
     except (mx.Exception, mx.ExceptionParseError) as error:
-        raise _refused(file, "", f"MaterialX cannot read it: {error}") from error
+        raise _document_error(file, "", f"MaterialX cannot read it: {error}") from error
     return document, includes
 
 
-def _refused(file: str, where: str, what: str, hint: str = "") -> LookError:
-    return LookError([Fault(file, where, what, hint)])
+def _document_error(file: str, where: str, message: str, hint: str = "") -> LookError:
+    return LookError([Fault(file, where, message, hint)])
 
 
 def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
-    """Refuse malformed documents and those that exhaust a parser; return the includes."""
+    """Raise LookError for documents that are malformed or would exhaust a parser; return the includes as faults."""
     names: list[set[str]] = []  # of the children of each open element
     includes: list[Fault] = []
     parser = expat.ParserCreate("utf-8")
 
-    def place() -> str:
+    def position() -> str:
         return f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}"
 
     def check_root(tag: str, version: str) -> None:
         if tag != "materialx":
-            raise _refused(file, place(), f"the document is <{tag:.40}>, not <materialx>")
+            raise _document_error(file, position(), f"the document is <{tag:.40}>, not <materialx>")
         match = _VERSION.fullmatch(version)
         if not match or not _FIRST <= (int(match[1]), int(match[2])) <= _LAST:
             (a, b), (c, d) = _FIRST, _LAST
-            raise _refused(file, place(), f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")
+            raise _document_error(
+                file, position(), f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read"
+            )
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         name = attributes.get("name", "")
         if not names:
             check_root(tag, attributes.get("version", ""))
         if len(names) == _MAX_DEPTH:
-            raise _refused(file, place(), f"more than {_MAX_DEPTH} elements inside each other")
+            raise _document_error(file, position(), f"more than {_MAX_DEPTH} elements inside each other")
         if tag == "xi:include":
-            what = f"includes '{attributes.get('href', ''):.80}'"
-            includes.append(Fault(file, place(), what, "includes are not followed"))
+            message = f"includes '{attributes.get('href', ''):.80}'"
+            includes.append(Fault(file, position(), message, "includes are not followed"))
         if name and names and name in names[-1]:
-            raise _refused(file, place(), f"a second element here is named '{name:.40}'", "names are unique")
+            raise _document_error(file, position(), f"a second element here is named '{name:.40}'", "names are unique")
         if names:
             names[-1].add(name)
         names.append(set())
 
     def doctype(*_: object) -> None:
-        raise _refused(file, place(), "has a document type definition", "remove <!DOCTYPE>")
+        raise _document_error(file, position(), "has a document type definition", "remove <!DOCTYPE>")
 
     parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
     parser.StartDoctypeDeclHandler = doctype
@@ -90,5 +92,5 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         where = f"line {error.lineno}, column {error.offset + 1}"
-        raise _refused(file, where, f"is not XML: {expat.ErrorString(error.code)}") from error
+        raise _document_error(file, where, f"is not XML: {expat.ErrorString(error.code)}") from error
     return tuple(includes)

@@ -1,12 +1,12 @@
-"""A MaterialX document as a USD layer, with prims where USD's own plugin for MaterialX has them.
+"""Conversion of a MaterialX document to a USD layer, whose prims have the paths of USD's plugin for MaterialX.
 
-- /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` leads to its shader. The inputs of that shader
-  are inputs of the material, which other layers may override.
+- /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` is connected to its shader. The inputs of that
+  shader are inputs of the material, which other layers may override.
 - A node is a Shader whose `info:id` is its node definition's name, by the convention ``ND_<category>_<type>``.
 - Values, connections, colour spaces (as `colorSpace` of an attribute) and paths of images (absolute) are those of the
   document. Lengths are in metres, angles in degrees.
 
-What upstream of a material connects is written into that material, so that a reference to it alone is whole.
+All nodes upstream of a material are written into that material, so that a reference to it alone is complete.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lookdev.mtlx.document import read_document
 from lookdev.text import TextError, read_bytes
 
 NOTES = "lookdev:notes"
-"""Key of a layer's customLayerData: what of the document is not in it, as lines of file, place, text and hint."""
+"""Key of a layer's customLayerData: what the layer lacks of the document, as lines of file, place, text and hint."""
 
 _MOST_PRIMS = 100_000
 _LARGEST = 1e18  # the product of two larger numbers is not a float32
@@ -55,15 +55,15 @@ _INTERFACES = {
     "gltf_pbr": "gltf_pbr",
     "UsdPreviewSurface": "usd_preview_surface",
 }
-# Node definitions of a version that is not the default one.
+# Suffixes of node definitions whose version is not the default.
 _VERSIONS = {("standard_surface", "1.0.0"): "_100"}
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
-# Control characters, and tokens for other parts of a path than a UDIM tile.
+# Control characters, and tokens in a path other than that of a UDIM tile.
 _NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 
 
 def document_layer(path: str) -> Path:
-    """Return the file, in the cache, of the USD layer that stands for a MaterialX document.
+    """Return the cached file of the USD layer that a MaterialX document converts to.
 
     Parameters
     ----------
@@ -73,14 +73,14 @@ def document_layer(path: str) -> Path:
     Raises
     ------
     LookError
-        The document is missing or malformed: every fault, with its place in it.
+        The document is missing or malformed; the error has every fault, with its place in the document.
     """
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if Ar.IsPackageRelativePath(path) else None
     try:
         data = asset.GetBuffer() if asset else read_bytes(Path(path))
     except TextError as error:
         raise LookError(error.faults) from None
-    text = _Writer(data, path).text()
+    text = _Writer(data, path).layer_text()
     return Content.holding(text.encode(), ".usda").path
 
 
@@ -94,192 +94,194 @@ class _Writer:
         self.faults: list[Fault] = []
         self._layer = Sdf.Layer.CreateAnonymous(".usda")
         self._prims = 0
-        # Of the material that is being written: the prim of each node and graph, by the path of its element, and the
-        # nodes that have a prim without inputs yet.
+        # State of the current material: the prims of nodes and graphs by the path of their elements, and the nodes
+        # whose prims still lack inputs.
         self._material: Sdf.PrimSpec
         self._written: dict[str, Sdf.PrimSpec] = {}
         self._pending: list[tuple[Any, Sdf.PrimSpec]] = []
 
-    def text(self) -> str:
-        """Return the layer as text; LookError with every fault of the document."""
-        root = self._prim(self._layer, "MaterialX", "Scope")
-        materials = self._prim(root, "Materials", "Scope")
+    def layer_text(self) -> str:
+        """Return the layer as text; raises LookError with every fault of the document."""
+        root = self._define_prim(self._layer, "MaterialX", "Scope")
+        materials = self._define_prim(root, "Materials", "Scope")
         for node in self.document.getMaterialNodes():
             self._write_material(materials, node)
         for child in self.document.getChildren():
             if not isinstance(child, mx.Node | mx.NodeGraph | mx.Output):
-                self._note(child, f"<{child.getCategory()}> is not read")
+                self._add_note(child, f"<{child.getCategory()}> is not read")
         if self.faults:
             raise LookError(self.faults)
         self._layer.defaultPrim = "MaterialX"
         if self.notes:
             lines = [
-                "\t".join(" ".join(text.split()) for text in (each.file, each.where, each.what, each.hint))
-                for each in self.notes
+                "\t".join(" ".join(text.split()) for text in (note.file, note.where, note.what, note.hint))
+                for note in self.notes
             ]
             self._layer.customLayerData = {NOTES: "\n".join(lines)}
         return str(self._layer.ExportToString())
 
-    def _fault(self, element: Any, what: str, hint: str = "") -> None:
-        self.faults.append(Fault(self.file, element.getNamePath(), what, hint))
+    def _add_fault(self, element: Any, message: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.file, element.getNamePath(), message, hint))
 
-    def _note(self, element: Any, what: str, hint: str = "") -> None:
-        self.notes.append(Fault(self.file, element.getNamePath(), what, hint))
+    def _add_note(self, element: Any, message: str, hint: str = "") -> None:
+        self.notes.append(Fault(self.file, element.getNamePath(), message, hint))
 
-    def _prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
-        """Define a prim of a MaterialX name, made unique."""
+    def _define_prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
+        """Define a prim under a MaterialX name, which is made valid and unique."""
         self._prims += 1
         if self._prims > _MOST_PRIMS:
-            what = f"its materials are made of more than {_MOST_PRIMS} nodes, each counted for every material"
-            raise LookError([Fault(self.file, "", what)])
-        taken = parent.rootPrims if isinstance(parent, Sdf.Layer) else parent.nameChildren
+            message = f"its materials are made of more than {_MOST_PRIMS} nodes, each counted for every material"
+            raise LookError([Fault(self.file, "", message)])
+        siblings = parent.rootPrims if isinstance(parent, Sdf.Layer) else parent.nameChildren
         valid = Tf.MakeValidIdentifier(name.replace(":", "__"))
-        unique = next(each for n in count(1) if (each := valid if n == 1 else f"{valid}_{n}") not in taken)
+        unique = next(candidate for n in count(1) if (candidate := valid if n == 1 else f"{valid}_{n}") not in siblings)
         return Sdf.PrimSpec(parent, unique, Sdf.SpecifierDef, kind)
 
     def _write_material(self, materials: Sdf.PrimSpec, node: Any) -> None:
-        self._material = self._prim(materials, node.getName(), "Material")
+        self._material = self._define_prim(materials, node.getName(), "Material")
         self._written.clear()
         for name, terminal in _TERMINALS.items():
-            if (port := node.getInput(name)) and (target := self._target(port, self.document)):
-                self._attribute(
+            if (port := node.getInput(name)) and (target := self._write_target(port, self.document)):
+                self._get_attribute(
                     self._material, f"outputs:mtlx:{terminal}", "token"
                 ).connectionPathList.explicitItems = [target]
-                self._publish(target.GetPrimPath())
+                self._write_terminal_shader(target.GetPrimPath())
         for port in node.getInputs():
             if port.getName() not in _TERMINALS:
-                self._note(port, "is not read", f"only {' and '.join(_TERMINALS)} are")
+                self._add_note(port, "is not read", f"only {' and '.join(_TERMINALS)} are")
         while self._pending:
             self._write_node(*self._pending.pop())
 
-    def _publish(self, path: Sdf.Path) -> None:
-        """Write the terminal shader of the material, whose inputs become the material's."""
+    def _write_terminal_shader(self, path: Sdf.Path) -> None:
+        """Write the terminal shader of the material; its inputs become inputs of the material."""
         number = next((n for n, (_, prim) in enumerate(self._pending) if prim.path == path), None)
         if number is None:
             return
         node, shader = self._pending.pop(number)
-        given = {each.getName(): each for each in node.getInputs()}
-        types = _interface(node.getCategory()) | {name: each.getType() for name, each in given.items()}
+        ports = {port.getName(): port for port in node.getInputs()}
+        types = _interface_types(node.getCategory()) | {name: port.getType() for name, port in ports.items()}
         for name, kind in types.items():
-            inner = self._attribute(shader, f"inputs:{name}", kind)
-            if name in given and _is_connected(given[name]):
-                self._fill(inner, given[name], self._scope(node))
+            inner = self._get_attribute(shader, f"inputs:{name}", kind)
+            if name in ports and _is_connected(ports[name]):
+                self._set_attribute(inner, ports[name], node.getParent())
                 continue
-            outer = self._attribute(self._material, f"inputs:{name}", kind)
+            outer = self._get_attribute(self._material, f"inputs:{name}", kind)
             inner.connectionPathList.explicitItems = [outer.path]
-            if name in given:
-                self._fill(outer, given[name], self._scope(node))
+            if name in ports:
+                self._set_attribute(outer, ports[name], node.getParent())
 
     def _write_node(self, node: Any, shader: Sdf.PrimSpec) -> None:
         for port in node.getInputs():
-            self._fill(self._attribute(shader, f"inputs:{port.getName()}", port.getType()), port, self._scope(node))
+            self._set_attribute(
+                self._get_attribute(shader, f"inputs:{port.getName()}", port.getType()), port, node.getParent()
+            )
 
-    @staticmethod
-    def _scope(node: Any) -> Any:
-        return node.getParent()
-
-    def _attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
+    def _get_attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
         valid = ":".join(map(Tf.MakeValidIdentifier, name.split(":")))
-        found = prim.attributes.get(valid)
-        return found or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
+        attribute = prim.attributes.get(valid)
+        return attribute or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
 
-    def _fill(self, attribute: Sdf.AttributeSpec, port: Any, scope: Any) -> None:
-        """Give an attribute the value or the connection of a port."""
-        if target := self._target(port, scope):
+    def _set_attribute(self, attribute: Sdf.AttributeSpec, port: Any, scope: Any) -> None:
+        """Set the value or the connection of an attribute to those of a port."""
+        if target := self._write_target(port, scope):
             if channels := port.getAttribute("channels"):
-                target = self._swizzled(attribute, target, port, channels)
+                target = self._add_swizzle(attribute, target, port, channels)
             attribute.connectionPathList.explicitItems = [target]
             return
         if not port.getValueString():
             empty = [name for name in ("value", *_LINKS) if port.hasAttribute(name)]
             if empty and port.getType() not in ("string", "filename"):
-                self._note(port, f"has an empty '{empty[0]}'", "its default is taken")
+                self._add_note(port, f"has an empty '{empty[0]}'", "its default is taken")
             return
-        value = self._value(port)
+        value = self._read_value(port)
         if value is not None:
             attribute.default = value
         space = port.getActiveColorSpace()
         if space and port.getType() in ("color3", "color4", "filename"):
             attribute.SetInfo("colorSpace", space)
 
-    def _swizzled(self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: Any, channels: str) -> Sdf.Path:
-        """Return the output of a swizzle between a port and its source, for the channels that the port names."""
+    def _add_swizzle(self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: Any, channels: str) -> Sdf.Path:
+        """Add a swizzle between a port and its source, for the channels that the port names; return its output."""
         parent = attribute.owner.nameParent
-        swizzle = self._shader(
+        swizzle = self._define_shader(
             parent, f"{attribute.owner.name}_{port.getName()}_channels", f"ND_swizzle_{port.getType()}"
         )
-        self._attribute(swizzle, "inputs:in", "token").connectionPathList.explicitItems = [target]
-        self._attribute(swizzle, "inputs:channels", "string").default = channels
-        return self._attribute(swizzle, "outputs:out", port.getType()).path
+        self._get_attribute(swizzle, "inputs:in", "token").connectionPathList.explicitItems = [target]
+        self._get_attribute(swizzle, "inputs:channels", "string").default = channels
+        return self._get_attribute(swizzle, "outputs:out", port.getType()).path
 
-    def _shader(self, parent: Sdf.PrimSpec, name: str, identifier: str) -> Sdf.PrimSpec:
-        shader = self._prim(parent, name, "Shader")
+    def _define_shader(self, parent: Sdf.PrimSpec, name: str, identifier: str) -> Sdf.PrimSpec:
+        shader = self._define_prim(parent, name, "Shader")
         Sdf.AttributeSpec(shader, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = identifier
         return shader
 
-    def _target(self, port: Any, scope: Any) -> Sdf.Path | None:
-        """Return the property that a port is connected to, and have it written; None where the port holds a value.
+    def _write_target(self, port: Any, scope: Any) -> Sdf.Path | None:
+        """Write the prims that a port is connected to, and return the connected property; None for a value.
 
-        `scope` is the document or the node graph whose children the port's connections name. What is not there has a
+        `scope` is the document or the node graph whose children the port's connections name. Missing elements get a
         path too, which the reader of the material reports.
         """
         seen = set()
         while _is_connected(port):
             interface, graph, node, output = (port.getAttribute(name) for name in _LINKS)
-            parent = self._container(scope)
+            parent = self._define_container(scope)
             if interface:
                 return parent.path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}")
             if graph or node:
-                found = scope.getChild(graph or node) or self.document.getChild(graph or node)
-                if isinstance(found, mx.NodeGraph):
-                    return self._graph_output(found, output)
-                if isinstance(found, mx.Node):
-                    return self._attribute(self._node(found), f"outputs:{output or 'out'}", found.getType()).path
-            elif (found := scope.getOutput(output)) and output not in seen:
+                sibling = scope.getChild(graph or node) or self.document.getChild(graph or node)
+                if isinstance(sibling, mx.NodeGraph):
+                    return self._write_graph_output(sibling, output)
+                if isinstance(sibling, mx.Node):
+                    return self._get_attribute(
+                        self._define_node(sibling), f"outputs:{output or 'out'}", sibling.getType()
+                    ).path
+            elif (sibling := scope.getOutput(output)) and output not in seen:
                 seen.add(output)
-                port = found
+                port = sibling
                 continue
             return parent.path.AppendChild(Tf.MakeValidIdentifier(graph or node or output)).AppendProperty(
                 "outputs:out"
             )
         return None
 
-    def _container(self, scope: Any) -> Sdf.PrimSpec:
-        """Return the prim that holds the nodes of a scope: the material for the document, else a NodeGraph."""
+    def _define_container(self, scope: Any) -> Sdf.PrimSpec:
+        """Return the parent prim of the nodes of a scope: the material for the document, else a NodeGraph."""
         if not isinstance(scope, mx.NodeGraph):
             return self._material
         path = scope.getNamePath()
         if path not in self._written:
-            prim = self._written[path] = self._prim(self._material, scope.getName(), "NodeGraph")
+            prim = self._written[path] = self._define_prim(self._material, scope.getName(), "NodeGraph")
             for port in scope.getInputs():
-                self._fill(self._attribute(prim, f"inputs:{port.getName()}", port.getType()), port, self.document)
+                self._set_attribute(
+                    self._get_attribute(prim, f"inputs:{port.getName()}", port.getType()), port, self.document
+                )
         return self._written[path]
 
-    def _graph_output(self, graph: Any, name: str) -> Sdf.Path:
+    def _write_graph_output(self, graph: Any, name: str) -> Sdf.Path:
         outputs = graph.getOutputs()
         name = name or (outputs[0].getName() if len(outputs) == 1 else "out")
-        prim = self._container(graph)
+        prim = self._define_container(graph)
         path: Sdf.Path = prim.path.AppendProperty(f"outputs:{Tf.MakeValidIdentifier(name)}")
         output = graph.getOutput(name)
         if output and path.name not in prim.attributes:
-            self._fill(self._attribute(prim, path.name, output.getType()), output, graph)
+            self._set_attribute(self._get_attribute(prim, path.name, output.getType()), output, graph)
         return path
 
-    def _node(self, node: Any) -> Sdf.PrimSpec:
+    def _define_node(self, node: Any) -> Sdf.PrimSpec:
         path = node.getNamePath()
         if path not in self._written:
             version = _VERSIONS.get((node.getCategory(), node.getVersionString()), "")
             identifier = node.getNodeDefString() or f"ND_{node.getCategory()}_{node.getType()}{version}"
-            parent = self._container(node.getParent())
-            self._written[path] = self._shader(parent, node.getName(), identifier)
+            parent = self._define_container(node.getParent())
+            self._written[path] = self._define_shader(parent, node.getName(), identifier)
             self._pending.append((node, self._written[path]))
         return self._written[path]
 
-    def _value(self, port: Any) -> object:
-        """Return the value of a port; None, and a note or a fault, where it is of another type or malformed."""
+    def _read_value(self, port: Any) -> object:
+        """Return the value of a port; None, with a note for an unknown type, or a fault for a malformed value."""
         kind, text = port.getType(), port.getValueString()
         if kind == "filename":
-            return self._asset(port)
+            return self._read_asset(port)
         if kind == "string":
             return text
         if kind == "boolean" and text in ("true", "false"):
@@ -291,39 +293,39 @@ class _Writer:
                 numbers = ()
             whole = kind != "integer" or all(number.is_integer() for number in numbers)
             if whole and len(numbers) == _COUNTS[kind] and all(abs(number) <= _LARGEST for number in numbers):
-                scale = self._scale(port)
+                scale = self._unit_scale(port)
                 numbers = tuple(number * scale for number in numbers)
                 return int(numbers[0]) if kind == "integer" else numbers[0] if len(numbers) == 1 else numbers
         elif kind != "boolean":
-            self._note(port, f"a value of type '{kind:.40}' is not read")
+            self._add_note(port, f"a value of type '{kind:.40}' is not read")
             return None
         sort = "whole" if kind == "integer" else "finite"
         hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {_LARGEST:g}"
-        self._fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
+        self._add_fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
         return None
 
-    def _scale(self, port: Any) -> float:
+    def _unit_scale(self, port: Any) -> float:
         """Return the factor from the unit of a port to metres or degrees."""
         unit = port.getUnit()
         if unit and unit not in _UNITS:
-            self._note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")
+            self._add_note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")
         return _UNITS.get(unit, 1.0)
 
-    def _asset(self, port: Any) -> Sdf.AssetPath | None:
-        """Return the absolute path of an image, which is relative to the document."""
-        # Documents come from every system: either slash separates folders.
+    def _read_asset(self, port: Any) -> Sdf.AssetPath | None:
+        """Return the absolute path of an image, whose path in the document may be relative to this."""
+        # Documents come from all operating systems: either slash separates folders.
         prefix, name = port.getActiveFilePrefix(), port.getValueString()
-        prefixed, plain = (mx.FilePath(each).asString(mx.FormatPosix) for each in (prefix + name, name))
+        prefixed, plain = (mx.FilePath(path).asString(mx.FormatPosix) for path in (prefix + name, name))
         if _NO_PATH.search(prefixed):
-            self._note(port, f"'{prefixed:.80}' is not read", "the path of one image or of a <UDIM> set is")
+            self._add_note(port, f"'{prefixed:.80}' is not read", "the path of one image or of a <UDIM> set is")
             return None
-        found = self._absolute(prefixed)
-        if prefix and not Path(found).exists() and Path(self._absolute(plain)).is_file():
-            self._note(port, f"there is no {prefixed:.80}", f"{plain:.80}, without the fileprefix, is taken")
-            found = self._absolute(plain)
-        return Sdf.AssetPath(found)
+        image = self._absolute_path(prefixed)
+        if prefix and not Path(image).exists() and Path(self._absolute_path(plain)).is_file():
+            self._add_note(port, f"there is no {prefixed:.80}", f"{plain:.80}, without the fileprefix, is taken")
+            image = self._absolute_path(plain)
+        return Sdf.AssetPath(image)
 
-    def _absolute(self, name: str) -> str:
+    def _absolute_path(self, name: str) -> str:
         if posixpath.isabs(name):
             return name
         if Ar.IsPackageRelativePath(self.file):
@@ -338,11 +340,11 @@ def _is_connected(port: Any) -> bool:
 
 
 @cache
-def _interface(category: str) -> dict[str, str]:
-    """Return the type of every input of a surface shader of the MaterialX library; none of an unknown one."""
+def _interface_types(category: str) -> dict[str, str]:
+    """Return the types of the inputs of a surface shader of the MaterialX library; {} for an unknown one."""
     if category not in _INTERFACES:
         return {}
     library = mx.createDocument()
     mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{_INTERFACES[category]}.mtlx"))
     definition = library.getNodeDef(f"ND_{category}_surfaceshader")
-    return {each.getName(): each.getType() for each in definition.getActiveInputs()}
+    return {port.getName(): port.getType() for port in definition.getActiveInputs()}

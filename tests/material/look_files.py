@@ -1,7 +1,7 @@
-"""Materials /M made from text, of `lookdev` or of other models, their images, and what reading them ends in.
+"""Helpers that write materials /M from text, of `lookdev` or of other models, with images, and read them.
 
-Texts have a short notation beside USD's own: ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r`` one
-that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to the interface </M.inputs:rough>; a
+Besides USD's own notation, texts have a short one: ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r``
+one that is connected to </M/Tex.outputs:r>, ``float roughness <- .rough`` one to the interface </M.inputs:rough>. A
 semicolon ends a line.
 """
 
@@ -86,17 +86,17 @@ def stack(inputs: str, *shaders: str) -> str:
 STACK = "</M/Layers.outputs:surface>"
 
 
-def short(place: str) -> str:
+def shorten_path(path: str) -> str:
     """Return ``Tex.st`` for the place /M/Tex.inputs:st."""
-    return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", place)
+    return re.sub(r"^/M/(\w+)\.inputs:(\w+)$", r"\1.\2", path)
 
 
 def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
-    """Return place, text and hint of each fault for which a file is refused."""
+    """Return place, text and hint of each fault in the error that reading a file raises."""
     with pytest.raises(LookError) as caught:
         read(file, **options)
     assert all(fault.file == str(file) for fault in caught.value.faults)
-    return [(short(fault.where), fault.what, fault.hint) for fault in caught.value.faults]
+    return [(shorten_path(fault.where), fault.what, fault.hint) for fault in caught.value.faults]
 
 
 PREVIEW = "token outputs:surface.connect = </M/S.outputs:surface>\n"
@@ -124,20 +124,20 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
     return read_bound(composed, [path])[path]
 
 
-def lost(found: BoundLook) -> list[tuple[str, str]]:
-    return [(short(fault.where), fault.what) for fault in found.lost]
+def fault_texts(result: BoundLook) -> list[tuple[str, str]]:
+    return [(shorten_path(fault.where), fault.what) for fault in result.lost]
 
 
-def rotated(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+def rotate_clockwise(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
     """mx_rotate_vector2 of the MaterialX library: clockwise."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)
 
 
 def write_preset(file: Path, inputs="", model="LookdevDisney", category="metal", doc="") -> None:
-    """Write a preset whose prim is called as the file is, capitalised."""
-    prim, given = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
-    head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {given}\n'
+    """Write a preset whose prim has the capitalised name of the file."""
+    prim, documentation = file.stem.capitalize(), f'doc = """{doc}"""' if doc else ""
+    head = f'#usda 1.0\n(\n    defaultPrim = "{prim}"\n)\n\ndef Shader "{prim}" (\n    {documentation}\n'
     data = f'    customData = {{\n        string category = "{category}"\n    }}\n)\n'
     body = f'{{\n    uniform token info:id = "{model}"\n    {expand(inputs)}\n    token outputs:layer\n}}\n'
     file.write_text(head + data + body)

@@ -1,7 +1,7 @@
-"""A blurred mask between two presets: pixels of a sphere under an image-based light, without noise.
+"""Pixels of a sphere with a blurred mask between two presets, under an image-based light, without noise.
 
-A pixel is the radiance of one point of a sphere towards the viewer; behind a surface that transmits is the light
-itself, as behind a card. The light on the point is gathered once into cells of directions, small about the mirror
+A pixel is the radiance of one point of a sphere towards the viewer. Behind a surface that transmits, as behind a card,
+is the light itself. The light on the point is gathered once into cells of directions, small about the mirror
 direction and the refracted one, each with its light and its mean direction. A surface is then a sum over the same
 cells, so that a difference of two surfaces has no noise.
 
@@ -51,7 +51,7 @@ ALLOWED = 0.05
 KINDS = {".": ALLOWED, "+": 1.0, "#": np.inf}
 """Up to which overshoot a pair is of each kind: within the claim, by less than the range itself, by more."""
 
-# Degrees between normal and view, and how many pixels there are at each.
+# Degrees between normal and view, and the number of pixels at each.
 _RINGS = ((15.0, 1), (40.0, 3), (62.0, 3), (78.0, 3))
 # Cells in slope of the half vector, logarithmic beyond _T0, and in its azimuth.
 _CELLS = (24, 16)
@@ -82,7 +82,7 @@ def read_presets() -> dict[str, Preset]:
 
 @dataclass(frozen=True)
 class Pixel:
-    """A viewing direction (3,), and from which directions (n, 3) how much light (n, 3) comes: radiance times sr.
+    """A viewing direction (3,), and directions (n, 3) of incident light (n, 3), in radiance times sr.
 
     `frame` (3, 3) has tangent, bitangent and normal as its rows.
     """
@@ -94,8 +94,8 @@ class Pixel:
 
     def show(self, bsdf: Bsdf) -> Floats:
         """Return the radiance (..., 3) of surfaces whose parameters have shape (..., 1)."""
-        lit = self.wi[:, 2] > (-1.0 if bsdf.two_sided else 0.0)
-        return np.asarray((evaluate_cosine(bsdf, self.wo, self.wi[lit]) * self.light[lit]).sum(axis=-2))
+        is_lit = self.wi[:, 2] > (-1.0 if bsdf.two_sided else 0.0)
+        return np.asarray((evaluate_cosine(bsdf, self.wo, self.wi[is_lit]) * self.light[is_lit]).sum(axis=-2))
 
 
 @cache
@@ -108,32 +108,32 @@ def sphere_pixels(light: str) -> tuple[Pixel, ...]:
     tangents = np.cross([0.0, 0.0, 1.0], normals)
     frame = shading_frame(normals, tangents, normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
     frames = np.stack([frame.tangent, frame.bitangent, frame.normal], axis=1)
-    return tuple(_gather(dome, each, seed) for seed, each in enumerate(frames))
+    return tuple(_gather(dome, frame, seed) for seed, frame in enumerate(frames))
 
 
 def _gather(light: Light, frame: Floats, seed: int) -> Pixel:
     rng = np.random.default_rng(seed)
     wo = frame @ [0.0, -1.0, 0.0]
     sides = [(1.0, wo), (-1.0, np.append(wo[:2], np.sqrt(_IOR**2 - 1.0 + wo[2] ** 2)) / _IOR)]
-    # Drawn from the cells and from the light, both combined: lamps are found however small, and so is what is mirrored.
+    # Drawn from the cells and from the light, both combined: small lamps are found, and so are mirror images.
     wi = np.concatenate([_draw(side, view, rng) for side, view in sides])
     wi = np.concatenate([wi, light.sample(_ANYWHERE, qmc.Sobol(2, rng=rng).random(_POINTS)) @ frame.T])
     wi = wi[np.abs(wi[:, 2]) > 1e-6]
 
     cell, density = np.zeros(len(wi), np.intp), np.zeros(len(wi))
     for number, (side, view) in enumerate(sides):
-        here = wi[:, 2] * side > 0.0
-        within, density[here] = _cell(view, wi[here] * (1.0, 1.0, side))
-        cell[here] = within + number * _CELLS[0] * _CELLS[1]
+        is_visible = wi[:, 2] * side > 0.0
+        within, density[is_visible] = _cell(view, wi[is_visible] * (1.0, 1.0, side))
+        cell[is_visible] = within + number * _CELLS[0] * _CELLS[1]
     world = wi @ frame
     arriving = light.radiance(_ANYWHERE, world) / (_POINTS * (density + light.pdf(_ANYWHERE, world)))[:, None]
     energy, direction = (
         np.stack([np.bincount(cell, weight) for weight in weights.T], axis=-1)
         for weights in (arriving, wi * arriving.sum(axis=-1, keepdims=True))
     )
-    lit = energy.any(axis=-1)
-    mean = direction[lit] / np.linalg.norm(direction[lit], axis=-1, keepdims=True)
-    return Pixel(frame, wo, mean, energy[lit])
+    is_lit = energy.any(axis=-1)
+    mean = direction[is_lit] / np.linalg.norm(direction[is_lit], axis=-1, keepdims=True)
+    return Pixel(frame, wo, mean, energy[is_lit])
 
 
 def _length(view: Floats) -> float:
@@ -155,43 +155,45 @@ def _cell(view: Floats, wi: Floats) -> tuple[NDArray[np.intp], Floats]:
     """Return the cells (n,) of directions above the horizon, and the density (n,) that `_draw` has there."""
     half = view + wi
     t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
-    place = np.log1p(t / _T0) / _length(view), np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
-    row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip(place, _CELLS, strict=True))
+    cell = np.log1p(t / _T0) / _length(view), np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
+    row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip(cell, _CELLS, strict=True))
     # d omega_i = 4 (wi . wm) d omega_h, and d omega_h = dt d phi / (2 (1 + t)^(3/2)).
     density = (1.0 + t) ** 1.5 / (np.pi * (_T0 + t) * _length(view) * 2.0 * np.linalg.norm(half, axis=-1))
     return row * _CELLS[1] + column, density
 
 
 def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
-    """Return what pixels show across blurred masks, the second preset of each pair over the first, (n, 9, P, 3).
+    """Return the pixels across blurred masks, (n, 9, P, 3), with the second preset of each pair over the first.
 
     Parameters named by `equal` are first set to their mean over the two.
     """
     models = [tuple(presets[name][0] for name in pair) for pair in pairs]
-    shown = np.empty((len(pairs), len(MASKS), len(sphere_pixels(light)), 3))
+    colors = np.empty((len(pairs), len(MASKS), len(sphere_pixels(light)), 3))
     for kind in dict.fromkeys(models):
         of_kind = np.array([number for number, model in enumerate(models) if model == kind])
         for block in np.array_split(of_kind, -(-len(of_kind) // _AT_A_TIME)):
-            below, above = (_stacked([presets[pairs[number][side]][1] for number in block]) for side in (0, 1))
+            below, above = (_stack_parameters([presets[pairs[number][side]][1] for number in block]) for side in (0, 1))
             for name in equal:
                 below[name] = above[name] = 0.5 * (below[name] + above[name])
             bsdf = stack_bsdf([StackLayer(kind[0], below), StackLayer(kind[1], above, MASKS[:, None])])
-            shown[block] = np.stack([pixel.show(bsdf) for pixel in sphere_pixels(light)], axis=-2)
-    return shown
+            colors[block] = np.stack([pixel.show(bsdf) for pixel in sphere_pixels(light)], axis=-2)
+    return colors
 
 
-def _stacked(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _stack_parameters(parameter_sets: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Stack parameters to shape (n, 1, 1), colours and normals (n, 1, 1, 3)."""
     return {
-        name: value if isinstance(value, str) else np.stack([each[name] for each in several])[:, None, None]
-        for name, value in several[0].items()
+        name: value
+        if isinstance(value, str)
+        else np.stack([parameters[name] for parameters in parameter_sets])[:, None, None]
+        for name, value in parameter_sets[0].items()
     }
 
 
-def excess(shown: Floats) -> Floats:
-    """Return by how much values (n, 9, ...) leave the range of their two ends, as fractions of it."""
-    low, high = (end(shown[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
-    return np.asarray(np.maximum(shown - high, low - shown) / np.maximum(high - low, NARROW * high))
+def excess(colors: Floats) -> Floats:
+    """Return the distances by which values (n, 9, ...) leave the range of their two ends, as fractions of it."""
+    low, high = (end(colors[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
+    return np.asarray(np.maximum(colors - high, low - colors) / np.maximum(high - low, NARROW * high))
 
 
 def overshoot(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
@@ -216,7 +218,7 @@ def write_edges(kinds: Mapping[Pair, str]) -> None:
     EDGES.write_text("\n".join(row.rstrip() for row in rows) + "\n")
 
 
-def written(page: str, name: str) -> str:
+def page_table(page: str, name: str) -> str:
     """Return a table of the page."""
     (rows,) = re.findall(rf"<!-- edges: {name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
     return rows
@@ -226,14 +228,14 @@ def kinds_table(presets: Mapping[str, Preset], kinds: Mapping[Pair, str]) -> str
     """Count the pairs of each kind, by their models."""
     blended = {"disney disney": "their parameters", "pixar pixar": "their lobes", "disney pixar": "what is evaluated"}
     rows = [("presets", "what is blended", "within 5 %", "up to its width", "beyond")]
-    for models, what in ((names.split(), what) for names, what in blended.items()):
-        found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
-        rows.append((" and ".join(models), what, *(str(found.count(kind)) for kind in KINDS)))
+    for models, blend in ((names.split(), blend) for names, blend in blended.items()):
+        kinds_found = [kind for (a, b), kind in kinds.items() if sorted((presets[a][0], presets[b][0])) == models]
+        rows.append((" and ".join(models), blend, *(str(kinds_found.count(kind)) for kind in KINDS)))
     return _markdown(rows)
 
 
 def tables(presets: Mapping[str, Preset]) -> dict[str, str]:
-    """Return the tables that are measured anew."""
+    """Return the tables from new measurements."""
     pairs = [pair for pair in PAIRS if all(presets[name][0] == "disney" for name in pair)]
     rows = [("made equal first", "pairs within 5 %")]
     for name, equal in _EQUAL.items():
@@ -244,8 +246,8 @@ def tables(presets: Mapping[str, Preset]) -> dict[str, str]:
 
 def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
     """Return the worst pixel of the worst pairs, each preset once."""
-    shown = {light: edges(light, presets, pairs) for light in LIGHTS}
-    worst = {light: excess(values).max(axis=(1, 2, 3)) for light, values in shown.items()}
+    colors = {light: edges(light, presets, pairs) for light in LIGHTS}
+    worst = {light: excess(values).max(axis=(1, 2, 3)) for light, values in colors.items()}
     rows = [("pair", "light", "mask", "the two", "blend", "excess", "equal highlights", "equal `metallic`", "both")]
     used: set[str] = set()
     for number in np.argsort(-np.max(list(worst.values()), axis=0)):
@@ -253,13 +255,13 @@ def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
         if used & set(pair) or len(rows) > _WORST:
             continue
         used |= set(pair)
-        light = max(LIGHTS, key=lambda each: worst[each][number])
-        values = shown[light][number]
-        found = excess(values[None])[0]
-        step, pixel, channel = np.unravel_index(found.argmax(), found.shape)
+        light = max(LIGHTS, key=lambda light_name: worst[light_name][number])
+        values = colors[light][number]
+        worst_excess = excess(values[None])[0]
+        step, pixel, channel = np.unravel_index(worst_excess.argmax(), worst_excess.shape)
         below, blend, above = (f"{values[index, pixel, channel]:.3f}" for index in (0, step, -1))
         left = (overshoot(light, presets, [pair], equal)[0] for equal in list(_EQUAL.values())[1:])
-        excesses = (f"{max(value, 0.0):.2g}" for value in (found.max(), *left))
+        excesses = (f"{max(value, 0.0):.2g}" for value in (worst_excess.max(), *left))
         rows.append((", ".join(pair), light, f"{MASKS[step]:g}", f"{below}, {above}", blend, *excesses))
     return _markdown(rows)
 
@@ -300,7 +302,7 @@ def main() -> None:
     write_edges(kinds)
     page = PAGE.read_text()
     for name, table in {"kinds": kinds_table(presets, kinds), **tables(presets)}.items():
-        page = page.replace(f"<!-- edges: {name} -->\n{written(page, name)}", f"<!-- edges: {name} -->\n{table}")
+        page = page.replace(f"<!-- edges: {name} -->\n{page_table(page, name)}", f"<!-- edges: {name} -->\n{table}")
     PAGE.write_text(page)
     _draw_picture(worst)
 

@@ -81,9 +81,9 @@ def test_a_switch_is_set_in_the_variant_that_has_it(car: Path) -> None:
     enable_layer(car, "Dust", True, variants={"wear": "clean"})
     assert len(read_look(car).layers) == 3
     enable_layer(car, "Dust", False, variants=DUSTY)
-    assert [len(read_look(car, variants={"wear": each}).layers) for each in ("clean", "dusty")] == [3, 2]
+    assert [len(read_look(car, variants={"wear": choice}).layers) for choice in ("clean", "dusty")] == [3, 2]
     enable_layer(car, "Flakes", False)
-    assert [len(read_look(car, variants={"wear": each}).layers) for each in ("clean", "dusty")] == [2, 1]
+    assert [len(read_look(car, variants={"wear": choice}).layers) for choice in ("clean", "dusty")] == [2, 1]
 
 
 def test_the_file_s_own_variant_is_chosen(car: Path) -> None:

@@ -1,11 +1,11 @@
-"""Materials of other models as looks: terminals, inputs, textures, and the list of what is not carried."""
+"""Materials of other models as looks: terminals, inputs, textures, and the list of losses."""
 
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import pytest
-from look_files import PREVIEW, ST, asset, bound, disney, faults_of, lost, materialx, preview, shader, write_gray
+from look_files import PREVIEW, ST, asset, bound, disney, fault_texts, faults_of, materialx, preview, shader, write_gray
 from pxr import UsdUtils
 
 from lookdev.brdf import MODELS
@@ -36,8 +36,8 @@ def texture(more: str = "", body: str = CONNECTED) -> str:
     return shader("Tex", "UsdUVTexture", body + more) + ST
 
 
-def inputs_of(found: BoundLook) -> dict[str, object]:
-    (layer,) = found.look.layers
+def inputs_of(result: BoundLook) -> dict[str, object]:
+    (layer,) = result.look.layers
     return dict(layer.inputs)
 
 
@@ -69,7 +69,7 @@ def image(file: str, space: str = "", setting: str = "") -> str:
     return texture(setting, f"asset file = @./{file}@ {metadata}\nfloat2 st <- St.result\n")
 
 
-# Inputs of the surface, nodes, what the inputs become (of textures: some attributes), and what is noted.
+# Inputs of the surface, nodes, the resulting inputs (of textures: some attributes), and the faults.
 CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
     (CONSTANTS, "", VALUES | {"normal": (0.0, 0.0, 1.0)}, []),
     (COLOR.format("rgb"), texture(RAW + SETTINGS), {"diffuseColor": SET}, []),
@@ -109,8 +109,8 @@ CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
     (ROUGH.format("r"), texture(body=FILE + CONSTANT), {"roughness": {"transform": (0, 0, 0.25, 0, 0, 0.75)}}, []),
     *((NORMAL, texture(RAW + scale), {"normal": {"channel": "rgb"}}, []) for scale in (OPENGL, DIRECTX)),
     *(
-        (NORMAL, texture(settings), {"normal": {"channel": "rgb"}}, [("S.normal", what)])
-        for settings, what in (
+        (NORMAL, texture(settings), {"normal": {"channel": "rgb"}}, [("S.normal", message)])
+        for settings, message in (
             (OPENGL, "rgb.png is decoded as sRGB, but a normal map is data"),
             (RAW, "rgb.png holds 0 to 1, so no normal has a negative component"),
         )
@@ -120,10 +120,10 @@ CARRIED: list[tuple[str, str, dict[str, Any], list[tuple[str, str]]]] = [
 
 @pytest.mark.parametrize(("links", "nodes", "expected", "losses"), CARRIED)
 def test_inputs_are_carried(folder: Path, links: str, nodes: str, expected: dict, losses: list, capfd) -> None:
-    found = bound(folder, preview(links, nodes) + 'token name = "w"\n')
-    (layer,) = found.look.layers
-    assert (layer.name, layer.model, found.look.name) == ("S", "preview_surface", "M")
-    assert found.look.source.endswith("asset.usda</M>")
+    result = bound(folder, preview(links, nodes) + 'token name = "w"\n')
+    (layer,) = result.look.layers
+    assert (layer.name, layer.model, result.look.name) == ("S", "preview_surface", "M")
+    assert result.look.source.endswith("asset.usda</M>")
     assert set(layer.inputs) == set(expected)
     for name, value in expected.items():
         source = layer.inputs[name]
@@ -131,25 +131,27 @@ def test_inputs_are_carried(folder: Path, links: str, nodes: str, expected: dict
             assert source.file in (folder / "rgb.png", folder / "rgb16.png")
             source = {key: getattr(source, key) for key in value}
         assert source == value
-    assert lost(found) == losses
+    assert fault_texts(result) == losses
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize("identifier", [name for each in TRANSLATIONS.values() for name in each.identifiers])
+@pytest.mark.parametrize(
+    "identifier", [name for translation in TRANSLATIONS.values() for name in translation.identifiers]
+)
 def test_every_translation_is_read_by_its_identifiers(folder: Path, identifier: str) -> None:
-    found = bound(folder, preview("", identifier=identifier))
-    assert TRANSLATIONS[found.look.layers[0].model].identifiers.count(identifier) == 1
-    assert not found.lost
+    result = bound(folder, preview("", identifier=identifier))
+    assert TRANSLATIONS[result.look.layers[0].model].identifiers.count(identifier) == 1
+    assert not result.lost
 
 
 def test_a_material_of_lookdev_is_read_as_any_look(folder: Path) -> None:
     body = OWN + disney(body="float roughness = 0") + preview("")
     rough = (Layer("Base", "disney", {"roughness": 0.0}),)
     assert bound(folder, body).look.layers == rough
-    found = read_any_look(file := asset(folder, body))
-    assert found.look == read_look(file)
-    assert found.look.layers == rough
-    assert (found.lost, found.titles) == ((), ("Disney",))
+    result = read_any_look(file := asset(folder, body))
+    assert result.look == read_look(file)
+    assert result.look.layers == rough
+    assert (result.lost, result.titles) == ((), ("Disney",))
     with pytest.raises(LookError, match="unknown input"):
         bound(folder, body.replace("roughness", "rouhgness"))
 
@@ -158,11 +160,11 @@ def test_materialx_comes_before_the_universal_terminal(folder: Path) -> None:
     other = "token outputs:mtlx:surface.connect = </M/X.outputs:out>\n"
     body = preview("", terminal=PREVIEW + other) + shader("X", "ND_UsdPreviewSurface_surfaceshader")
     assert bound(folder, body).look.layers[0].name == "X"
-    found = bound(folder, body.replace("ND_UsdPreviewSurface_surfaceshader", "ND_lama_surface"))
-    assert found.look.layers[0].name == "S"
-    ((where, what),) = lost(found)
+    result = bound(folder, body.replace("ND_UsdPreviewSurface_surfaceshader", "ND_lama_surface"))
+    assert result.look.layers[0].name == "S"
+    ((where, message),) = fault_texts(result)
     assert where == "/M.outputs:mtlx:surface"
-    assert "ND_lama_surface is not supported" in what
+    assert "ND_lama_surface is not supported" in message
     ignored = "token outputs:mdl:surface.connect = </M/S.outputs:surface>\n"
     assert not bound(folder, preview("", terminal=PREVIEW + ignored)).lost
 
@@ -170,7 +172,7 @@ def test_materialx_comes_before_the_universal_terminal(folder: Path) -> None:
 CYCLE = 'def NodeGraph "G"\n{\ntoken outputs:o.connect = </M/G.outputs:o>\n}\n'
 
 
-def mixed(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader") -> str:
+def mix_material(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader") -> str:
     terminal = "token outputs:mtlx:surface.connect = </M/Mix.outputs:out>\n"
     surface = "ND_UsdPreviewSurface_surfaceshader"
     mix = shader("Mix", identifier, "token fg <- A.out\ntoken bg <- B.out\n" + inputs)
@@ -178,28 +180,33 @@ def mixed(inputs: str, more: str = "", identifier: str = "ND_mix_surfaceshader")
 
 
 @pytest.mark.parametrize(
-    ("body", "path", "where", "what"),
+    ("body", "path", "where", "message"),
     [
         ("", "/M", "/M", "has no surface shader"),
         (preview("", identifier="PxrSurface"), "/M", "/M.outputs:surface", "of PxrSurface is not supported"),
-        (PREVIEW, "/M", "/M.outputs:surface", "is no output of a shader"),
+        (PREVIEW, "/M", "/M.outputs:surface", "is neither an output of a shader"),
         (PREVIEW + 'def Shader "S"\n{\n}\n', "/M", "/M.outputs:surface", "of no info:id is not supported"),
         (PREVIEW.replace("/S", "/G").replace("surface>", "o>") + CYCLE, "/M", "/M/G.outputs:o", "run in a cycle"),
-        (mixed("").replace("</M/A.outputs:out>", "</M/Mix.outputs:out>"), "/M", "/M.outputs:mtlx:surface", "in a row"),
-        (preview(""), "/None", "/None", "is no material"),
-        (preview(""), "/M/S", "/M/S", "is no material"),
+        (
+            mix_material("").replace("</M/A.outputs:out>", "</M/Mix.outputs:out>"),
+            "/M",
+            "/M.outputs:mtlx:surface",
+            "in a row",
+        ),
+        (preview(""), "/None", "/None", "is not a material"),
+        (preview(""), "/M/S", "/M/S", "is not a material"),
     ],
 )
-def test_what_cannot_be_read_is_grey(folder: Path, body: str, path: str, where: str, what: str) -> None:
-    found = bound(folder, body, path=path)
-    assert found.look.layers == (GREY,)
-    assert any(place == where and what in said for place, said in lost(found)), lost(found)
+def test_what_cannot_be_read_is_grey(folder: Path, body: str, path: str, where: str, message: str) -> None:
+    result = bound(folder, body, path=path)
+    assert result.look.layers == (GREY,)
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result)), fault_texts(result)
 
 
 def test_grey_says_what_can_be_read(folder: Path) -> None:
-    found = bound(folder, preview("", identifier="PxrSurface"))
-    assert found.titles == ("neutral grey",)
-    titles = found.lost[0].what.partition("; ")[2].removesuffix(" are").split(", ")
+    result = bound(folder, preview("", identifier="PxrSurface"))
+    assert result.titles == ("neutral grey",)
+    titles = result.lost[0].what.partition("; ")[2].removesuffix(" are").split(", ")
     assert titles == sorted(set(titles), key=titles.index)
     assert "Standard Surface" in titles
 
@@ -214,9 +221,9 @@ def test_node_graphs_and_interface_inputs_are_followed(folder: Path) -> None:
         token outputs:out.connect = </M/G/S.outputs:surface>
 """
     inputs = "float inputs:roughness.connect = </M/G.inputs:rough>\nfloat metallic <- .unset\nfloat unknown <- .unset"
-    found = bound(folder, body + shader("S", "UsdPreviewSurface", inputs) + "}")
-    assert inputs_of(found) == {"roughness": 0.75}
-    assert not found.lost
+    result = bound(folder, body + shader("S", "UsdPreviewSurface", inputs) + "}")
+    assert inputs_of(result) == {"roughness": 0.75}
+    assert not result.lost
 
 
 def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
@@ -225,28 +232,28 @@ def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
         for name, kind, fallback in (("A", "float", 0.25), ("B", "float", 0.5), ("C", "float3", (1, 1, 1)))
     )
     links = "float clearcoat <- A.result\nfloat roughness <- B.result\ncolor3f diffuseColor <- C.result"
-    found = bound(folder, preview(links, nodes))
-    assert inputs_of(found) == {"clearcoat": Primvar("w", 0.25), "roughness": Primvar("w", 0.25)}
-    assert sorted(where for where, _ in lost(found)) == ["/M/B", "/M/C", "S.diffuseColor"]
+    result = bound(folder, preview(links, nodes))
+    assert inputs_of(result) == {"clearcoat": Primvar("w", 0.25), "roughness": Primvar("w", 0.25)}
+    assert sorted(where for where, _ in fault_texts(result)) == ["/M/B", "/M/C", "S.diffuseColor"]
 
 
 @pytest.mark.parametrize(
-    ("name", "what"),
+    ("name", "message"),
     [("none.png", "no such image file"), ("bad.png", "cannot be read"), ("bad.<UDIM>.png", "cannot be read")],
 )
-def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, name: str, what: str) -> None:
+def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, name: str, message: str) -> None:
     for file in ("bad.png", "bad.1001.png"):
         (folder / file).write_text("no image")
     body = CONNECTED.replace("rgb.png", name)
     bad = preview(ROUGH.format("g"), texture(body=body))
-    with pytest.raises(LookError, match=rf"/M/Tex\.inputs:file: .*{what}"):
+    with pytest.raises(LookError, match=rf"/M/Tex\.inputs:file: .*{message}"):
         bound(folder, bad)
-    found = bound(folder, bad, missing="warn")
-    assert not inputs_of(found)
-    assert [where for where, _ in lost(found)] == ["S.roughness", "Tex.file"]
-    found = bound(folder, preview(ROUGH.format("g"), texture("float4 fallback = (0, 0.5, 0, 1)", body)))
-    assert inputs_of(found) == {"roughness": 0.5}
-    assert [where for where, _ in lost(found)] == ["Tex.file"]
+    result = bound(folder, bad, missing="warn")
+    assert not inputs_of(result)
+    assert [where for where, _ in fault_texts(result)] == ["S.roughness", "Tex.file"]
+    result = bound(folder, preview(ROUGH.format("g"), texture("float4 fallback = (0, 0.5, 0, 1)", body)))
+    assert inputs_of(result) == {"roughness": 0.5}
+    assert [where for where, _ in fault_texts(result)] == ["Tex.file"]
     assert [where for where, _ in any_faults(asset(folder, bad))] == ["Tex.file"]
 
 
@@ -255,13 +262,13 @@ def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, na
     [("rougness", "did you mean 'roughness'?"), ("specular", ""), ("diffuse_color", "did you mean 'diffuseColor'?")],
 )
 def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, name: str, hint: str) -> None:
-    found = bound(folder, preview(f"float {name} = 0.5"))
-    assert lost(found) == [(f"S.{name}", "is not carried: UsdPreviewSurface is read without it")]
-    assert found.lost[0].hint == hint
+    result = bound(folder, preview(f"float {name} = 0.5"))
+    assert fault_texts(result) == [(f"S.{name}", "is not carried: UsdPreviewSurface is read without it")]
+    assert result.lost[0].hint == hint
 
 
 @pytest.mark.parametrize(
-    ("inputs", "what", "value"),
+    ("inputs", "message", "value"),
     [
         ("float roughness = 2", "2 is outside [0, 1]", 1.0),
         ("float roughness = nan", "nan is not finite", None),
@@ -275,30 +282,30 @@ def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, n
         ("float roughness <- None.r", "is connected to </M/None.outputs:r>", None),
         ("float inputs:roughness.connect = [</M/A.outputs:r>, </M/B.outputs:r>]", "has 2 connections", None),
         ("float inputs:roughness.connect = </M/S.inputs:roughness>", "connected to </M/S.inputs:roughness>", None),
-        ("int useSpecularWorkflow = 7", "is not carried: '7' is none of 0, 1", None),
+        ("int useSpecularWorkflow = 7", "is not carried: '7' is not one of 0, 1", None),
         ("normal3f normal = (0, 0, 0)", "is the zero vector, which has no direction", None),
     ],
 )
-def test_a_wrong_value_is_listed_and_not_taken(folder: Path, inputs: str, what: str | None, value: object) -> None:
-    found = bound(folder, preview(inputs))
+def test_a_wrong_value_is_listed_and_not_taken(folder: Path, inputs: str, message: str | None, value: object) -> None:
+    result = bound(folder, preview(inputs))
     name = inputs.split()[1].removeprefix("inputs:").partition(".")[0]
-    assert inputs_of(found).get(name) == value
-    if what is None:
-        assert not found.lost
+    assert inputs_of(result).get(name) == value
+    if message is None:
+        assert not result.lost
     else:
-        assert any(where == f"S.{name}" and what in said for where, said in lost(found)), lost(found)
+        assert any(where == f"S.{name}" and message in text for where, text in fault_texts(result)), fault_texts(result)
 
 
 def test_what_translations_lose_is_listed(folder: Path) -> None:
-    found = bound(folder, preview("color3f emissiveColor = (1, 1, 1)"))
+    result = bound(folder, preview("color3f emissiveColor = (1, 1, 1)"))
     names = [name for name, _ in TRANSLATIONS["preview_surface"].losses({"emissiveColor": (1.0, 1.0, 1.0)})]
-    assert [where for where, _ in lost(found)] == [f"S.{name}" for name in names]
+    assert [where for where, _ in fault_texts(result)] == [f"S.{name}" for name in names]
 
 
 DISPLACED = PREVIEW + "token outputs:displacement.connect = </M/S.outputs:displacement>\n"
 
 
-def displaced(inputs: str, identifier: str = "ND_displacement_float") -> str:
+def displaced_material(inputs: str, identifier: str = "ND_displacement_float") -> str:
     terminal = PREVIEW + "token outputs:mtlx:displacement.connect = </M/D.outputs:out>\n"
     return preview("", shader("D", identifier, inputs), terminal=terminal)
 
@@ -307,72 +314,75 @@ def test_displacement(folder: Path) -> None:
     for body, expected in (
         (preview("float displacement = 0.5", terminal=DISPLACED), Displacement(0.5)),
         (preview("float displacement = 0", terminal=DISPLACED), None),
-        (displaced("float displacement = 0.5\nfloat scale = 3"), Displacement(1.5)),
+        (displaced_material("float displacement = 0.5\nfloat scale = 3"), Displacement(1.5)),
     ):
         assert bound(folder, body).look.displacement == expected
     image = bound(folder, preview("float displacement <- Tex.r", texture(), terminal=DISPLACED)).look
     assert isinstance(image.displacement.height, Texture)
 
 
-VECTORS = displaced("float3 displacement = (0, 0, 1)", "ND_displacement_vector3")
+VECTORS = displaced_material("float3 displacement = (0, 0, 1)", "ND_displacement_vector3")
 MATERIALX_TERMINAL = "/M.outputs:mtlx:displacement"
 
 
 @pytest.mark.parametrize(
-    ("body", "where", "what"),
+    ("body", "where", "message"),
     [
-        (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal leads to it
+        (preview("float displacement = 0.5"), "S.displacement", ""),  # no terminal is connected to it
         (VECTORS, MATERIALX_TERMINAL, "displaces by vectors"),
-        (displaced("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
-        (displaced("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),
+        (displaced_material("", "PxrDisplace"), MATERIALX_TERMINAL, "PxrDisplace is not supported"),
+        (displaced_material("float displacement <- None.r"), MATERIALX_TERMINAL, "is not carried"),
     ],
 )
-def test_displacement_that_cannot_be_read_is_noted(folder: Path, body: str, where: str, what: str) -> None:
-    found = bound(folder, body)
-    assert found.look.displacement is None
-    assert any(place == where and what in said for place, said in lost(found))
+def test_displacement_that_cannot_be_read_is_noted(folder: Path, body: str, where: str, message: str) -> None:
+    result = bound(folder, body)
+    assert result.look.displacement is None
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result))
 
 
 def test_volumes_are_noted(folder: Path) -> None:
     body = preview("", terminal=PREVIEW + "token outputs:volume.connect = </M/S.outputs:surface>\n")
-    assert lost(bound(folder, body)) == [("/M.outputs:volume", "volumes are not supported")]
+    assert fault_texts(bound(folder, body)) == [("/M.outputs:volume", "volumes are not supported")]
 
 
 def test_a_mix_of_surfaces_is_a_layer_over_another(folder: Path) -> None:
-    constant = bound(folder, mixed("float mix = 0.25")).look
-    assert [(each.name, each.mask, each.mode) for each in constant.layers] == [("B", 1.0, "over"), ("A", 0.25, "over")]
-    assert isinstance(bound(folder, mixed("float mix <- Tex.r", texture())).look.layers[1].mask, Texture)
-    inner = mixed("float mix = 0.25").replace('"Mix"', '"Inner"').replace("/Mix.", "/Outer.")
+    constant = bound(folder, mix_material("float mix = 0.25")).look
+    assert [(layer.name, layer.mask, layer.mode) for layer in constant.layers] == [
+        ("B", 1.0, "over"),
+        ("A", 0.25, "over"),
+    ]
+    assert isinstance(bound(folder, mix_material("float mix <- Tex.r", texture())).look.layers[1].mask, Texture)
+    inner = mix_material("float mix = 0.25").replace('"Mix"', '"Inner"').replace("/Mix.", "/Outer.")
     outer = shader("Outer", "ND_mix_surfaceshader", "token fg <- Inner.out\ntoken bg <- A.out\nfloat mix = 0.75")
     layers = bound(folder, inner + outer).look.layers
-    assert [(each.name, each.mask) for each in layers] == [("B", 1.0), ("A", 0.25), ("A", 0.25)]
+    assert [(layer.name, layer.mask) for layer in layers] == [("B", 1.0), ("A", 0.25), ("A", 0.25)]
 
 
 def test_disney_principled_is_a_layer_of_disneys_model(folder: Path) -> None:
-    found = bound(folder, preview("float metallic = 1", identifier="ND_disney_principled"))
-    assert found.look.layers[0].model == "disney"
-    assert inputs_of(found) == {"metallic": 1.0, "baseColor": (0.16, 0.16, 0.16)}
-    assert set(inputs_of(found)) <= set(MODELS["disney"].parameters)
+    result = bound(folder, preview("float metallic = 1", identifier="ND_disney_principled"))
+    assert result.look.layers[0].model == "disney"
+    assert inputs_of(result) == {"metallic": 1.0, "baseColor": (0.16, 0.16, 0.16)}
+    assert set(inputs_of(result)) <= set(MODELS["disney"].parameters)
 
 
 def test_bumps_and_normals_of_materialx(folder: Path) -> None:
     image = shader("Tex", "ND_image_float", "asset file = @./rgb.png@")
     node = shader("B", "ND_bump_vector3", "float height <- Tex.out\nfloat scale = 8")
-    found = bound(folder, materialx("float3 normal <- B.out\n", node, image))
-    bump = inputs_of(found)["normal"]
+    result = bound(folder, materialx("float3 normal <- B.out\n", node, image))
+    bump = inputs_of(result)["normal"]
     assert (bump.scale, bump.height.channel) == (0.5, "r")
-    assert not found.lost
+    assert not result.lost
 
 
 def test_colours_are_converted_to_linear_rec709(folder: Path) -> None:
     color = 'color3f {} = {} (\ncolorSpace = "{}"\n)'.replace("color3f ", "color3f inputs:")
-    found = bound(folder, preview(color.format("diffuseColor", "(0.5, 0.5, 0.5)", "srgb_texture")))
-    assert inputs_of(found)["diffuseColor"] == pytest.approx((0.2140411,) * 3, abs=1e-6)
-    found = bound(folder, preview(color.format("emissiveColor", "(1, 0, 0)", "acescg")))
+    result = bound(folder, preview(color.format("diffuseColor", "(0.5, 0.5, 0.5)", "srgb_texture")))
+    assert inputs_of(result)["diffuseColor"] == pytest.approx((0.2140411,) * 3, abs=1e-6)
+    result = bound(folder, preview(color.format("emissiveColor", "(1, 0, 0)", "acescg")))
     # Negative channels are clipped.
-    assert inputs_of(found)["emissiveColor"] == pytest.approx((1.705051, 0.0, 0.0), abs=1e-5)
+    assert inputs_of(result)["emissiveColor"] == pytest.approx((1.705051, 0.0, 0.0), abs=1e-5)
     odd = bound(folder, preview(color.format("diffuseColor", "(0.5, 0.5, 0.5)", "my_space")))
-    assert lost(odd) == [("S.diffuseColor", "the colour space 'my_space' is unknown")]
+    assert fault_texts(odd) == [("S.diffuseColor", "the colour space 'my_space' is unknown")]
 
 
 def test_several_materials_are_read_once_each(folder: Path) -> None:
@@ -394,11 +404,11 @@ DOCUMENT = """<materialx version="1.38">
 def test_a_document_is_a_look(folder: Path) -> None:
     file = folder / "gold.mtlx"
     file.write_text(DOCUMENT.format(MATERIAL.format("Gold")))
-    found = read_any_look(file, name="gold")
-    assert found.look.layers == (Layer("S", "standard_surface", {"metalness": 1.0, "subsurface": 0.5}),)
-    assert (found.look.name, found.look.source) == ("gold", f"{file}</MaterialX/Materials/Gold>")
-    assert found.titles == ("Standard Surface as Disney",)
-    assert [where for where, _ in lost(found)] == ["/MaterialX/Materials/Gold/S.inputs:subsurface"]
+    result = read_any_look(file, name="gold")
+    assert result.look.layers == (Layer("S", "standard_surface", {"metalness": 1.0, "subsurface": 0.5}),)
+    assert (result.look.name, result.look.source) == ("gold", f"{file}</MaterialX/Materials/Gold>")
+    assert result.titles == ("Standard Surface as Disney",)
+    assert [where for where, _ in fault_texts(result)] == ["/MaterialX/Materials/Gold/S.inputs:subsurface"]
     file.write_text(DOCUMENT.format(MATERIAL.format("Gold") + MATERIAL.format("Tin")))
     assert read_any_look(file, "/MaterialX/Materials/Tin").look.name == "Tin"
     assert any_faults(file) == [("", "holds 2 materials and none is the default prim")]
@@ -443,9 +453,9 @@ def test_a_surface_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
 def test_a_broken_reference_of_the_material_is_an_error(tmp_path: Path) -> None:
     file = asset(tmp_path, preview(""))
     file.write_text(file.read_text().replace('"M"', '"M" ( references = @./gone.usda@ )'))
-    ((where, what),) = any_faults(file)
+    ((where, message),) = any_faults(file)
     assert where == "/M"
-    assert "gone.usda" in what
+    assert "gone.usda" in message
 
 
 SURFACE = '<UsdPreviewSurface name="S" type="surfaceshader">{}</UsdPreviewSurface>'
@@ -478,13 +488,13 @@ def test_a_material_of_a_document(folder: Path) -> None:
       <input name="diffuseColor" type="color3" nodegraph="G" output="o"/>
       <input name="metallic" type="float" nodename="top"/>"""
     top = '<constant name="top" type="float"><input name="value" type="float" value="1"/></constant>'
-    found = gold(write_reference(folder, GRAPH, top, SURFACE.format(inputs), GOLD.format("")))
-    (layer,) = found.look.layers
-    assert (found.look.name, layer.model) == ("Gold", "materialx_preview_surface")
+    result = gold(write_reference(folder, GRAPH, top, SURFACE.format(inputs), GOLD.format("")))
+    (layer,) = result.look.layers
+    assert (result.look.name, layer.model) == ("Gold", "materialx_preview_surface")
     assert (layer.inputs["roughness"], layer.inputs["metallic"]) == (0.25, 1.0)
     images = [source for source in layer.inputs["diffuseColor"].inputs.values() if isinstance(source, Texture)]
     assert {(image.colorspace, image.channel) for image in images} == {("sRGB", "rgb"), ("raw", "g")}
-    assert not found.lost
+    assert not result.lost
 
 
 def test_the_asset_overrides_an_input(folder: Path) -> None:
@@ -499,8 +509,8 @@ def test_displacement_of_a_document(folder: Path) -> None:
       <input name="displacement" type="float" value="0.5"/><input name="scale" type="float" value="2"/>
     </displacement>"""
     link = '<input name="displacementshader" type="displacementshader" nodename="D"/>'
-    found = gold(write_reference(folder, node, SURFACE.format(""), GOLD.format(link)))
-    assert found.look.displacement == Displacement(1.0)
+    result = gold(write_reference(folder, node, SURFACE.format(""), GOLD.format(link)))
+    assert result.look.displacement == Displacement(1.0)
 
 
 def test_what_the_document_loses_is_listed_with_its_place_in_it(folder: Path) -> None:
@@ -514,19 +524,19 @@ OF_H = ROUGH_OF.format('nodegraph="H" output="o"')
 
 
 @pytest.mark.parametrize(
-    ("inputs", "nodes", "what"),
+    ("inputs", "nodes", "message"),
     [
-        (ROUGH_OF.format('nodename="none"'), "", "which is no output of a shader"),
-        (OF_H, "", "which is no output of a shader"),
+        (ROUGH_OF.format('nodename="none"'), "", "which is neither an output of a shader"),
+        (OF_H, "", "which is neither an output of a shader"),
         (ROUGH_OF.format('nodename="a"'), INWARD, "its connections run in a cycle"),
         (OF_H, '<nodegraph name="H"><output name="o" type="float" output="o"/></nodegraph>', "is connected to"),
         (ROUGH_OF.format('nodename="n"'), '<noise3d name="n" type="float"/>', "ND_noise3d_float is not supported"),
     ],
 )
-def test_what_is_broken_in_a_document_is_listed(folder: Path, inputs: str, nodes: str, what: str) -> None:
-    found = gold(write_reference(folder, nodes, SURFACE.format(inputs), GOLD.format("")))
-    assert "roughness" not in inputs_of(found)
-    assert any(what in said for _, said in lost(found)), lost(found)
+def test_what_is_broken_in_a_document_is_listed(folder: Path, inputs: str, nodes: str, message: str) -> None:
+    result = gold(write_reference(folder, nodes, SURFACE.format(inputs), GOLD.format("")))
+    assert "roughness" not in inputs_of(result)
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
 
 
 def test_a_missing_image_of_a_document_names_the_prim(folder: Path) -> None:

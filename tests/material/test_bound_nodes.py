@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from look_files import bound, lost, materialx, rotated, shader, write_gray
+from look_files import bound, fault_texts, materialx, rotate_clockwise, shader, write_gray
 from numpy.typing import NDArray
 
 from lookdev.brdf import Parameter
@@ -40,10 +40,10 @@ class Points(ImagePoints):
         return np.ones(len(ST))
 
 
-def value(found: BoundLook, name: str, kind: str = "color") -> Floats:
+def value(result: BoundLook, name: str, kind: str = "color") -> Floats:
     """Return the value of an input at the points, not clipped."""
-    assert not found.lost, found.lost
-    source = found.look.layers[0].inputs[name]
+    assert not result.lost, result.lost
+    source = result.look.layers[0].inputs[name]
     parameter = Parameter(name, kind, 0.0, (-np.inf, np.inf))  # type: ignore[arg-type]
     return np.asarray(Values(Points()).of(source, parameter)) + np.zeros((len(ST), 3) if kind != "float" else len(ST))
 
@@ -116,12 +116,12 @@ CASES = [(kind, f"{first} <- C.out\n{others}", expected) for kind, first, others
 def test_values(tmp_path: Path, kind: str, inputs: str, expected: Floats) -> None:
     nodes = shader("N", f"ND_{kind}", inputs) + NODES_OF_FLOATS
     if expected.ndim == 1:
-        found = value(bound(tmp_path, materialx(ROUGH, nodes)), "roughness", "float")
+        result = value(bound(tmp_path, materialx(ROUGH, nodes)), "roughness", "float")
     else:  # beyond 0 to 1 only emission may be, which has no effect otherwise
         emissive = bound(tmp_path, materialx(COLOR.replace("diffuseColor", "emissiveColor"), nodes))
         losses = tuple(fault for fault in emissive.lost if "emissiveColor" not in fault.where)
-        found = value(BoundLook(emissive.look, losses), "emissiveColor")
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-7)
+        result = value(BoundLook(emissive.look, losses), "emissiveColor")
+    np.testing.assert_allclose(result, expected, rtol=1e-6, atol=1e-7)
 
 
 @pytest.fixture
@@ -136,35 +136,35 @@ def folder(tmp_path: Path) -> Path:
 IMAGE = shader("I", "ND_image_color3", "asset file = @./a.exr@")
 
 
-def sampled(folder: Path, st: Floats) -> Floats:
+def sample_exr(folder: Path, st: Floats) -> Floats:
     return image_texels(Texture(folder / "a.exr", "rgb", "raw"), st)
 
 
 def test_arithmetic_on_an_image_stays_a_texture(folder: Path) -> None:
     half = shader("A", "ND_multiply_color3FA", "color3f in1 <- I.out\nfloat in2 = 0.5")
-    found = bound(folder, materialx(COLOR, IMAGE, half, shader("N", "ND_invert_color3", "color3f in <- A.out")))
-    image = found.look.layers[0].inputs["diffuseColor"]
+    result = bound(folder, materialx(COLOR, IMAGE, half, shader("N", "ND_invert_color3", "color3f in <- A.out")))
+    image = result.look.layers[0].inputs["diffuseColor"]
     assert (image.scale[:3], image.bias[:3]) == ((-0.5,) * 3, (1.0,) * 3)
-    np.testing.assert_allclose(value(found, "diffuseColor"), 1 - 0.5 * sampled(folder, ST)[:, :3], atol=1e-6)
+    np.testing.assert_allclose(value(result, "diffuseColor"), 1 - 0.5 * sample_exr(folder, ST)[:, :3], atol=1e-6)
 
 
 def test_two_images_make_an_expression_with_masks_kept(folder: Path) -> None:
     other = shader("J", "ND_image_float", "asset file = @./a.exr@\nfloat2 texcoord <- U.out")
     uv = shader("U", "ND_texcoord_vector2", "int index = 1")
     mix = "color3f fg <- I.out\ncolor3f bg = (1, 0, 0)\nfloat mix <- J.out"
-    found = bound(folder, materialx(COLOR, IMAGE, other, uv, shader("N", "ND_mix_color3", mix)))
-    assert sorted(found.look.layers[0].inputs["diffuseColor"].inputs) == ["I", "J"]
-    mask = sampled(folder, 2.0 * ST)[:, :1]
-    expected = mask * sampled(folder, ST)[:, :3] + (1 - mask) * [1, 0, 0]
-    np.testing.assert_allclose(value(found, "diffuseColor"), expected, atol=1e-6)
+    result = bound(folder, materialx(COLOR, IMAGE, other, uv, shader("N", "ND_mix_color3", mix)))
+    assert sorted(result.look.layers[0].inputs["diffuseColor"].inputs) == ["I", "J"]
+    mask = sample_exr(folder, 2.0 * ST)[:, :1]
+    expected = mask * sample_exr(folder, ST)[:, :3] + (1 - mask) * [1, 0, 0]
+    np.testing.assert_allclose(value(result, "diffuseColor"), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("index", range(4))
 def test_channels_of_four(folder: Path, index: int) -> None:
     split = shader("X", "ND_separate4_color4", "color4f in <- I.out")
     link = f"float roughness <- X.out{'rgba'[index]}"
-    found = bound(folder, materialx(link, IMAGE.replace("color3", "color4"), split))
-    np.testing.assert_allclose(value(found, "roughness", "float"), sampled(folder, ST)[:, index], atol=1e-6)
+    result = bound(folder, materialx(link, IMAGE.replace("color3", "color4"), split))
+    np.testing.assert_allclose(value(result, "roughness", "float"), sample_exr(folder, ST)[:, index], atol=1e-6)
 
 
 PLACE = "float2 pivot = (0.5, 0.25); float2 scale = (2, 0.5); float rotate = 30; float2 offset = (0.1, 0.2); "
@@ -174,7 +174,7 @@ TILED = "float2 uvtiling = (2, 3); float2 uvoffset = (0.25, 0.5); float2 realwor
 TILED += "float2 realworldtilesize = (1, 4)"
 GLTF = "color3f factor = (1, 0.5, 0.25); float2 scale = (2, 3); float2 offset = (0.25, 0.5); float rotate = 30"
 # NG_gltf_image: place2d about (0, 1) by 1 / scale, -rotate and offset times (-1, 1).
-FROM_GLTF = rotated((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
+FROM_GLTF = rotate_clockwise((ST - [0, 1]) * [2, 3], -30) - [-0.25, 0.5] + [0, 1]
 
 
 def p(kind: str, inputs: str) -> str:
@@ -183,9 +183,9 @@ def p(kind: str, inputs: str) -> str:
 
 ADDED = shader("Q", "ND_add_vector2", "float2 in1 <- Uv.out; float2 in2 = (1, 0.5)")
 PLACED = [
-    (p("place2d_vector2", PLACE), rotated((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25]),
-    (p("place2d_vector2", ORDER), rotated(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25]),
-    (p("rotate2d_vector2", "float2 in <- Uv.out; float amount = 30"), rotated(ST, 30)),
+    (p("place2d_vector2", PLACE), rotate_clockwise((ST - [0.5, 0.25]) / [2, 0.5], 30) - [0.1, 0.2] + [0.5, 0.25]),
+    (p("place2d_vector2", ORDER), rotate_clockwise(ST - [0.5, 0.25] - [0.1, 0.2], 30) / [2, 0.5] + [0.5, 0.25]),
+    (p("rotate2d_vector2", "float2 in <- Uv.out; float amount = 30"), rotate_clockwise(ST, 30)),
     (p("multiply_vector2", "float2 in1 <- Q.out; float2 in2 = (2, 3)") + ADDED, np.add(ST, [1, 0.5]) * [2, 3]),
     (p("UsdTransform2d", "float2 in <- Uv.out; float2 scale = (2, 3)"), ST * [2, 3]),
     (p("geompropvalue_vector2", 'string geomprop = "map1"'), 2 * ST),
@@ -199,18 +199,18 @@ IMAGES = [
 
 @pytest.mark.parametrize(("kind", "inputs", "nodes", "st", "factor"), IMAGES)
 def test_placement(folder: Path, kind: str, inputs: str, nodes: str, st: Floats, factor: Any) -> None:
-    found = bound(folder, materialx(COLOR, shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}"), nodes, UV))
-    np.testing.assert_allclose(value(found, "diffuseColor"), sampled(folder, st)[:, :3] * factor, atol=1e-6)
+    result = bound(folder, materialx(COLOR, shader("N", f"ND_{kind}", f"asset file = @./a.exr@\n{inputs}"), nodes, UV))
+    np.testing.assert_allclose(value(result, "diffuseColor"), sample_exr(folder, st)[:, :3] * factor, atol=1e-6)
 
 
 def test_uv_textures_of_materialx(folder: Path) -> None:
     body = 'asset file = @./rgb.png@ (\ncolorSpace = "srgb_texture"\n)\nstring wrapS = "periodic"'
     link = "color3f diffuseColor <- N.rgb\nfloat roughness <- N.a"
-    found = bound(folder, materialx(link, shader("N", "ND_UsdUVTexture_23", body)))
-    color, alpha = (found.look.layers[0].inputs[name] for name in ("diffuseColor", "roughness"))
+    result = bound(folder, materialx(link, shader("N", "ND_UsdUVTexture_23", body)))
+    color, alpha = (result.look.layers[0].inputs[name] for name in ("diffuseColor", "roughness"))
     assert (color.colorspace, color.wrap_s, color.channel) == ("sRGB", "repeat", "rgb")
     assert alpha.channel == "a"
-    assert not found.lost
+    assert not result.lost
 
 
 @pytest.mark.parametrize(
@@ -224,8 +224,8 @@ def test_uv_textures_of_materialx(folder: Path) -> None:
 )
 def test_only_the_colour_of_colours_is_managed(folder: Path, identifier: str, space: str, expected: str) -> None:
     metadata = f'(\ncolorSpace = "{space}"\n)' if space else ""
-    found = bound(folder, materialx(COLOR, shader("N", identifier, f"asset file = @./rgb.png@ {metadata}")))
-    assert found.look.layers[0].inputs["diffuseColor"].colorspace == expected
+    result = bound(folder, materialx(COLOR, shader("N", identifier, f"asset file = @./rgb.png@ {metadata}")))
+    assert result.look.layers[0].inputs["diffuseColor"].colorspace == expected
 
 
 NORMAL = "float3 normal <- N.out"
@@ -234,10 +234,10 @@ NORMAL = "float3 normal <- N.out"
 @pytest.mark.parametrize(("inputs", "scale"), [("", 1), ("float scale = 0.5", 0.5), ("float2 scale = (0.5, 0.5)", 0.5)])
 def test_normal_maps(folder: Path, inputs: str, scale: float) -> None:
     node = shader("N", "ND_normalmap", "float3 in <- I.out\n" + inputs)
-    found = bound(folder, materialx(NORMAL, node, IMAGE.replace("color3", "vector3")))
-    assert isinstance(found.look.layers[0].inputs["normal"], Texture)
-    expected = (2 * sampled(folder, ST)[:, :3] - 1) * [scale, scale, 1]
-    np.testing.assert_allclose(value(found, "normal", "normal"), expected, atol=1e-6)
+    result = bound(folder, materialx(NORMAL, node, IMAGE.replace("color3", "vector3")))
+    assert isinstance(result.look.layers[0].inputs["normal"], Texture)
+    expected = (2 * sample_exr(folder, ST)[:, :3] - 1) * [scale, scale, 1]
+    np.testing.assert_allclose(value(result, "normal", "normal"), expected, atol=1e-6)
 
 
 def test_a_height_to_a_normal_is_a_bump(folder: Path) -> None:
@@ -256,7 +256,7 @@ SQUARED = shader("Squared", "ND_multiply_vector2", "float2 in1 <- Uv.out\nfloat2
 
 
 @pytest.mark.parametrize(
-    ("kind", "inputs", "where", "what"),
+    ("kind", "inputs", "where", "message"),
     [
         ("ND_fractal3d_color3", "", "/M/N", "a node of ND_fractal3d_color3 is not supported"),
         ("", "", "/M/N", "a node of no info:id is not supported"),
@@ -267,7 +267,7 @@ SQUARED = shader("Squared", "ND_multiply_vector2", "float2 in1 <- Uv.out\nfloat2
         ("ND_image_color3", RGB + "float2 texcoord <- Squared.out", "N.texcoord", "is computed"),
         ("ND_image_color3", 'string file = "rgb.png"', "/M/N", "inputs:file is not an asset"),
         ("ND_extract_color3", "color3f in = (1, 2, 3)\nint index = 3", "/M/N", "there is no channel 3 of 3"),
-        ("ND_swizzle_color3_color3", 'string channels = "rq"', "/M/N", "'rq' are no channels"),
+        ("ND_swizzle_color3_color3", 'string channels = "rq"', "/M/N", "'rq' are not channels"),
         ("ND_geompropvalue_color3", "", "/M/N", "names no primvar"),
         ("ND_geompropvalue_color4", 'string geomprop = "c"', "/M/N", "only primvars of one to three numbers"),
         ("ND_add_color3", "color3f in1 <- N.out", "N.in1", "its connections run in a cycle"),
@@ -277,23 +277,25 @@ SQUARED = shader("Squared", "ND_multiply_vector2", "float2 in1 <- Uv.out\nfloat2
         ("ND_noise2d_color3", "", "/M/N", "has another pattern here"),
     ],
 )
-def test_what_is_not_carried_is_listed_at_its_node(folder: Path, kind: str, inputs: str, where: str, what: str) -> None:
-    found = bound(folder, materialx(COLOR, shader("N", kind, inputs), SQUARED))
-    assert any(place == where and what in said for place, said in lost(found)), lost(found)
+def test_what_is_not_carried_is_listed_at_its_node(
+    folder: Path, kind: str, inputs: str, where: str, message: str
+) -> None:
+    result = bound(folder, materialx(COLOR, shader("N", kind, inputs), SQUARED))
+    assert any(fault_path == where and message in text for fault_path, text in fault_texts(result)), fault_texts(result)
 
 
 @pytest.mark.parametrize(
-    ("kind", "inputs", "what"),
+    ("kind", "inputs", "message"),
     [
         ("ND_normalmap", 'string space = "object"', "in object space is not supported"),
         ("ND_bump_vector3", "float height <- P.out", "only one channel"),
     ],
 )
-def test_normals_that_cannot_be_read(folder: Path, kind: str, inputs: str, what: str) -> None:
+def test_normals_that_cannot_be_read(folder: Path, kind: str, inputs: str, message: str) -> None:
     primvar = shader("P", "ND_geompropvalue_float", 'string geomprop = "h"')
-    found = bound(folder, materialx(NORMAL, shader("N", kind, inputs), primvar))
-    assert "normal" not in found.look.layers[0].inputs
-    assert any(what in said for _, said in lost(found)), lost(found)
+    result = bound(folder, materialx(NORMAL, shader("N", kind, inputs), primvar))
+    assert "normal" not in result.look.layers[0].inputs
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
 
 
 def chain(count: int, body: str) -> str:
@@ -304,33 +306,33 @@ def chain(count: int, body: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("count", "body", "what"),
+    ("count", "body", "message"),
     [
         (2000, "float in1 <- {0}\nfloat in2 = 2", "more than 64 nodes are connected in a row"),
         (40, "float in1 <- {0}\nfloat in2 <- {0}", "makes an expression of more than"),
     ],
 )
-def test_huge_networks_are_refused_soon(tmp_path: Path, count: int, body: str, what: str) -> None:
+def test_huge_networks_are_refused_soon(tmp_path: Path, count: int, body: str, message: str) -> None:
     before = time.process_time()
-    found = bound(tmp_path, materialx(ROUGH, chain(count, body)))
-    assert "roughness" not in found.look.layers[0].inputs
-    assert any(what in said for _, said in lost(found)), lost(found)
+    result = bound(tmp_path, materialx(ROUGH, chain(count, body)))
+    assert "roughness" not in result.look.layers[0].inputs
+    assert any(message in text for _, text in fault_texts(result)), fault_texts(result)
     assert time.process_time() - before < 5.0
 
 
 def test_shared_nodes_are_read_once(tmp_path: Path) -> None:
-    found = bound(tmp_path, materialx(ROUGH, chain(8, "float in1 <- {0}\nfloat in2 <- {0}")))
-    np.testing.assert_allclose(value(found, "roughness", "float"), 0.25**128)
+    result = bound(tmp_path, materialx(ROUGH, chain(8, "float in1 <- {0}\nfloat in2 <- {0}")))
+    np.testing.assert_allclose(value(result, "roughness", "float"), 0.25**128)
 
 
 def test_coordinates_as_a_colour_are_noted(tmp_path: Path) -> None:
-    found = bound(tmp_path, materialx(COLOR, shader("N", "ND_texcoord_vector2")))
-    assert lost(found) == [("S.diffuseColor", "has three channels, connected to 2")]
-    np.testing.assert_allclose(value(BoundLook(found.look), "diffuseColor"), C)
+    result = bound(tmp_path, materialx(COLOR, shader("N", "ND_texcoord_vector2")))
+    assert fault_texts(result) == [("S.diffuseColor", "has three channels, connected to 2")]
+    np.testing.assert_allclose(value(BoundLook(result.look), "diffuseColor"), C)
 
 
 @pytest.mark.parametrize("category", NODES)
 def test_a_node_without_inputs_is_read_or_listed(folder: Path, category: str) -> None:
     for kind in ("", "_color3", "_float", "_vector2", "_vector3"):
-        found = bound(folder, materialx(COLOR + ROUGH + NORMAL, shader("N", f"ND_{category}{kind}")))
-        assert len(found.look.layers[0].inputs) + len(found.lost) >= 3
+        result = bound(folder, materialx(COLOR + ROUGH + NORMAL, shader("N", f"ND_{category}{kind}")))
+        assert len(result.look.layers[0].inputs) + len(result.lost) >= 3

@@ -11,14 +11,14 @@ pytestmark = pytest.mark.both_pythons
 
 @pytest.fixture(scope="module")
 def nodes() -> dict[str, Sdr.ShaderNode]:
-    """Every node of the file, as another tool gets it."""
+    """Return every node of the file, as another tool reads it."""
     stage = Usd.Stage.Open(str(DEFINITIONS))
-    found = {}
+    sdr_nodes = {}
     for prim in stage.Traverse():
         for result in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):
             Sdr.Registry().AddDiscoveryResult(result)
-            found[result.identifier] = Sdr.Registry().GetShaderNodeByIdentifier(result.identifier)
-    return found
+            sdr_nodes[result.identifier] = Sdr.Registry().GetShaderNodeByIdentifier(result.identifier)
+    return sdr_nodes
 
 
 def test_file_is_written_from_the_parameters() -> None:
@@ -43,34 +43,34 @@ def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
     ],
 )
 def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node: str, parameter: Parameter) -> None:
-    given = nodes[node].GetShaderInput(parameter.name)
+    node_input = nodes[node].GetShaderInput(parameter.name)
     usd_types = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
-    assert str(given.GetTypeAsSdfType().GetSdfType()) == ("asset" if parameter.file else usd_types[parameter.kind])
-    assert given.GetHelp() == parameter.help != ""
-    default, metadata = given.GetDefaultValueAsSdfType(), given.GetMetadata()
+    assert str(node_input.GetTypeAsSdfType().GetSdfType()) == ("asset" if parameter.file else usd_types[parameter.kind])
+    assert node_input.GetHelp() == parameter.help != ""
+    default, metadata = node_input.GetDefaultValueAsSdfType(), node_input.GetMetadata()
     if parameter.file:
         assert default.path == parameter.default == ""
-        assert not given.IsConnectable()
+        assert not node_input.IsConnectable()
     elif parameter.kind == "token":
         assert default == parameter.default
-        assert [name for name, _ in given.GetOptions()] == list(parameter.choices)
-        assert not given.IsConnectable()
+        assert [name for name, _ in node_input.GetOptions()] == list(parameter.choices)
+        assert not node_input.IsConnectable()
     else:
         assert default == pytest.approx(parameter.default, rel=2.0**-24)  # stored as float32
-        assert given.IsConnectable()
+        assert node_input.IsConnectable()
         assert (float(metadata["hardMin"]), float(metadata["hardMax"])) == parameter.hard
         assert (float(metadata["softMin"]), float(metadata["softMax"])) == parameter.soft
 
 
 def inputs_of(node: Sdr.ShaderNode) -> dict[str, tuple[str, object, bool, list[str]]]:
-    """Return type, default, whether it is connectable, and options of each input; all have a help."""
+    """Return type, default, connectability and options of each input; check that all have a help text."""
     inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
-    assert all(given.GetHelp() for given in inputs.values())
-    types = {name: str(given.GetTypeAsSdfType().GetSdfType()) for name, given in inputs.items()}
-    options = {name: [option for option, _ in given.GetOptions()] for name, given in inputs.items()}
+    assert all(node_input.GetHelp() for node_input in inputs.values())
+    types = {name: str(node_input.GetTypeAsSdfType().GetSdfType()) for name, node_input in inputs.items()}
+    options = {name: [option for option, _ in node_input.GetOptions()] for name, node_input in inputs.items()}
     return {
-        name: (types[name], given.GetDefaultValueAsSdfType(), given.IsConnectable(), options[name])
-        for name, given in inputs.items()
+        name: (types[name], node_input.GetDefaultValueAsSdfType(), node_input.IsConnectable(), options[name])
+        for name, node_input in inputs.items()
     }
 
 

@@ -1,4 +1,4 @@
-"""Edits of looks leave files that read without a fault, or are not made; looks with another value of one input."""
+"""Edits of looks, which either leave a file without faults or change nothing; looks with another value of an input."""
 
 import shutil
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def node_of(file: Path) -> dict[str, object]:
 
 
 def refused(edit: Callable[[], object], file: Path) -> str:
-    """Return the message of an edit that is refused, and check that nothing was written."""
+    """Return the message of the error that an edit raises, and check that nothing was written."""
     before = {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()}
     with pytest.raises(LookdevError) as caught:
         edit()
@@ -215,7 +215,7 @@ def test_an_edit_twice_is_an_edit_once(paint: Path, take: Take) -> None:
 
 
 def test_an_expression_keeps_the_sources_of_its_names(paint: Path, take: Take, monkeypatch: pytest.MonkeyPatch) -> None:
-    # What is written counts here, whatever reads it.
+    # This test is on the written text, so reading it is replaced.
     monkeypatch.setattr("lookdev.material.library.edit.read_look", lambda *_: None)
     inputs = ["dirt=dirt.png:g", "edge=primvar:edge", "tint=dirt.png:rgb", "amount=2"]
     add_layer(paint, take("rubber"), parse_mask("dirt * edge * amount * tint[0]", inputs))
@@ -271,7 +271,7 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
         ("dirt *", [], "\n    dirt *\n          ^"),
         ("dirt.pgn", [], "mask: is not a number from 0 to 1, an image (.bmp"),
         ("dirt * 2", [], "'dirt' in the expression has no source (add --input dirt=IMAGE"),
-        ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is no name in the expression (did you mean 'dirt'?)"),
+        ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is not a name in the expression (did you mean 'dirt'?)"),
         ("dirt * 2", ["dirt"], "--input: dirt: names no source of the value"),
         ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
         ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a float is needed: use luminance())"),
@@ -305,7 +305,7 @@ def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take)
 
 
 @pytest.mark.parametrize(
-    ("text", "prim", "what"),
+    ("text", "prim", "summary"),
     [
         (None, None, "no such file"),
         ('def Material "M" {}\n', None, "is not connected to layers"),
@@ -314,11 +314,11 @@ def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take)
         ("def {", None, "USD cannot open it"),
     ],
 )
-def test_what_is_no_look_to_edit(tmp_path: Path, take: Take, text: str | None, prim: str | None, what: str) -> None:
+def test_what_is_no_look_to_edit(tmp_path: Path, take: Take, text: str | None, prim: str | None, summary: str) -> None:
     file = tmp_path / "bare.usda"
     if text is not None:
         file.write_text(f"#usda 1.0\n{text}")
-    assert what in refused(lambda: add_layer(file, take("gold"), prim=prim), file)
+    assert summary in refused(lambda: add_layer(file, take("gold"), prim=prim), file)
 
 
 def test_a_link_is_not_edited(tmp_path: Path, paint: Path, take: Take) -> None:
@@ -337,7 +337,7 @@ def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: T
 
 
 def test_a_fault_in_another_variant_counts(car: Path, take: Take) -> None:
-    # The copy with 'clean' selected would be fine: there, dust is not there at all.
+    # With 'clean' selected, the copy would have no fault, as it has no dust.
     fault = '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n'
     car.write_text(car.read_text().replace('"dusty" {\n', fault))
     assert f"{car}: /CarPaint/Dust.inputs:shine: unknown input" in refused(lambda: add_layer(car, take("gold")), car)
@@ -399,19 +399,19 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
         out = tmp_path / f"found{len(names)}.usda"
         changed = [replace(constant_of(before, name), value=NAMES[name]) for name in names]
         write_changed(file, out, changed)
-        found = read_look(out)
+        written_look = read_look(out)
         for constant in changed:
-            assert constant_of(found, constant.name).value == pytest.approx(constant.value)
-        assert len(found.layers) == len(before.layers)
+            assert constant_of(written_look, constant.name).value == pytest.approx(constant.value)
+        assert len(written_look.layers) == len(before.layers)
         stage = Usd.Stage.Open(str(out))
-        # An interface keeps a constant that is its own; one that two layers share is left to the other.
+        # An interface input of one layer gets the constant. One that two layers read stays with the other layer.
         shared = "Base.roughness" in names
         assert stage.GetPrimAtPath("/M").GetAttribute("inputs:rough").Get() == pytest.approx(0.4)
         if not shared:
             assert stage.GetPrimAtPath("/M").GetAttribute("inputs:shine").Get() == pytest.approx(0.3)
             assert stage.GetPrimAtPath("/M/Coat").GetAttribute("inputs:clearcoatGloss").HasAuthoredConnections()
-        assert constant_of(found, "Coat.roughness").value == pytest.approx((0.4,))
-        # Only the variant that is shown changes.
+        assert constant_of(written_look, "Coat.roughness").value == pytest.approx((0.4,))
+        # Only the selected variant changes.
         new = read_look(out, None, {"wear": "new"})
         assert constant_of(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
     assert read_look(file) == before
@@ -420,9 +420,9 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
 def test_relative_paths_stay_right_in_another_folder(tmp_path: Path) -> None:
     file = MATERIALS / "robot_paint.usda"
     look = read_look(file)
-    wanted = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
-    write_changed(file, tmp_path / "found.usdc", [wanted])
-    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [wanted]).layers
+    target = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
+    write_changed(file, tmp_path / "found.usdc", [target])
+    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [target]).layers
 
 
 def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
@@ -463,9 +463,9 @@ def layer_named(look: Look, name: str) -> Layer:
     ],
 )
 def test_an_input_of_one_layer(parameter: str, value: object, name: str, expected: object) -> None:
-    own = parameter.partition(".")[0]
+    layer_name = parameter.partition(".")[0]
     assert changed_look(PAINT, parameter, value).layers == tuple(
-        replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == own else layer
+        replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == layer_name else layer
         for layer in PAINT.layers
     )
 

@@ -1,6 +1,6 @@
 """Expressions: their values, their faults, their traces, and shaping functions.
 
-Those have SeExpr's formulas, values where those have none, and noise that float32 does not change.
+Shaping functions have SeExpr's formulas, values where these are undefined, and noise that is equal in float32.
 """
 
 import math
@@ -31,7 +31,7 @@ def value(text: str) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "reference"),
     [
         *((text, 1.0) for text in ("1", "1 + 1 < 3", "2 <= 2", "1 < 2 == 3 < 4", "1 || 0 && 0", "5 && .1")),
         *((text, 0.0) for text in ("!(1 + 1)", "-!2", "2 > 2", "2 >= 3", "0 || 0", "exp(1e18) * 0")),
@@ -70,10 +70,10 @@ def value(text: str) -> Any:
         ("-1e18 * 1e18", -1e18),
     ],
 )
-def test_values(text: str, wanted: Any) -> None:
+def test_values(text: str, reference: Any) -> None:
     result = value(text)
-    assert parse(text).check(_TYPES) == ("color" if isinstance(wanted, list) else "float")
-    np.testing.assert_allclose(result, wanted, rtol=1e-15, atol=1e-16)
+    assert parse(text).check(_TYPES) == ("color" if isinstance(reference, list) else "float")
+    np.testing.assert_allclose(result, reference, rtol=1e-15, atol=1e-16)
 
 
 def test_names_are_the_inputs_in_order_of_appearance() -> None:
@@ -90,7 +90,7 @@ def test_arrays_broadcast() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "what"),
+    ("text", "column", "summary"),
     [
         ("", "", "a number, a name or '(' should stand here, not the end"),
         ("dirt +", "", "should stand here, not the end"),
@@ -129,13 +129,13 @@ def test_arrays_broadcast() -> None:
         ("[tint, 0, 0]", "tint", "a channel of a color needs a float"),
     ],
 )
-def test_faults_have_their_place(text: str, place: str, what: str) -> None:
+def test_faults_have_their_place(text: str, column: str, summary: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text).check(_TYPES)
     error = caught.value
-    position = text.index(place) if place else len(text)
+    position = text.index(column) if column else len(text)
     message, line, caret = str(error).split("\n")
-    assert what in message
+    assert summary in message
     assert (error.text, error.position) == (text, position)
     assert line == f"    {text}"
     assert caret == " " * (4 + position) + "^"
@@ -204,7 +204,7 @@ def reads(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "reference"),
     [
         *((text, set()) for text in ("dirt * 0", "dirt * (edge - edge) + .5", "!1 && dirt", "dirt > .5 || 2")),
         *((text, {"dirt"}) for text in ("mix(dirt, edge, 0)", "1 < 2 ? dirt : edge", "noise(.3, .5) * dirt")),
@@ -216,8 +216,8 @@ def reads(text: str) -> set[str]:
         ("saturate(tint, 1)", {"r", "g", "b"}),
     ],
 )
-def test_what_a_constant_decides_is_not_read(text: str, wanted: set[str]) -> None:
-    assert reads(text) == wanted
+def test_what_a_constant_decides_is_not_read(text: str, reference: set[str]) -> None:
+    assert reads(text) == reference
 
 
 def test_a_constant_expression_is_a_number() -> None:
@@ -252,22 +252,22 @@ def _call(name: str, arguments: list[str]) -> str:
     return {"negative": "-a", "!": "!a"}.get(name) or f" {name} ".join(arguments)
 
 
-def _traced(name: str, **given: Any) -> tuple[list[str], Any, list[Any]]:
+def _trace_call(name: str, **arguments_given: Any) -> tuple[list[str], Any, list[Any]]:
     """Return the arguments of a function, the expression that calls it, and its trace, with some arguments given."""
     names, graph = list("abcde")[: len(_CALLS[name].parameters)], Graph()
     expression = parse(_call(name, names))
-    values = {argument: given.get(argument, symbol(graph, argument)) for argument in names}
+    values = {argument: arguments_given.get(argument, symbol(graph, argument)) for argument in names}
     return names, expression, elements_of(expression.evaluate(values, dict.fromkeys(names, "float")))
 
 
 @pytest.mark.parametrize("name", _CALLS)
 def test_every_function_computes_the_same_when_traced(name: str) -> None:
-    rng, (names, expression, elements) = np.random.default_rng(7), _traced(name)
+    rng, (names, expression, elements) = np.random.default_rng(7), _trace_call(name)
     values = {argument: rng.uniform(0.05, 1.95, 400).astype(np.float32).astype(float) for argument in names}
     direct = expression.evaluate(values, dict.fromkeys(names, "float"))
     for element, component in zip(elements, direct.reshape(len(direct), -1).T, strict=True):
         np.testing.assert_allclose(compute(element, values, np.float64), component, rtol=1e-13)
-        # Float32 has 6e-8; pow and divisions magnify it by what they magnify their arguments, at worst 1e3 here.
+        # Float32 rounds by 6e-8; pow and divisions magnify this error as they magnify arguments, at worst 1e3 here.
         single = compute(element, values, np.float32)
         assert single.dtype == np.float32
         close = np.isclose(single, component, rtol=1e-4, atol=1e-4)
@@ -281,7 +281,7 @@ _EXTREMES = np.concatenate([_EXTREME, -_EXTREME])
 
 @pytest.mark.parametrize("name", _CALLS)
 def test_every_result_is_finite(name: str) -> None:
-    rng, (names, expression, elements) = np.random.default_rng(8), _traced(name)
+    rng, (names, expression, elements) = np.random.default_rng(8), _trace_call(name)
     values = {argument: rng.choice(_EXTREMES, 3000) for argument in names}
     direct = expression.evaluate(values, dict.fromkeys(names, "float"))
     computed = [compute(element, values, kind) for element in elements for kind in (np.float64, np.float32)]
@@ -292,23 +292,23 @@ def test_every_result_is_finite(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, function in _CALLS.items() if len(function.parameters) > 1])
 def test_every_constant_that_is_left_is_a_float32(name: str) -> None:
-    rng, (names, _, _) = np.random.default_rng(9), _traced(name)
+    rng, (names, _, _) = np.random.default_rng(9), _trace_call(name)
     for varying in names:
         for _ in range(10):
             others = (argument for argument in names if argument != varying)
-            given = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
-            nodes = reachable(_traced(name, **given)[2])
+            values = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
+            nodes = reachable(_trace_call(name, **values)[2])
             constants = [arg for node in nodes for arg in node.args if isinstance(arg, float)]
             assert all(abs(constant) <= 3.4e38 for constant in constants)
 
 
 def test_noise_is_the_same_in_float32_far_from_the_origin() -> None:
-    rng, (names, noise, (element,)) = np.random.default_rng(10), _traced("noise")
+    rng, (names, noise, (element,)) = np.random.default_rng(10), _trace_call("noise")
     for size in (10.0, 1e3, 1e5):
         places = {name: rng.uniform(-size, size, 5000).astype(np.float32).astype(float) for name in names}
-        wanted = noise.evaluate(places, dict.fromkeys(names, "float"))
+        expected = noise.evaluate(places, dict.fromkeys(names, "float"))
         # Places that float32 can hold leave an exact remainder: what is left are a hundred operations near 1.
-        np.testing.assert_allclose(compute(element, places, np.float32), wanted, atol=5e-6)
+        np.testing.assert_allclose(compute(element, places, np.float32), expected, atol=5e-6)
 
 
 _ROW = re.compile(r"^\| `(?P<call>[^`]+)` \|[^\n]*\| `(?P<example>[^`]+)` = (?P<value>[^|]+?) \|$", re.MULTILINE)
@@ -325,17 +325,17 @@ def test_the_page_has_every_function() -> None:
 
 @pytest.mark.parametrize("row", [pytest.param(match, id=match["example"]) for match in _ROW.finditer(PAGE)])
 def test_the_examples_of_the_page_are_true(row: re.Match[str]) -> None:
-    wanted = [float(number) for number in row["value"].strip("[]").split(",")]
+    expected = [float(number) for number in row["value"].strip("[]").split(",")]
     example = row["example"].replace("\\|", "|")
     # As many digits as the page shows.
-    np.testing.assert_allclose(np.ravel(parse(example).evaluate({}, {})), wanted, atol=5e-5)
+    np.testing.assert_allclose(np.ravel(parse(example).evaluate({}, {})), expected, atol=5e-5)
 
 
 def test_the_fault_on_the_page_is_the_one_told() -> None:
-    (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    (quoted_fault,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     with pytest.raises(ExpressionError) as caught:
         parse("clamp(smothstep(dirt, .2, .6) * (1 - edge), 0, 1)")
-    assert shown.rstrip() == str(caught.value)
+    assert quoted_fault.rstrip() == str(caught.value)
 
 
 # A dozen operations at 2^-53 each, some of which lose a digit by cancellation.
@@ -373,7 +373,7 @@ def _contrast(x: float, c: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("name", "wanted", "count"),
+    ("name", "reference", "count"),
     [
         ("bias", _bias, 2),
         ("boxstep", lambda x, a: 0.0 if x < a else 1.0, 2),
@@ -387,19 +387,19 @@ def _contrast(x: float, c: float) -> float:
         ("smoothstep", _smooth, 3),
     ],
 )
-def test_formulas_are_those_of_seexpr(name: str, wanted: Callable[..., float], count: int) -> None:
+def test_formulas_are_those_of_seexpr(name: str, reference: Callable[..., float], count: int) -> None:
     arguments = np.random.default_rng(4).uniform(0.01, 0.99, (count, 500))
-    given = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
-    expected = [wanted(*column) for column in arguments.T]
+    values = [*arguments[:4], 3.0 * arguments[4]] if name == "remap" else arguments
+    expected = [reference(*column) for column in arguments.T]
     # Where a difference of arguments divides, its rounding counts as much as its value is small: fit, at worst 1000.
-    np.testing.assert_allclose(FUNCTIONS[name].evaluate(*given), expected, rtol=_RTOL, atol=1e-11)
+    np.testing.assert_allclose(FUNCTIONS[name].evaluate(*values), expected, rtol=_RTOL, atol=1e-11)
 
 
 def test_saturate_is_that_of_seexpr() -> None:
-    given = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
-    gray = given[:3].T @ [0.2126, 0.7152, 0.0722]
-    expected = np.maximum(gray * (1.0 - given[3]) + given[:3] * given[3], 0.0)
-    np.testing.assert_allclose(shaping.saturate(tuple(given[:3]), given[3]), expected, rtol=_RTOL, atol=1e-15)
+    values = np.random.default_rng(5).uniform(0.0, 2.0, (4, 200))
+    gray = values[:3].T @ [0.2126, 0.7152, 0.0722]
+    expected = np.maximum(gray * (1.0 - values[3]) + values[:3] * values[3], 0.0)
+    np.testing.assert_allclose(shaping.saturate(tuple(values[:3]), values[3]), expected, rtol=_RTOL, atol=1e-15)
 
 
 UNDEFINED = {
@@ -430,7 +430,7 @@ def test_whole_numbers_wrap_exactly_in_float32() -> None:
     largest = (34 * 289 + 10) * 289
     numbers = np.arange(-largest, largest + 1)
     for period in (289, 12):
-        wrapped = shaping._wrapped(numbers.astype(np.float32), float(period))
+        wrapped = shaping._wrap_index(numbers.astype(np.float32), float(period))
         assert wrapped.dtype == np.float32
         np.testing.assert_array_equal(wrapped, numbers % period)
 

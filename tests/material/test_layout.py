@@ -60,9 +60,9 @@ def Material "Paint" (
 
 
 def layer(text: str) -> Sdf.Layer:
-    made = Sdf.Layer.CreateAnonymous(".usda")
-    assert made.ImportFromString(text)
-    return made
+    usd_layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert usd_layer.ImportFromString(text)
+    return usd_layer
 
 
 TEXTS = {
@@ -78,17 +78,17 @@ def test_what_is_not_edited_stays_to_the_letter(text: str) -> None:
     assert with_layout(text, plain, plain) == text
 
 
-def edited(path: str, value: object) -> tuple[str | None, str]:
+def edit_text(path: str, value: object) -> tuple[str | None, str]:
     """Return the text with another value of an attribute, and what USD writes of it; None removes the prim."""
-    made = layer(PAINT)
-    before = made.ExportToString()
+    usd_layer = layer(PAINT)
+    before = usd_layer.ExportToString()
     if value is None:
         edit = Sdf.BatchNamespaceEdit()
         edit.Add(path, Sdf.Path.emptyPath)
-        made.Apply(edit)
+        usd_layer.Apply(edit)
     else:
-        made.GetAttributeAtPath(path).default = value
-    return with_layout(PAINT, before, made.ExportToString()), made.ExportToString()
+        usd_layer.GetAttributeAtPath(path).default = value
+    return with_layout(PAINT, before, usd_layer.ExportToString()), usd_layer.ExportToString()
 
 
 @pytest.mark.parametrize(
@@ -100,28 +100,28 @@ def edited(path: str, value: object) -> tuple[str | None, str]:
     ],
 )
 def test_a_value_is_changed_in_its_place(path: str, value: float, old: str, new: str) -> None:
-    text, _ = edited(path, value)
+    text, _ = edit_text(path, value)
     assert text == PAINT.replace(old, new)
 
 
 def test_comments_of_what_is_removed_go_with_it_and_no_others() -> None:
-    text, _ = edited("/Paint/Base", None)
+    text, _ = edit_text("/Paint/Base", None)
     assert text is not None
     gone = {"# Of the base.", "# as measured", "# none", "# inside", "# at the end"}
-    kept = set(re.findall(r"# [\w ]+\.?", PAINT)) - gone
-    assert all(each in text for each in kept)
-    assert not any(each in text for each in gone)
+    remaining = set(re.findall(r"# [\w ]+\.?", PAINT)) - gone
+    assert all(comment in text for comment in remaining)
+    assert not any(comment in text for comment in gone)
 
 
 def test_what_is_added_stands_behind_its_neighbour() -> None:
-    made = layer(PAINT)
-    before = made.ExportToString()
-    Sdf.AttributeSpec(made.GetPrimAtPath("/Paint/Base"), "inputs:sheen", Sdf.ValueTypeNames.Float).default = 0.5
-    Sdf.PrimSpec(made.GetPrimAtPath("/Paint"), "Dust", Sdf.SpecifierDef, "Shader")
-    text = with_layout(PAINT, before, made.ExportToString())
+    usd_layer = layer(PAINT)
+    before = usd_layer.ExportToString()
+    Sdf.AttributeSpec(usd_layer.GetPrimAtPath("/Paint/Base"), "inputs:sheen", Sdf.ValueTypeNames.Float).default = 0.5
+    Sdf.PrimSpec(usd_layer.GetPrimAtPath("/Paint"), "Dust", Sdf.SpecifierDef, "Shader")
+    text = with_layout(PAINT, before, usd_layer.ExportToString())
     assert text is not None
-    assert layer(text).ExportToString() == made.ExportToString()
-    assert [each for each in re.findall(r"#.*", PAINT) if each not in text] == []
+    assert layer(text).ExportToString() == usd_layer.ExportToString()
+    assert [comment for comment in re.findall(r"#.*", PAINT) if comment not in text] == []
 
 
 def test_what_is_nested_too_deep_has_no_layout_of_its_own() -> None:
@@ -132,10 +132,10 @@ def test_what_is_nested_too_deep_has_no_layout_of_its_own() -> None:
 def test_long_values_take_no_longer_than_their_length() -> None:
     numbers = ", ".join(map(str, range(200_000)))
     text = f'#usda 1.0\n\ndef "Mesh"\n{{\n    int[] faces = [{numbers}]  # many\n    float a = 1\n}}\n'
-    made = layer(text)
-    before = made.ExportToString()
-    made.GetAttributeAtPath("/Mesh.a").default = 2.0
-    assert with_layout(text, before, made.ExportToString()) == text.replace("a = 1", "a = 2")
+    usd_layer = layer(text)
+    before = usd_layer.ExportToString()
+    usd_layer.GetAttributeAtPath("/Mesh.a").default = 2.0
+    assert with_layout(text, before, usd_layer.ExportToString()) == text.replace("a = 1", "a = 2")
 
 
 def test_a_prim_that_is_made_anew_at_another_place_moves_with_its_comments() -> None:

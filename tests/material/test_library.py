@@ -56,7 +56,7 @@ PLAIN = '#usda 1.0\n(defaultPrim = "A")\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "what"),
+    ("text", "where", "expected_summary"),
     [
         ('#usda 1.0\ndef Shader "A" {}\n', "", "has no default prim"),
         (PLAIN + 'def Material "A" {}\n', "/A", "is a Material"),
@@ -65,27 +65,27 @@ PLAIN = '#usda 1.0\n(defaultPrim = "A")\n'
         (PLAIN + shader("A", "LookdevDisney"), "/A", "has no outputs:layer"),
     ],
 )
-def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> None:
+def test_what_is_no_preset(tmp_path: Path, text: str, where: str, expected_summary: str) -> None:
     file = tmp_path / "a.usda"
     file.write_text(text)
-    ((place, found, hint),) = faults_of(file, lambda _: find_preset("a.usda"))
-    assert (place, found) == (where, what)
+    ((path, summary, hint),) = faults_of(file, lambda _: find_preset("a.usda"))
+    assert (path, summary) == (where, expected_summary)
     assert hint
 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    here, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
+    local, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
     with pytest.raises(LookError, match=r"no folder .*materials/presets or .*classic or .*checkout/materials/presets"):
         library_folders()
     shipped.mkdir(parents=True)
     assert library_folders() == (shipped,)
-    here.mkdir(parents=True)
-    assert library_folders() == (here, shipped)
+    local.mkdir(parents=True)
+    assert library_folders() == (local, shipped)
     (tmp_path / SHIPPED[1]).mkdir()
-    assert library_folders() == (here, tmp_path / SHIPPED[1], shipped)
+    assert library_folders() == (local, tmp_path / SHIPPED[1], shipped)
     (tmp_path / "a").mkdir()
-    monkeypatch.setenv(LIBRARY_VARIABLE, os.pathsep.join(["a", "", str(here)]))
-    assert library_folders() == (tmp_path / "a", here)
+    monkeypatch.setenv(LIBRARY_VARIABLE, os.pathsep.join(["a", "", str(local)]))
+    assert library_folders() == (tmp_path / "a", local)
     assert library_folders(Path("a")) == (tmp_path / "a",)
     with pytest.raises(LookError, match=r"b: --library names no folder"):
         library_folders(Path("b"))

@@ -1,6 +1,6 @@
 """A blurred mask between any two presets stays plausible, pair by pair; and which pairs cannot.
 
-A BRDF is no straight line in its parameters, so some pairs leave the range of their ends; `mask_edges.txt` names them.
+A BRDF is not linear in its parameters, so some pairs leave the range of their ends; `mask_edges.txt` names them.
 """
 
 from typing import Any
@@ -92,9 +92,9 @@ def test_no_lobe_leaves_its_range(presets: dict[str, Preset]) -> None:
 
 
 def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
-    shown = [edges(light, presets, pairs) for light in LIGHTS]
-    assert all(np.isfinite(pixels).all() and (pixels >= 0.0).all() for pixels in shown)
-    worst = np.max([mask_edges.excess(pixels).max(axis=(1, 2, 3)) for pixels in shown], axis=0)
+    colors = [edges(light, presets, pairs) for light in LIGHTS]
+    assert all(np.isfinite(pixels).all() and (pixels >= 0.0).all() for pixels in colors)
+    worst = np.max([mask_edges.excess(pixels).max(axis=(1, 2, 3)) for pixels in colors], axis=0)
     recorded = mask_edges.read_edges()
     assert [mask_edges.kind_of(value) for value in worst] == [recorded[pair] for pair in pairs]
 
@@ -133,17 +133,17 @@ def test_alike_presets_stay_in_the_range_of_both(presets: dict[str, Preset], lig
 def test_presets_that_differ_in_one_thing_leave_the_range(presets: dict[str, Preset], name: str, pair: Pair) -> None:
     satin = {**presets["black_car_paint"][1], "clearcoatGloss": np.array(0.0)}  # no two presets differ in this alone
     presets = {**presets, "satin_car_paint": ("disney", satin)}
-    assert unlike(*(presets[each][1] for each in pair)) == {name}
+    assert unlike(*(presets[preset][1] for preset in pair)) == {name}
     assert max(overshoot(light, presets, [pair])[0] for light in LIGHTS) > ALLOWED
     if name != "tint":
-        # And that one thing is why. Equal tints still bend as the base colour changes: they are quotients.
+        # That one difference is the reason. Equal tints still vary as the base colour changes, as they are quotients.
         assert max(overshoot(light, presets, [pair], equal=[name])[0] for light in LIGHTS) <= ALLOWED
 
 
 def test_presets_of_two_models_blend_along_a_straight_line(presets: dict[str, Preset]) -> None:
-    shown = edges("studio", presets, some(of_models(presets, "disney", "pixar"), 6))
+    colors = edges("studio", presets, some(of_models(presets, "disney", "pixar"), 6))
     mask = MASKS[:, None, None]
-    np.testing.assert_allclose(shown, shown[:, :1] * (1.0 - mask) + shown[:, -1:] * mask, rtol=1e-12)
+    np.testing.assert_allclose(colors, colors[:, :1] * (1.0 - mask) + colors[:, -1:] * mask, rtol=1e-12)
 
 
 def test_it_does_not_matter_which_preset_is_above(presets: dict[str, Preset]) -> None:
@@ -186,9 +186,9 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], name: st
 def test_the_tables_of_the_page_are_what_is_measured(presets: dict[str, Preset]) -> None:
     page = mask_edges.PAGE.read_text()
     for name, table in mask_edges.tables(presets).items():
-        assert mask_edges.written(page, name) == table, "run: python tests/material/mask_edges.py"
+        assert mask_edges.page_table(page, name) == table, "run: python tests/material/mask_edges.py"
 
 
 def test_the_page_counts_what_is_recorded(presets: dict[str, Preset]) -> None:
     recorded = mask_edges.kinds_table(presets, mask_edges.read_edges())
-    assert mask_edges.written(mask_edges.PAGE.read_text(), "kinds") == recorded
+    assert mask_edges.page_table(mask_edges.PAGE.read_text(), "kinds") == recorded

@@ -1,6 +1,6 @@
-"""MaterialX documents: what is carried over arrives in the look, all else is reported, and soon.
+"""Import of MaterialX documents: inputs arrive in the look, or the import reports them, in little time.
 
-Documents are of a material M, made of a disney_principled S.
+Documents have a material M with a disney_principled S.
 """
 
 import time
@@ -9,7 +9,7 @@ from pathlib import Path
 import MaterialX as mx
 import numpy as np
 import pytest
-from look_files import faults_of, rotated, write_gray
+from look_files import faults_of, rotate_clockwise, write_gray
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS
@@ -31,7 +31,7 @@ def library() -> dict[str, str]:
     """Return the type of every input of the node, as the MaterialX library has it."""
     document = mx.createDocument()
     mx.readFromXmlFile(document, mx.getDefaultDataSearchPath().find("libraries/bxdf/disney_principled.mtlx"))
-    return {given.getName(): given.getType() for given in document.getNodeDef("ND_disney_principled").getInputs()}
+    return {port.getName(): port.getType() for port in document.getNodeDef("ND_disney_principled").getInputs()}
 
 
 INPUTS = library()
@@ -51,10 +51,10 @@ def document(folder: Path, *inputs: str, nodes="", material=MATERIAL, attributes
     return file
 
 
-def as_look(imported: Imported) -> Layer:
-    """Write what was imported, read it as a look and return its one layer; connections join what is of one type."""
-    usda = imported.file.with_suffix(".usda")
-    write_usda(imported, usda, replace=True)
+def as_look(import_layer: Imported) -> Layer:
+    """Write an imported document, read it as a look and return its only layer; check the types of connections."""
+    usda = import_layer.file.with_suffix(".usda")
+    write_usda(import_layer, usda, replace=True)
     stage = Usd.Stage.Open(str(usda))
     for prim in stage.Traverse():
         for target in UsdShade.ConnectableAPI(prim).GetInputs():
@@ -64,18 +64,18 @@ def as_look(imported: Imported) -> Layer:
     return layer
 
 
-def unmapped(imported: Imported) -> list[tuple[str, str, str]]:
-    assert all(fault.file == str(imported.file) for fault in imported.unmapped)
-    return [(fault.where, fault.what, fault.hint) for fault in imported.unmapped]
+def unmapped_faults(import_layer: Imported) -> list[tuple[str, str, str]]:
+    assert all(fault.file == str(import_layer.file) for fault in import_layer.unmapped)
+    return [(fault.where, fault.what, fault.hint) for fault in import_layer.unmapped]
 
 
-def imported(folder: Path, *inputs: str, **parts: str) -> Imported:
+def import_layer(folder: Path, *inputs: str, **parts: str) -> Imported:
     """Import a document as `document` writes it."""
     return import_materialx(document(folder, *inputs, **parts))
 
 
-def texture_of(imported: Imported, name: str) -> Texture:
-    return as_look(imported).inputs[name]
+def texture_of(import_layer: Imported, name: str) -> Texture:
+    return as_look(import_layer).inputs[name]
 
 
 TO_IMAGE = setting("baseColor", 'nodename="image"')
@@ -87,14 +87,14 @@ NUMBERS = {"float": "0.25", "color3": "0.25, 0.5, 0.75"}
 @pytest.mark.parametrize("name", INPUTS)
 def test_every_input_of_the_node_is_carried_over_or_reported(tmp_path: Path, name: str) -> None:
     value = NUMBERS[INPUTS[name]]
-    found = imported(tmp_path, setting(name, f'value="{value}"'))
+    result = import_layer(tmp_path, setting(name, f'value="{value}"'))
     if name in MODELS["disney"].parameters:
-        numbers = tuple(float(each) for each in value.split(","))
-        assert as_look(found).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
-        assert not found.unmapped
+        numbers = tuple(float(number) for number in value.split(","))
+        assert as_look(result).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
+        assert not result.unmapped
     else:
-        ((where, what, hint),) = unmapped(found)
-        assert (where, what) == (f"S/{name}", f"'{value}' is not carried over")
+        ((where, message, hint),) = unmapped_faults(result)
+        assert (where, message) == (f"S/{name}", f"'{value}' is not carried over")
         assert hint
 
 
@@ -105,9 +105,9 @@ def test_defaults_are_those_of_materialx(tmp_path: Path) -> None:
 
 
 def test_what_is_out_of_range_is_clipped_and_reported(tmp_path: Path) -> None:
-    found = imported(tmp_path, setting("metallic", 'value="1.5"'), setting("baseColor", 'value="2, -1, 0.5"'))
-    assert as_look(found).inputs == {"metallic": 1.0, "baseColor": (1.0, 0.0, 0.5)}
-    assert unmapped(found) == [
+    result = import_layer(tmp_path, setting("metallic", 'value="1.5"'), setting("baseColor", 'value="2, -1, 0.5"'))
+    assert as_look(result).inputs == {"metallic": 1.0, "baseColor": (1.0, 0.0, 0.5)}
+    assert unmapped_faults(result) == [
         ("S/baseColor", "2, -1, 0.5 is outside [0, 1]", "1, 0, 0.5 is taken"),
         ("S/metallic", "1.5 is outside [0, 1]", "1 is taken"),
     ]
@@ -118,9 +118,9 @@ def test_a_constant_comes_through_graphs_interfaces_and_nodes(tmp_path: Path) ->
       <constant name="c" type="float"><input name="value" type="float" interfacename="r"/></constant>
       <constant name="d" type="float"><input name="value" type="float" nodename="c"/></constant>
       <output name="o" type="float" nodename="d"/></nodegraph>"""
-    found = imported(tmp_path, setting("roughness", 'nodegraph="G" output="o"'), nodes=graph)
-    assert as_look(found).inputs["roughness"] == 0.25
-    assert not found.unmapped
+    result = import_layer(tmp_path, setting("roughness", 'nodegraph="G" output="o"'), nodes=graph)
+    assert as_look(result).inputs["roughness"] == 0.25
+    assert not result.unmapped
 
 
 @pytest.mark.parametrize(
@@ -134,14 +134,18 @@ def test_a_constant_comes_through_graphs_interfaces_and_nodes(tmp_path: Path) ->
 )
 def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: str, hint: str) -> None:
     attributes = f'version="1.39" colorspace="{space}"'
-    constant = imported(tmp_path, setting("baseColor", 'value="0.5, 0.5, 0.5"'), attributes=attributes)
+    constant = import_layer(tmp_path, setting("baseColor", 'value="0.5, 0.5, 0.5"'), attributes=attributes)
     assert as_look(constant).inputs["baseColor"] == pytest.approx((decoded,) * 3)
     rough = '<image name="rough" type="float"><input name="file" type="filename" value="gray.png"/></image>'
     links = TO_IMAGE, setting("roughness", 'nodename="rough"')
-    found = imported(tmp_path, *links, nodes=IMAGE.format("") + rough, attributes=attributes)
-    assert [texture_of(found, name).colorspace for name in ("baseColor", "roughness")] == [colorspace, "raw"]
-    lost = [(f"the colour space '{space}' is not carried over", hint)] if hint else []
-    assert [each[1:] for each in unmapped(constant)] == [each[1:] for each in unmapped(found)] == lost
+    result = import_layer(tmp_path, *links, nodes=IMAGE.format("") + rough, attributes=attributes)
+    assert [texture_of(result, name).colorspace for name in ("baseColor", "roughness")] == [colorspace, "raw"]
+    fault_texts = [(f"the colour space '{space}' is not carried over", hint)] if hint else []
+    assert (
+        [fault[1:] for fault in unmapped_faults(constant)]
+        == [fault[1:] for fault in unmapped_faults(result)]
+        == fault_texts
+    )
 
 
 @pytest.mark.parametrize(
@@ -156,10 +160,10 @@ def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: s
 )
 def test_a_float_takes_a_channel(tmp_path: Path, node: str, link: str, channel: str) -> None:
     nodes = IMAGE.format("") + node.format('<input name="in" type="color3" nodename="image"/>')
-    found = imported(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes)
-    texture = texture_of(found, "metallic")
+    result = import_layer(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes)
+    texture = texture_of(result, "metallic")
     assert (texture.channel, texture.file.name) == (channel, "rgb.png")
-    assert not found.unmapped
+    assert not result.unmapped
 
 
 def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
@@ -168,19 +172,19 @@ def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
       <input name="vaddressmode" type="string" value="constant"/>"""
     uv = '<texcoord name="uv" type="vector2"><input name="index" type="integer" value="1"/></texcoord>'
     links = [setting(name, 'nodename="image" channels="g"') for name in ("metallic", "roughness")]
-    found = imported(tmp_path, *links, nodes=IMAGE.format(inside) + uv)
-    layer = as_look(found)
+    result = import_layer(tmp_path, *links, nodes=IMAGE.format(inside) + uv)
+    layer = as_look(result)
     texture = layer.inputs["metallic"]
     assert texture == layer.inputs["roughness"]
     assert (texture.st, texture.wrap_s, texture.wrap_t) == ("st1", "mirror", "black")
-    assert found.file.with_suffix(".usda").read_text().count("UsdUVTexture") == 1
+    assert result.file.with_suffix(".usda").read_text().count("UsdUVTexture") == 1
 
 
-def placed(st: np.ndarray, p: dict[str, np.ndarray], degrees: float, order: int) -> np.ndarray:
+def place_coordinates(st: np.ndarray, p: dict[str, np.ndarray], degrees: float, order: int) -> np.ndarray:
     """NG_place2d_vector2 of the MaterialX library, written out node by node."""
     if order == 0:
-        return rotated((st - p["pivot"]) / p["scale"], degrees) - p["offset"] + p["pivot"]
-    return rotated(st - p["pivot"] - p["offset"], degrees) / p["scale"] + p["pivot"]
+        return rotate_clockwise((st - p["pivot"]) / p["scale"], degrees) - p["offset"] + p["pivot"]
+    return rotate_clockwise(st - p["pivot"] - p["offset"], degrees) / p["scale"] + p["pivot"]
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -194,12 +198,12 @@ def test_placement_is_that_of_the_library(tmp_path: Path, order: int) -> None:
         <input name="operationorder" type="integer" value="{order}"/></place2d>
       <tiledimage name="image" type="color3"><input name="file" type="filename" value="rgb.png"/>
         <input name="texcoord" type="vector2" nodename="place"/>{inputs["uvtiling"]}{inputs["uvoffset"]}</tiledimage>"""
-    found = imported(tmp_path, TO_IMAGE, nodes=nodes)
-    assert not found.unmapped
-    texture = texture_of(found, "baseColor")
+    result = import_layer(tmp_path, TO_IMAGE, nodes=nodes)
+    assert not result.unmapped
+    texture = texture_of(result, "baseColor")
     st = rng.uniform(-1.0, 1.0, (8, 2))
     matrix = np.reshape(texture.transform, (2, 3))
-    expected = placed(st, sizes, 37.0, order) * sizes["uvtiling"] - sizes["uvoffset"]
+    expected = place_coordinates(st, sizes, 37.0, order) * sizes["uvtiling"] - sizes["uvoffset"]
     # USD holds scales and translations, up to 11 here, in float32.
     np.testing.assert_allclose(st @ matrix[:, :2].T + matrix[:, 2], expected, atol=1e-5)
 
@@ -210,7 +214,7 @@ def test_radians_are_turned_into_degrees(tmp_path: Path) -> None:
         '<input name="texcoord" type="vector2" nodename="uv"/>'
         '<input name="rotate" type="float" value="1.5707963267948966" unit="radian" unittype="angle"/></place2d>'
     )
-    texture = texture_of(imported(tmp_path, TO_IMAGE, nodes=nodes), "baseColor")
+    texture = texture_of(import_layer(tmp_path, TO_IMAGE, nodes=nodes), "baseColor")
     assert texture.transform == pytest.approx((0.0, 1.0, 0.0, -1.0, 0.0, 0.0))
 
 
@@ -220,10 +224,10 @@ def test_primvars(tmp_path: Path) -> None:
       <geompropvalue name="Cd" type="color3"><input name="geomprop" type="string" value="displayColor"/>
       </geompropvalue>"""
     links = setting("roughness", 'nodename="wear"'), setting("baseColor", 'nodename="Cd"')
-    found = imported(tmp_path, *links, nodes=nodes)
-    layer = as_look(found)
+    result = import_layer(tmp_path, *links, nodes=nodes)
+    layer = as_look(result)
     assert layer.inputs == {"roughness": Primvar("wear", 0.25), "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0))}
-    assert not found.unmapped
+    assert not result.unmapped
 
 
 def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
@@ -239,12 +243,12 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
     inputs = TO_IMAGE, setting("sheen", 'nodename="m"'), setting("specTrans", 'nodename="n"')
     attributes = 'version="1.39" xmlns:xi="http://www.w3.org/2001/XInclude"'
     file = document(tmp_path, *inputs, setting("flatness", 'value="0.3"', "float"), nodes=nodes, attributes=attributes)
-    found = import_materialx(file)
-    assert set(as_look(found).inputs) == {"baseColor"}
+    result = import_materialx(file)
+    assert set(as_look(result).inputs) == {"baseColor"}
     line = file.read_text().split("<xi:")[0].count("\n") + 1
     connection, unused = "the connection to {} is not carried over", "no imported material uses it"
-    lost = "a LookdevDisney layer lets no light through"
-    assert sorted(unmapped(found)) == sorted(
+    fault_texts = "a LookdevDisney layer lets no light through"
+    assert sorted(unmapped_faults(result)) == sorted(
         [
             (f"line {line}, column 7", "includes 'other.mtlx'", "includes are not followed"),
             ("S/flatness", "'0.3' is not carried over", f"unknown input; known: {', '.join(INPUTS)}"),
@@ -252,7 +256,7 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
             ("image/filtertype", "'cubic' is not carried over", "images are looked up linearly"),
             ("image/texcoord", connection.format("<noise2d> 'warp'"), "the UV set st is taken"),
             ("S/sheen", connection.format("<multiply> 'm'"), "0.0 is taken"),
-            ("S/specTrans", connection.format("<noise3d> 'n'"), lost),
+            ("S/specTrans", connection.format("<noise3d> 'n'"), fault_texts),
             ("Plain", "has the surface shader <standard_surface>", OTHER_MODELS),
             ("Other", "<standard_surface> is not carried over", ""),
             ("warp", "<noise2d> is not carried over", ""),
@@ -266,9 +270,9 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", ["", "&lt;UVTILE>.png"])
 def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, file: str) -> None:
-    found = imported(tmp_path, TO_IMAGE, nodes=IMAGE.format("").replace("rgb.png", file))
-    assert as_look(found).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
-    assert [where for where, _, _ in unmapped(found)] == ["image/file", "S/baseColor", "image"]
+    result = import_layer(tmp_path, TO_IMAGE, nodes=IMAGE.format("").replace("rgb.png", file))
+    assert as_look(result).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
+    assert [where for where, _, _ in unmapped_faults(result)] == ["image/file", "S/baseColor", "image"]
 
 
 @pytest.mark.parametrize(
@@ -290,10 +294,12 @@ def test_image_paths_become_relative_to_what_is_written(tmp_path: Path, prefix: 
 
 def test_a_placement_of_nothing_and_swapped_channels_are_reported(tmp_path: Path) -> None:
     nodes = IMAGE.format('<input name="texcoord" type="vector2" nodename="p"/>') + '<place2d name="p" type="vector2"/>'
-    placed = imported(tmp_path, TO_IMAGE, nodes=nodes)
-    assert unmapped(placed) == [("p", "places one point, as it has no texcoord", "the UV set st is taken")]
-    swapped = imported(tmp_path, setting("baseColor", 'nodename="image" channels="bgr"'), nodes=nodes)
-    assert unmapped(swapped)[0][0] == "S/baseColor"
+    place_coordinates = import_layer(tmp_path, TO_IMAGE, nodes=nodes)
+    assert unmapped_faults(place_coordinates) == [
+        ("p", "places one point, as it has no texcoord", "the UV set st is taken")
+    ]
+    swapped = import_layer(tmp_path, setting("baseColor", 'nodename="image" channels="bgr"'), nodes=nodes)
+    assert unmapped_faults(swapped)[0][0] == "S/baseColor"
     assert as_look(swapped).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
 
 
@@ -305,7 +311,9 @@ def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 
 def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None:
     second = MATERIAL.replace('"M"', '"Alt gold/1"')
-    write_usda(imported(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second), tmp_path / "m.usda")
+    write_usda(
+        import_layer(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second), tmp_path / "m.usda"
+    )
     for prim in ("/M", "/Alt_gold_1"):
         (layer,) = read_look(tmp_path / "m.usda", prim).layers
         assert layer.inputs["metallic"] == 1.0
@@ -316,14 +324,14 @@ def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None
 
 
 def test_a_look_is_written_as_its_suffix_says(tmp_path: Path) -> None:
-    found = imported(tmp_path, setting("metallic", 'value="1"'))
+    result = import_layer(tmp_path, setting("metallic", 'value="1"'))
     for suffix, start in ((".usda", b"#usda"), (".usdc", b"PXR-USDC")):
         file = tmp_path / f"look{suffix}"
-        write_usda(found, file)
+        write_usda(result, file)
         assert file.read_bytes().startswith(start)
         assert examine(file).findings == ()
-    with pytest.raises(OutputError, match=r"look\.txt: is no name of a look; it would end with \.usda"):
-        write_usda(found, tmp_path / "look.txt")
+    with pytest.raises(OutputError, match=r"look\.txt: is not the name of a look; it would end with \.usda"):
+        write_usda(result, tmp_path / "look.txt")
 
 
 def faults(file: Path) -> list[tuple[str, str, str]]:
@@ -345,7 +353,7 @@ PLACED += '<place2d name="p" type="vector2"><input name="{}" type="{}" value="{}
 
 
 @pytest.mark.parametrize(
-    ("inputs", "nodes", "where", "what"),
+    ("inputs", "nodes", "where", "message"),
     [
         (setting("sheen", 'value="much"'), "", "S/sheen", "'much' is not a value"),
         (setting("sheen", 'value="nan"'), "", "S/sheen", "'nan' is not a value"),
@@ -364,8 +372,8 @@ PLACED += '<place2d name="p" type="vector2"><input name="{}" type="{}" value="{}
         (TO_IMAGE, PLACED.format("operationorder", "integer", "2"), "p/operationorder", "unknown value '2'"),
     ],
 )
-def test_a_broken_document_is_an_error(tmp_path: Path, inputs: str, nodes: str, where: str, what: str) -> None:
-    assert (where, what) in [fault[:2] for fault in faults(document(tmp_path, inputs, nodes=nodes))]
+def test_a_broken_document_is_an_error(tmp_path: Path, inputs: str, nodes: str, where: str, message: str) -> None:
+    assert (where, message) in [fault[:2] for fault in faults(document(tmp_path, inputs, nodes=nodes))]
 
 
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
@@ -381,8 +389,8 @@ def test_other_shading_models_are_named(tmp_path: Path) -> None:
         ("M", "has the surface shader <standard_surface>", OTHER_MODELS),
         ("E", "has no surface shader", OTHER_MODELS),
     ]
-    ((where, what, hint),) = faults(document(tmp_path, material=""))
-    assert (where, what) == ("", "holds no surfacematerial")
+    ((where, message, hint),) = faults(document(tmp_path, material=""))
+    assert (where, message) == ("", "holds no surfacematerial")
     assert "disney_principled" in hint
 
 
@@ -393,7 +401,7 @@ LAUGHS = f'<!DOCTYPE x [<!ENTITY a0 "ha">{LAUGHS}]><materialx version="1.39" doc
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "what"),
+    ("text", "where", "message"),
     [
         (b"", "line 1, column 1", "is not XML: no element found"),
         (b"#usda 1.0", "line 1, column 1", "is not XML: syntax error"),
@@ -409,16 +417,16 @@ LAUGHS = f'<!DOCTYPE x [<!ENTITY a0 "ha">{LAUGHS}]><materialx version="1.39" doc
         (HEAD + b"<a>" * 300_000, "line 1, column 120", "more than 32 elements inside each other"),
     ],
 )
-def test_what_is_no_materialx_is_refused(tmp_path: Path, text: bytes, where: str, what: str) -> None:
+def test_what_is_no_materialx_is_refused(tmp_path: Path, text: bytes, where: str, message: str) -> None:
     file = tmp_path / "m.mtlx"
     file.write_bytes(text)
-    assert [fault[:2] for fault in faults(file)] == [(where, what)]
+    assert [fault[:2] for fault in faults(file)] == [(where, message)]
 
 
 def test_missing_files_and_folders(tmp_path: Path) -> None:
     missing = "cannot be read: No such file or directory"
-    for file, what in ((tmp_path / "none.mtlx", missing), (tmp_path, "is a folder")):
-        assert [fault[:2] for fault in faults(file)] == [("", what)]
+    for file, message in ((tmp_path / "none.mtlx", missing), (tmp_path, "is a folder")):
+        assert [fault[:2] for fault in faults(file)] == [("", message)]
 
 
 @pytest.mark.parametrize(("version", "closed"), [("1.38", False), ("1.39", True)])
@@ -432,5 +440,5 @@ def test_a_megabyte_of_nodes_ends_soon(tmp_path: Path, version: str, closed: boo
         assert "its connections run in a cycle" in faults(file)[0][1]
     else:
         assert len(import_materialx(file).unmapped) == len(names) + 1
-    # A second is what it may take; a busy machine's caches are allowed for. Upgrading such a file took 150 s.
+    # It takes less than a second on an idle machine. Upgrading such a file took 150 s.
     assert time.process_time() - before < 5.0

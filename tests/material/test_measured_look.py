@@ -1,4 +1,4 @@
-"""Looks of measured reflectance: read from USD, imported, previewed, and what shows them."""
+"""Looks of measured reflectance: read from USD, imported, previewed, and in generated code."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -28,11 +28,11 @@ _WO, _WI = np.array([0.0, 0.6, 0.8]), np.array([0.6, 0.0, 0.8])
 _LIGHT: Any = Dome(None, None, None, None, 8, 4, "")  # type: ignore[arg-type]
 
 
-def measured(name: str = "Base", body: str = "asset file = @./even.dat@") -> str:
+def measured_shader(name: str = "Base", body: str = "asset file = @./even.dat@") -> str:
     return shader(name, "LookdevMeasured", body)
 
 
-def even(file: Path, value: tuple[float, float, float]) -> Path:
+def write_even_table(file: Path, value: tuple[float, float, float]) -> Path:
     write_anisotropic(file, np.broadcast_to(value, (3, 3, 4, 4, 3)))
     return file
 
@@ -43,8 +43,8 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # kept here alone: other tests take those of the built-in measurement in full.
     monkeypatch.setattr(proposal, "_VIEW_CELLS", {False: (2, 1), True: (2, 2)})
     monkeypatch.setattr("lookdev.brdf.measured._make_cached_proposal", lru_cache(proposal.make_proposal))
-    even(tmp_path / "even.dat", (0.1, 0.2, 0.3))
-    even(tmp_path / "other.dat", (0.3, 0.2, 0.1))
+    write_even_table(tmp_path / "even.dat", (0.1, 0.2, 0.3))
+    write_even_table(tmp_path / "other.dat", (0.3, 0.2, 0.1))
 
 
 def f_of(file: Path) -> Any:
@@ -52,7 +52,7 @@ def f_of(file: Path) -> Any:
 
 
 def test_a_file_is_relative_to_the_look(write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = write(measured())
+    file = write(measured_shader())
     monkeypatch.chdir("/")
     (layer,) = read_look(file).layers
     assert layer.inputs == {"file": str(tmp_path / "even.dat")}
@@ -60,13 +60,13 @@ def test_a_file_is_relative_to_the_look(write, tmp_path: Path, monkeypatch: pyte
 
 
 def test_the_built_in_measurement_is_no_file(write) -> None:
-    file = write(measured(body="asset file = @builtin:plastic@\nfloat scale = 2"))
+    file = write(measured_shader(body="asset file = @builtin:plastic@\nfloat scale = 2"))
     assert read_look(file).layers[0].inputs == {"file": "builtin:plastic", "scale": 2.0}
     assert (f_of(file) > 0.0).all()
 
 
 @pytest.mark.parametrize(
-    ("body", "name", "what"),
+    ("body", "name", "expected_summary"),
     [
         ("", "file", "names no file"),
         ("asset file = @@", "file", "names no file"),
@@ -77,17 +77,17 @@ def test_the_built_in_measurement_is_no_file(write) -> None:
         ('asset file = @./even.dat@; token interpolation = "cubic"', "interpolation", "cub"),
     ],
 )
-def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, name: str, what: str) -> None:
-    (place, found, hint), *_ = faults_of(write(measured(body=body)))
-    assert place == f"Base.{name}"
-    assert what in found
+def test_a_wrong_file_is_a_fault_of_its_input(write, body: str, name: str, expected_summary: str) -> None:
+    (path, summary, hint), *_ = faults_of(write(measured_shader(body=body)))
+    assert path == f"Base.{name}"
+    assert expected_summary in summary
     assert hint
 
 
 def test_layers_of_different_files_are_blended_by_the_mask(write) -> None:
     inputs = f"token base <- Base.layer\n{LAYER1}float inputs:layer1Mask = 0.25"
-    top = measured("Coat", "asset file = @./other.dat@")
-    file = write(measured() + stack(inputs, top), terminal="</M/Layers.outputs:surface>")
+    top = measured_shader("Coat", "asset file = @./other.dat@")
+    file = write(measured_shader() + stack(inputs, top), terminal="</M/Layers.outputs:surface>")
     np.testing.assert_allclose(f_of(file), (0.15, 0.2, 0.25), rtol=1e-6)
 
 
@@ -105,7 +105,7 @@ def test_an_imported_file_is_a_look(tmp_path: Path) -> None:
 
 
 def test_the_preview_has_the_mean_albedo(write) -> None:
-    values = preview_values(read_look(write(measured())).layers)
+    values = preview_values(read_look(write(measured_shader())).layers)
     np.testing.assert_allclose(values["diffuseColor"], np.pi * np.array([0.1, 0.2, 0.3]), rtol=2e-2)
     assert values["ior"] == 1.0
 
@@ -116,26 +116,26 @@ def source(file: Path) -> Any:
 
 
 def test_a_digest_depends_on_the_samples_not_on_their_path(write, tmp_path: Path) -> None:
-    file = write(measured())
+    file = write(measured_shader())
     before = source(file).digest
-    even(tmp_path / "even.dat", (0.1, 0.2, 0.4))
+    write_even_table(tmp_path / "even.dat", (0.1, 0.2, 0.4))
     assert source(file).digest != before
-    even(tmp_path / "copy.dat", (0.1, 0.2, 0.3))
-    assert source(write(measured(body="asset file = @./copy.dat@"))).digest == before
+    write_even_table(tmp_path / "copy.dat", (0.1, 0.2, 0.3))
+    assert source(write(measured_shader(body="asset file = @./copy.dat@"))).digest == before
 
 
 def test_the_shader_has_each_table_once(write) -> None:
-    generated = source(write(measured()))
+    generated = source(write(measured_shader()))
     names = [table.parameter for table in generated.tables]
     assert len(names) == len(set(names)) == 6
     assert all(f"float {name}[" in generated.osl for name in names)
-    assert [each.attribute for each in generated.attributes] == [TANGENT]
+    assert [attribute.attribute for attribute in generated.attributes] == [TANGENT]
     # MERL's data have no direction, so no tangent is read.
-    assert not source(write(measured(body="asset file = @builtin:plastic@"))).attributes
+    assert not source(write(measured_shader(body="asset file = @builtin:plastic@"))).attributes
 
 
 def test_nodes_cannot_show_it(write) -> None:
-    look = read_look(write(measured()))
+    look = read_look(write(measured_shader()))
     with pytest.raises(CodegenError, match=r"no closures of Cycles stand for lobe 'measured'.* 'exact'"):
         generate_nodes(look, lambda texture: Path())
     with pytest.raises(CodegenError, match="nodes cannot look up measured data; backend 'exact' would be right"):

@@ -85,15 +85,17 @@ def assert_is(points: Points, layers: Sequence[Layer], expected: Callable[[int],
     presence = np.broadcast_to(bsdf.presence, COUNT)
     for i in range(COUNT):
         inputs = ((layer, complete_parameters(layer.model, layer.inputs)) for layer in expected(i))
-        one = stack_bsdf([StackLayer(layer.model, given, layer.mask, layer.mode) for layer, given in inputs])
-        np.testing.assert_allclose(f[i], evaluate(one, wo[i], wi[i]), rtol=1e-12)
-        np.testing.assert_allclose(density[i], pdf(one, wo[i], wi[i]), rtol=1e-12)
-        np.testing.assert_allclose(drawn[i], sample(one, wo[i], u[i]), rtol=1e-9, atol=1e-12)
-        assert presence[i] == pytest.approx(one.presence)
+        point_bsdf = stack_bsdf(
+            [StackLayer(layer.model, parameters, layer.mask, layer.mode) for layer, parameters in inputs]
+        )
+        np.testing.assert_allclose(f[i], evaluate(point_bsdf, wo[i], wi[i]), rtol=1e-12)
+        np.testing.assert_allclose(density[i], pdf(point_bsdf, wo[i], wi[i]), rtol=1e-12)
+        np.testing.assert_allclose(drawn[i], sample(point_bsdf, wo[i], u[i]), rtol=1e-9, atol=1e-12)
+        assert presence[i] == pytest.approx(point_bsdf.presence)
 
 
-def clipped(value: Any, most: float = 1.0) -> Any:
-    value = np.clip(value, 0.0, most)
+def clip_value(value: Any, maximum: float = 1.0) -> Any:
+    value = np.clip(value, 0.0, maximum)
     return float(value) if value.ndim == 0 else tuple(value)
 
 
@@ -108,8 +110,8 @@ def test_textures_and_primvars_are_constants_at_each_point(model: str, color: st
         return base, Layer("Coat", model, {color: gray, "metallic": 0.5}, wear)
 
     def expected(i: int) -> Sequence[Layer]:
-        here, rough, shade = (clipped(sample_texture(image, st[i])) for image in (paint, grain, gray))
-        return layers(here, rough, (shade,) * 3, clipped(points.wear[i]))
+        texel, rough, shade = (clip_value(sample_texture(image, st[i])) for image in (paint, grain, gray))
+        return layers(texel, rough, (shade,) * 3, clip_value(points.wear[i]))
 
     assert_is(points, layers(paint, grain, gray, wear), expected)
 
@@ -118,7 +120,7 @@ def test_what_follows_a_varying_parameter_varies_with_it(points: Points) -> None
     inputs = {"clear": 0.7, "roughness": 0.2, "specularConeScale": Primvar("wear", 0.5)}
 
     def expected(i: int) -> Sequence[Layer]:
-        scales = dict.fromkeys(("specularConeScale", "specularTransmissionConeScale"), clipped(points.wear[i], 2.0))
+        scales = dict.fromkeys(("specularConeScale", "specularTransmissionConeScale"), clip_value(points.wear[i], 2.0))
         return [Layer("Base", "pixar", inputs | scales)]
 
     assert_is(points, [Layer("Base", "pixar", inputs)], expected)
@@ -135,9 +137,9 @@ def test_formulas_read_textures_primvars_and_coordinates(points: Points, image: 
 
     def expected(i: int) -> Sequence[Layer]:
         s, t = points.st[i]
-        here, paint = sample_texture(dirt, points.st[i]), points.paint[i]
-        covered = clipped(here * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
-        return layers(clipped(paint * here), covered)
+        texel, paint = sample_texture(dirt, points.st[i]), points.paint[i]
+        covered = clip_value(texel * paint[1] + 0.1 * (2.0 * s + t + 0.5) + 0.05 * 3.0 * t)
+        return layers(clip_value(paint * texel), covered)
 
     assert_is(points, layers(Formula(parse("p * t"), inputs, kinds), mask), expected)
 
@@ -156,7 +158,7 @@ def test_normals_lean_along_the_uvs(kind: str, points: Points, image: Path) -> N
             x, y, z = *(-0.05 * sample_slopes(height, points.st[i])), 1.0
         else:
             x, y, z = np.clip(sample_texture(normal_map, points.st[i]), -1.0, 1.0) if kind == "map" else source
-        # Of a unit vector's direction only: constants may not be longer than their range.
+        # Only the direction of unit vectors: constants may not be longer than their range.
         length = max(1.0, abs(x), abs(y))
         return layers((x / length, y * points.hands[i] / length, z / length))
 
@@ -169,7 +171,7 @@ def test_transmitting_layers_and_varying_presence(points: Points, image: Path) -
     def layers(presence: Any) -> list[Layer]:
         return [Layer("A", "pixar", {"back": 0.4, "presence": presence}), clear]
 
-    assert_is(points, layers(holes), lambda i: layers(clipped(sample_texture(holes, points.st[i]))))
+    assert_is(points, layers(holes), lambda i: layers(clip_value(sample_texture(holes, points.st[i]))))
 
 
 def test_a_constant_outside_its_range_is_refused(points: Points) -> None:
@@ -198,7 +200,7 @@ def direction(cosine: float) -> Floats:
     return np.array([np.sqrt(1.0 - cosine * cosine), 0.0, cosine])
 
 
-def seen(cosine: Any) -> Bsdf:
+def bsdf_of_view(cosine: Any) -> Bsdf:
     return look_bsdf(LOOK, seen_at(cosine))
 
 
@@ -206,18 +208,18 @@ def test_values_at_points_are_those_of_each_view() -> None:
     rng = np.random.default_rng(1)
     cosines = np.array(VIEWS)
     wo = np.stack([direction(cosine) for cosine in VIEWS])
-    wi = sample(seen(cosines), wo, rng.random((len(VIEWS), 2)))
-    values, densities = evaluate(seen(cosines), wo, wi), pdf(seen(cosines), wo, wi)
+    wi = sample(bsdf_of_view(cosines), wo, rng.random((len(VIEWS), 2)))
+    values, densities = evaluate(bsdf_of_view(cosines), wo, wi), pdf(bsdf_of_view(cosines), wo, wi)
     for k, cosine in enumerate(VIEWS):
-        np.testing.assert_allclose(values[k], evaluate(seen(cosine), wo[k], wi[k]), rtol=1e-12)
-        np.testing.assert_allclose(densities[k], pdf(seen(cosine), wo[k], wi[k]), rtol=1e-12)
+        np.testing.assert_allclose(values[k], evaluate(bsdf_of_view(cosine), wo[k], wi[k]), rtol=1e-12)
+        np.testing.assert_allclose(densities[k], pdf(bsdf_of_view(cosine), wo[k], wi[k]), rtol=1e-12)
 
 
 @pytest.mark.parametrize("cosine", VIEWS)
 def test_sampling_at_a_hit_agrees_with_brute_force(cosine: float) -> None:
     """Light from each side: directions of the BSDF over its pdf, quadrature, and directions uniform over the sphere."""
     rng = np.random.default_rng(2)
-    bsdf, wo = seen(cosine), direction(cosine)
+    bsdf, wo = bsdf_of_view(cosine), direction(cosine)
     z, phi = rng.uniform(-1.0, 1.0, SAMPLES), rng.uniform(0.0, 2.0 * np.pi, SAMPLES)
     r = np.sqrt(1.0 - z * z)
     wi = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
@@ -229,7 +231,7 @@ def test_sampling_at_a_hit_agrees_with_brute_force(cosine: float) -> None:
     # 24 comparisons over the four views: noise exceeds 4.5 standard errors once in 6,000 runs.
     assert (np.abs(brute - drawn.value) <= 4.5 * np.hypot(error, drawn.error) + exact.error).all()
     assert (np.abs(exact.value - drawn.value) <= 4.5 * drawn.error + exact.error).all()
-    # Directions over the sphere are drawn with probability 1, but for those that no lobe sends.
+    # Directions over the sphere are drawn with probability 1, except those that no lobe samples.
     density = pdf(bsdf, view, wi) * (4.0 * np.pi)
     assert density.mean() < 1.0 + 4.5 * density.std() / np.sqrt(SAMPLES)
 
@@ -249,6 +251,6 @@ def test_a_look_at_a_point_keeps_its_dependence_on_the_view() -> None:
         metal, rough = (look.layers[1].inputs[name] for name in ("metallic", "roughness"))
         values = {"roughness": 0.6 * metal * rough.inputs["c"][0], "metallic": metal, "baseColor": (0.18, 0.6, 0.9)}
         plain = look_bsdf(Look("plain", (under, Layer("Base", "disney", values, 0.6))), seen_at(1.0))
-        found = evaluate(look_bsdf(look, seen_at(0.6)), wo, wi)
-        np.testing.assert_allclose(found, evaluate(plain, wo, wi), rtol=1e-12)
+        reflected = evaluate(look_bsdf(look, seen_at(0.6)), wo, wi)
+        np.testing.assert_allclose(reflected, evaluate(plain, wo, wi), rtol=1e-12)
     assert len(constant_looks(LOOK, 3, np.random.default_rng(3))) == 1

@@ -29,10 +29,16 @@ def preview_of(file: Path) -> dict[str, Any]:
     """Write a preview; return each of its inputs, as a value or as the path of its source."""
     assert write_preview(file) == "/M/Preview"
     composed = Usd.Stage.Open(str(file))
-    inputs = [each for each in composed.GetPrimAtPath("/M/Preview").GetAttributes() if "inputs:" in each.GetName()]
+    inputs = [
+        attribute
+        for attribute in composed.GetPrimAtPath("/M/Preview").GetAttributes()
+        if "inputs:" in attribute.GetName()
+    ]
     return {
-        each.GetBaseName(): str(paths[0]) if (paths := each.GetConnections()) else pytest.approx(each.Get(), abs=1e-6)
-        for each in inputs
+        attribute.GetBaseName(): str(paths[0])
+        if (paths := attribute.GetConnections())
+        else pytest.approx(attribute.Get(), abs=1e-6)
+        for attribute in inputs
     }
 
 
@@ -90,7 +96,7 @@ PREVIEWS = {
 
 @pytest.mark.parametrize(("name", "layers", "expected"), [(name, *case) for name, case in PREVIEWS.items()])
 def test_values(name: str, layers: list[Layer], expected: dict[str, Any]) -> None:
-    # What depends on the view is a mean over some places of a sphere; an exact metal's colour is approximate.
+    # Values that depend on the view are means over some points of a sphere; an exact metal's colour is approximate.
     rounding = 1e-3 if "sphere" in name or "silver" in name else 1e-6
     values = preview_values(layers)
     for key, value in expected.items():
@@ -122,9 +128,9 @@ def test_layers_are_blended_by_their_masks(mask: Any, amount: float) -> None:
 
 
 def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) -> None:
-    shown = preview_of(write(rough("Gray.r") + GRAY))
-    assert shown["roughness"] == "/M/Gray.outputs:r"
-    assert shown["metallic"] == 0.0
+    preview = preview_of(write(rough("Gray.r") + GRAY))
+    assert preview["roughness"] == "/M/Gray.outputs:r"
+    assert preview["metallic"] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -143,9 +149,9 @@ def test_the_layer_with_most_weight_is_connected(write: Callable[..., Path], mas
 
 def test_an_interface_input_is_followed_and_a_cut_out_too(write: Callable[..., Path]) -> None:
     body = "color3f surfaceColor <- .tint\nfloat clear = 0.5\nfloat presence <- Gray.r"
-    shown = preview_of(write("color3f tint = (1, 0, 0)\n" + pixar(body=body) + GRAY))
-    assert shown["diffuseColor"] == "/M.inputs:tint"
-    assert shown["opacity"] == "/M/Gray.outputs:r"
+    preview = preview_of(write("color3f tint = (1, 0, 0)\n" + pixar(body=body) + GRAY))
+    assert preview["diffuseColor"] == "/M.inputs:tint"
+    assert preview["opacity"] == "/M/Gray.outputs:r"
 
 
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: look.stem)
@@ -166,8 +172,8 @@ def test_it_is_a_preview_surface_as_usd_defines_it(write: Callable[..., Path]) -
     definition = Sdr.Registry().GetShaderNodeByIdentifier("UsdPreviewSurface")
     for attribute in stage.GetPrimAtPath(path).GetAttributes():
         if attribute.GetNamespace() == "inputs":
-            known = definition.GetShaderInput(attribute.GetBaseName())
-            assert known.GetTypeAsSdfType().GetSdfType() == attribute.GetTypeName(), attribute
+            definition_input = definition.GetShaderInput(attribute.GetBaseName())
+            assert definition_input.GetTypeAsSdfType().GetSdfType() == attribute.GetTypeName(), attribute
     sources = stage.GetPrimAtPath("/M").GetAttribute("outputs:surface").GetConnections()
     assert sources == [Sdf.Path(f"{path}.outputs:surface")]
 

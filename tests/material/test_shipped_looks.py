@@ -70,15 +70,17 @@ def test_a_preset_is_one_documented_layer_and_nothing_else(file: Path) -> None:
 
 
 def test_the_library_is_large_enough() -> None:
-    found = [category(file) for file in PRESETS]
-    assert len(found) >= 36
-    assert {name: least for name, least in CATEGORIES.items() if found.count(name) < least} == {}
+    categories = [category(file) for file in PRESETS]
+    assert len(categories) >= 36
+    assert {name: least for name, least in CATEGORIES.items() if categories.count(name) < least} == {}
 
 
 @pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
 def test_a_preset_has_what_differs_from_the_default_within_what_a_slider_offers(file: Path) -> None:
     layer = layer_of(file)
-    assert {given.GetBaseName() for given in UsdShade.Shader(preset(file)).GetInputs()} == set(layer.inputs)
+    assert {shader_input.GetBaseName() for shader_input in UsdShade.Shader(preset(file)).GetInputs()} == set(
+        layer.inputs
+    )
     for name, value in layer.inputs.items():
         parameter = MODELS[layer.model].parameters[name]
         if isinstance(value, str):
@@ -106,14 +108,14 @@ def test_a_surface_is_as_bright_as_real_ones(file: Path) -> None:
 
 @pytest.mark.parametrize("metal", METALS)
 def test_a_metal_has_the_colour_of_its_measured_index_and_an_exact_preset(metal: str) -> None:
-    named = [file for file in PRESETS if file.stem.endswith(metal) and file not in EXACT]
+    metal_files = [file for file in PRESETS if file.stem.endswith(metal) and file not in EXACT]
     (exact,) = (file for file in EXACT if file.stem == f"exact_{metal}")
-    assert named
-    for file in named:
+    assert metal_files
+    for file in metal_files:
         # Three digits are written.
         np.testing.assert_allclose(layer_of(file).inputs["baseColor"], metal_reflectance(metal), rtol=0, atol=5.1e-4)
     assert layer_of(exact).inputs["metal"] == metal
-    for file in (*named, exact):
+    for file in (*metal_files, exact):
         assert layer_of(file).inputs["metallic"] == 1.0
         assert METALS[metal].split()[0] in preset(file).GetCustomDataByKey("source")
 
@@ -124,10 +126,10 @@ def test_every_metal_is_a_measured_one() -> None:
 
 
 def test_no_two_presets_are_the_same() -> None:
-    for one, other in combinations(PRESETS, 2):
-        a, b = layer_of(one), layer_of(other)
-        assert (a.model, a.inputs) != (b.model, b.inputs), f"{one.stem} is {other.stem}"
-        assert preset(one).GetDocumentation() != preset(other).GetDocumentation()
+    for first, other in combinations(PRESETS, 2):
+        a, b = layer_of(first), layer_of(other)
+        assert (a.model, a.inputs) != (b.model, b.inputs), f"{first.stem} is {other.stem}"
+        assert preset(first).GetDocumentation() != preset(other).GetDocumentation()
 
 
 def test_categories_show_what_they_are_known_for() -> None:
@@ -144,13 +146,17 @@ def variants_of(file: Path) -> list[dict[str, str]]:
     return [{name: choice} for name in sets.GetNames() for choice in sets.GetVariantSet(name).GetVariantNames()]
 
 
-def shipped(name: str, **variants: str) -> Look:
+def read_shipped(name: str, **variants: str) -> Look:
     return read_look(MATERIALS / f"{name}.usda", variants=variants)
 
 
 @pytest.mark.parametrize(
     ("file", "variants"),
-    [pytest.param(file, chosen, id=f"{file.stem}-{chosen}") for file in LOOKS for chosen in ({}, *variants_of(file))],
+    [
+        pytest.param(file, variants, id=f"{file.stem}-{variants}")
+        for file in LOOKS
+        for variants in ({}, *variants_of(file))
+    ],
 )
 def test_every_variant_can_be_read(file: Path, variants: dict[str, str]) -> None:
     look = read_look(file, variants=variants)
@@ -168,20 +174,20 @@ def test_every_variant_can_be_read(file: Path, variants: dict[str, str]) -> None
 
 
 def test_robot_paint_shows_metal_where_it_is_worn() -> None:
-    new, worn = (shipped("robot_paint", wear=wear) for wear in ("new", "worn"))
+    new, worn_look = (read_shipped("robot_paint", wear=wear) for wear in ("new", "worn"))
     assert [layer.name for layer in new.layers] == ["Metal", "Paint"]
-    assert [layer.name for layer in worn.layers] == ["Metal", "Paint", "Dirt"]
-    assert {layer.model for layer in worn.layers} == {"pixar"}
+    assert [layer.name for layer in worn_look.layers] == ["Metal", "Paint", "Dirt"]
+    assert {layer.model for layer in worn_look.layers} == {"pixar"}
     assert new.layers[1].mask == 1.0
-    mask = worn.layers[1].mask
+    mask = worn_look.layers[1].mask
     assert isinstance(mask, Texture)
-    kept = sample_texture(mask, np.random.default_rng(2).uniform(0, 1, (10000, 2)))
-    assert 0.02 < (kept < 0.5).mean() < 0.2  # worn, but painted still
-    assert all(isinstance(layer.inputs["highlightNormal"], Bump) for layer in worn.layers[:2])
+    samples = sample_texture(mask, np.random.default_rng(2).uniform(0, 1, (10000, 2)))
+    assert 0.02 < (samples < 0.5).mean() < 0.2  # worn, but painted still
+    assert all(isinstance(layer.inputs["highlightNormal"], Bump) for layer in worn_look.layers[:2])
 
 
 def test_leaf_is_thin_and_cut_out() -> None:
-    blade, veins = shipped("leaf").layers
+    blade, veins = read_shipped("leaf").layers
     assert 0.4 <= blade.inputs["back"] <= 0.7
     assert 0.0 < blade.inputs["clear"] < 0.5
     presence = blade.inputs["presence"]
@@ -220,15 +226,15 @@ def test_texture_is_what_the_script_makes(script: dict[str, object], name: str) 
     assert file.stat().st_size < 150_000
     stored = np.asarray(oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8)).astype(int)
     pixels: Callable[[str], NDArray[np.uint8]] = script["pixels"]
-    made = pixels(name).astype(int)
+    texels = pixels(name).astype(int)
     assert stored.shape == (512, 512, 1)
     # NumPy versions differ in the last bit of an FFT, which can move a value across one rounding step.
     step = 255 / script["TEXTURES"][name][1]
-    difference = np.abs(stored[..., 0] - made)
+    difference = np.abs(stored[..., 0] - texels)
     assert difference.max() <= np.ceil(step)
     assert np.count_nonzero(difference) <= 10
     # It tiles: across the edge neighbours differ no more than they do inside.
-    for image in (made, made.T):
+    for image in (texels, texels.T):
         inside = [np.abs(a - b).mean() for a, b in pairwise(image)]
         assert np.abs(image[-1] - image[0]).mean() <= max(inside)
 
@@ -244,8 +250,8 @@ def rows(name: str) -> tuple[Job, dict[str, list[tuple[Layer, ...]]]]:
     job = load_job(ROOT / "jobs" / f"{name}.toml")
     return job, {
         look.name: [
-            read_look(look.material, look.prim, chosen).layers
-            for chosen in expand_variants(look.material, look.prim, look.variants)
+            read_look(look.material, look.prim, selection).layers
+            for selection in expand_variants(look.material, look.prim, look.variants)
         ]
         for look in job.look
     }

@@ -50,7 +50,7 @@ def test_srgb_is_the_piecewise_curve() -> None:
 
 
 def test_equal_texels_are_equal_files(tmp_path: Path) -> None:
-    """Otherwise frames would be stale once the cache was deleted."""
+    """Otherwise frames would be stale after the cache is deleted."""
     texture = Texture(save(tmp_path / "a.png", np.zeros((2, 2, 3), np.uint8), "uint8"), "r", "raw")
     for file in (linear_texture(texture), slope_texture(texture)):
         assert oiio.ImageBuf(str(file)).spec().getattribute("DateTime") == "2000:01:01 00:00:00"
@@ -268,7 +268,7 @@ def package(folder: Path, layers: dict[str, str], images: dict[str, float], name
     return folder / name
 
 
-def textured(file: str) -> str:
+def textured_look(file: str) -> str:
     return look(rough("Tex.r") + texture(file=f"@{file}@"))
 
 
@@ -277,13 +277,13 @@ def roughness(file: Path) -> Texture:
 
 
 def test_an_image_of_the_root_layer(tmp_path: Path) -> None:
-    found = roughness(package(tmp_path, {"look.usda": textured("tex/a.png")}, {"tex/a.png": 0.2}))
-    assert found.file.name == "a.png"
-    np.testing.assert_allclose(sample_texture(found, [0.5, 0.5]), 51 / 255)
+    value = roughness(package(tmp_path, {"look.usda": textured_look("tex/a.png")}, {"tex/a.png": 0.2}))
+    assert value.file.name == "a.png"
+    np.testing.assert_allclose(sample_texture(value, [0.5, 0.5]), 51 / 255)
 
 
 def test_an_image_relative_to_a_layer_inside(tmp_path: Path) -> None:
-    text = textured("./tex/a.png")
+    text = textured_look("./tex/a.png")
     root = '#usda 1.0\n(\n defaultPrim = "M"\n)\ndef "M" (\n references = @parts/mat.usda@\n)\n{\n}\n'
     file = package(tmp_path, {"root.usda": root, "parts/mat.usda": text}, {"parts/tex/a.png": 0.4})
     np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.4)
@@ -291,7 +291,7 @@ def test_an_image_relative_to_a_layer_inside(tmp_path: Path) -> None:
 
 def test_equal_content_is_one_file_and_a_changed_package_another(tmp_path: Path) -> None:
     first, second, changed = (
-        roughness(package(tmp_path, {"look.usda": textured("a.png")}, {"a.png": value}, f"{number}.usdz"))
+        roughness(package(tmp_path, {"look.usda": textured_look("a.png")}, {"a.png": value}, f"{number}.usdz"))
         for number, value in enumerate((0.2, 0.2, 0.8))
     )
     assert first == second
@@ -300,27 +300,27 @@ def test_equal_content_is_one_file_and_a_changed_package_another(tmp_path: Path)
 
 
 def test_a_file_that_left_the_cache_is_copied_again(tmp_path: Path) -> None:
-    file = package(tmp_path, {"look.usda": textured("a.png")}, {"a.png": 0.2})
+    file = package(tmp_path, {"look.usda": textured_look("a.png")}, {"a.png": 0.2})
     roughness(file).file.unlink()
     np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.2)
 
 
 def test_a_set_of_tiles(tmp_path: Path) -> None:
-    text = textured("tex/a.<UDIM>.png")
+    text = textured_look("tex/a.<UDIM>.png")
     file = package(tmp_path, {"look.usda": text}, {"tex/a.1001.png": 0.2, "tex/a.1012.png": 0.6})
     np.testing.assert_allclose(sample_texture(roughness(file), [[0.5, 0.5], [1.5, 1.5], [1.5, 0.5]]), [0.2, 0.6, 0.0])
 
 
 @pytest.mark.parametrize(
-    ("file", "more", "what"),
+    ("file", "more", "summary"),
     [
         ("b.png", {}, "no such image file: b.png"),
         ("b.<UDIM>.png", {}, "no tile of this set: b.<UDIM>.png"),
         ("a.png", {"a.png": "no image"}, "cannot be read as an image"),
     ],
 )
-def test_an_image_that_cannot_be_read_is_a_fault(tmp_path: Path, file: str, more: dict[str, str], what: str) -> None:
-    layers = {"look.usda": textured(file)} | more
+def test_an_image_that_cannot_be_read_is_a_fault(tmp_path: Path, file: str, more: dict[str, str], summary: str) -> None:
+    layers = {"look.usda": textured_look(file)} | more
     ((where, said, _),) = faults_of(package(tmp_path, layers, {} if more else {"a.png": 0.2}))
     assert where == "Tex.file"
-    assert what in said
+    assert summary in said

@@ -14,7 +14,7 @@ MOVED = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displace
 TERMINAL = "/M.outputs:lookdev:displacement"
 
 
-def textured(node: str = "", file: str = "gray.png") -> str:
+def textured_look(node: str = "", file: str = "gray.png") -> str:
     return rough("Tex.r") + texture(node, f"@./{file}@")
 
 
@@ -39,7 +39,7 @@ def bump(inputs: str, more: str = "") -> str:
     return wood("normal3f highlightNormal <- Bump.normal", shader("Bump", "LookdevBump", inputs) + texture() + more)
 
 
-def displaced(inputs: str, more: str = "") -> str:
+def displaced_look(inputs: str, more: str = "") -> str:
     return MOVED + disney() + shader("Moved", "LookdevDisplacement", inputs) + more
 
 
@@ -55,20 +55,20 @@ FAULTS = [
     (base("float roughness.timeSamples = { 1: 0.5 }"), "Base.roughness", "animated"),
     (base('token variant = "2013"'), "Base.variant", "did you mean '201"),
     (base("token variant <- St.result") + ST, "Base.variant", "choose one of 2014, 2012"),
-    (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is no output"),
-    (base("float roughness <- .gone"), "Base.roughness", "no interface input"),
+    (rough("Gone.r"), "Base.roughness", "</M/Gone.outputs:r>, which is neither an output"),
+    (base("float roughness <- .gone"), "Base.roughness", "nor an interface input"),
     (base("float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"), "Base.roughness", "2 connections"),
     ("float a <- .b\nfloat b <- .a\n" + base("float roughness <- .a"), "/M.inputs:a", "cycle"),
-    (textured("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"), "T.in", "cycle"),
-    (textured(file="gone.png"), "Tex.file", "no such image file: ./gone.png"),
+    (textured_look("float2 st <- T.result") + shader("T", "UsdTransform2d", "float2 in <- T.result"), "T.in", "cycle"),
+    (textured_look(file="gone.png"), "Tex.file", "no such image file: ./gone.png"),
     (rough("Tex.r") + texture(file="@@"), "Tex.file", "names no image file"),
-    (textured(file="look.usda"), "Tex.file", "cannot be read as an image"),
-    (textured(file="gray.<UDIM>.png"), "Tex.file", "no tile of this set: ./gray.<UDIM>.png"),
-    (textured("float gamma = 1"), "Tex.gamma", "unknown input"),
-    (textured('token wrapS = "repeats"'), "Tex.wrapS", "did you mean 'repeat'"),
-    (textured("token wrapS <- St.result"), "Tex.wrapS", "must be a constant"),
-    (textured("float2 st = (0, 0)"), "Tex.st", "not connected"),
-    (textured("float2 st <- Tex.rgb"), "Tex.st", "whose info:id is 'UsdUVTexture'"),
+    (textured_look(file="look.usda"), "Tex.file", "cannot be read as an image"),
+    (textured_look(file="gray.<UDIM>.png"), "Tex.file", "no tile of this set: ./gray.<UDIM>.png"),
+    (textured_look("float gamma = 1"), "Tex.gamma", "unknown input"),
+    (textured_look('token wrapS = "repeats"'), "Tex.wrapS", "did you mean 'repeat'"),
+    (textured_look("token wrapS <- St.result"), "Tex.wrapS", "must be a constant"),
+    (textured_look("float2 st = (0, 0)"), "Tex.st", "not connected"),
+    (textured_look("float2 st <- Tex.rgb"), "Tex.st", "whose info:id is 'UsdUVTexture'"),
     (rough("Tex.rgb") + texture(), "Base.roughness", "use outputs:r or g or b or a"),
     (rough("St.result") + ST, "Base.roughness", "use UsdUVTexture, UsdPrimvarReader_float or LookdevExpression"),
     (rough("P.result") + reader("float", ""), "P.varname", "names no primvar"),
@@ -92,24 +92,32 @@ FAULTS = [
     (bump("float height <- P.result", reader("float", 'string varname = "h"')), "Bump.height", "comes from </M/P>"),
     (bump("float height <- Tex.rgb"), "Bump.height", "outputs:r"),
     (bump("color3f height <- Tex.r"), "Bump.height", "must be float"),
-    (bump("float height <- Gone.r"), "Bump.height", "which is no output"),
+    (bump("float height <- Gone.r"), "Bump.height", "which is neither an output"),
     (bump(HEIGHT + "float scale <- Tex.g"), "Bump.scale", "must be a constant"),
     (bump(HEIGHT + "float scale = inf"), "Bump.scale", "not finite"),
     (bump(HEIGHT + "float scal = 1"), "Bump.scal", "mean 'scale'"),
     (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
     (f"{MOVED.split('.')[0]}\n" + disney(), TERMINAL, "is not connected"),
     (MOVED.replace("Moved", "Base") + disney(), TERMINAL, "has the unknown info:id 'LookdevDisney'"),
-    (MOVED + disney(), TERMINAL, "is no output of a shader"),
-    (displaced(""), "Moved.height", "is neither set nor connected"),
-    (displaced("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
-    (displaced("float height = nan"), "Moved.height", "nan is not finite"),
-    (displaced("float height = 1\nfloat scale = inf"), "Moved.scale", "inf is not finite"),
-    (displaced("float height = 1\nfloat sacle = 1"), "Moved.sacle", "unknown input"),
-    (displaced('float height = 1\ntoken units = "feet"'), "Moved.units", "unknown value"),
-    (displaced("float height <- Tex.rgb", texture()), "Moved.height", "</M/Tex.outputs:rgb>"),
-    (displaced("float inputs:height.connect = </M/Moved.inputs:height>"), "Moved.height", "which is no output of a"),
-    (displaced("float height = 1\nfloat scale <- Tex.r", texture()), "Moved.scale", "it must be a constant"),
-    (displaced("float height <- X.result", expression("0.1 * view", name="X")), "Moved.height", "depends on the view"),
+    (MOVED + disney(), TERMINAL, "is neither an output of a shader"),
+    (displaced_look(""), "Moved.height", "is neither set nor connected"),
+    (displaced_look("color3f height = (1, 1, 1)"), "Moved.height", "has type color3f"),
+    (displaced_look("float height = nan"), "Moved.height", "nan is not finite"),
+    (displaced_look("float height = 1\nfloat scale = inf"), "Moved.scale", "inf is not finite"),
+    (displaced_look("float height = 1\nfloat sacle = 1"), "Moved.sacle", "unknown input"),
+    (displaced_look('float height = 1\ntoken units = "feet"'), "Moved.units", "unknown value"),
+    (displaced_look("float height <- Tex.rgb", texture()), "Moved.height", "</M/Tex.outputs:rgb>"),
+    (
+        displaced_look("float inputs:height.connect = </M/Moved.inputs:height>"),
+        "Moved.height",
+        "which is neither an output of a",
+    ),
+    (displaced_look("float height = 1\nfloat scale <- Tex.r", texture()), "Moved.scale", "it must be a constant"),
+    (
+        displaced_look("float height <- X.result", expression("0.1 * view", name="X")),
+        "Moved.height",
+        "depends on the view",
+    ),
 ]
 
 ONLY_PIXAR = "Base is a disney layer (only a LookdevPixar layer over nothing but LookdevPixar layers can transmit"
@@ -138,7 +146,7 @@ LAYERS = disney(), disney("Coat"), pixar("Clear"), pixar("Saved", 'token energy 
 EXPRESSION_FAULTS = [
     (expression(""), "Expr.expression", "holds no expression"),
     (expression("1 +"), "Expr.expression", "^"),
-    (expression("dirt * 2"), "Expr.dirt", "which is no input of its node"),
+    (expression("dirt * 2"), "Expr.dirt", "which is not an input of its node"),
     (expression("smothstep(1, 0, 1)"), "Expr.expression", "smoothstep"),
     (expression("1", "float dirt = 1"), "Expr.dirt", "unknown input"),
     (expression("dirt", "float dirt"), "Expr.dirt", "neither set nor connected"),
@@ -150,16 +158,16 @@ EXPRESSION_FAULTS = [
     (expression("a", "float a <- Other.value") + expression("1", name="Other"), "Expr.a", "use outputs:result"),
 ]
 MASKED = stack(TWO + "float layer1Mask <- Expr.result", *LAYERS[:2])
-CASES = [(body, "</M/Base.outputs:layer>", where, what) for body, where, what in FAULTS]
-CASES += [(stack(inputs, *LAYERS), STACK, f"Layers.{name}", what) for inputs, name, what in STACK_FAULTS]
-CASES += [(MASKED + nodes, STACK, where, what) for nodes, where, what in EXPRESSION_FAULTS]
+CASES = [(body, "</M/Base.outputs:layer>", where, summary) for body, where, summary in FAULTS]
+CASES += [(stack(inputs, *LAYERS), STACK, f"Layers.{name}", summary) for inputs, name, summary in STACK_FAULTS]
+CASES += [(MASKED + nodes, STACK, where, summary) for nodes, where, summary in EXPRESSION_FAULTS]
 
 
 @pytest.mark.parametrize(("body", "terminal", "where", "message"), CASES, ids=[f"{c[2]}: {c[3]}" for c in CASES])
 def test_fault(write, body: str, terminal: str, where: str, message: str) -> None:
-    [(place, what, hint)] = faults_of(write(body, terminal))
-    assert place == where
-    assert message in f"{what} ({hint})"
+    [(path, summary, hint)] = faults_of(write(body, terminal))
+    assert path == where
+    assert message in f"{summary} ({hint})"
 
 
 def test_all_faults_are_reported_at_once_and_shared_nodes_only_once(write) -> None:
@@ -191,8 +199,8 @@ def test_expressions_do_not_nest_without_end(write) -> None:
     ],
 )
 def test_wrong_request(write, options: dict[str, object], where: str, message: str) -> None:
-    [(place, what, _)] = faults_of(write(disney()), **options)
-    assert (place, what) == (where, message)
+    [(path, summary, _)] = faults_of(write(disney()), **options)
+    assert (path, summary) == (where, message)
 
 
 def test_wrong_variant_names_the_nearest(write) -> None:
@@ -204,7 +212,7 @@ def test_wrong_variant_names_the_nearest(write) -> None:
 
 def test_broken_reference_is_a_fault(write) -> None:
     faults = faults_of(write('def "Base" (references = @./gone.usda@</Gold>) { }'))
-    assert any(where == "/M/Base" and "gone.usda" in what for where, what, _ in faults)
+    assert any(where == "/M/Base" and "gone.usda" in summary for where, summary, _ in faults)
 
 
 TWO_MATERIALS = '#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n'
@@ -212,7 +220,7 @@ PRESET = '#usda 1.0\n(\n    defaultPrim = "Gold"\n)\ndef Shader "Gold"\n{\n}\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "what", "hint"),
+    ("text", "where", "expected_summary", "hint"),
     [
         (None, "", "no such file", ""),
         ("#usda 1.0\ndef nonsense", "", "USD cannot open it: ", ""),
@@ -221,11 +229,11 @@ PRESET = '#usda 1.0\n(\n    defaultPrim = "Gold"\n)\ndef Shader "Gold"\n{\n}\n'
         (PRESET, "/Gold", "is a preset: a layer, not a material", "make a look of it: lookdev materials new LOOK.usda"),
     ],
 )
-def test_a_file_without_a_look(tmp_path: Path, text: str | None, where: str, what: str, hint: str) -> None:
+def test_a_file_without_a_look(tmp_path: Path, text: str | None, where: str, expected_summary: str, hint: str) -> None:
     file = tmp_path / "look.usda"
     if text is not None:
         file.write_text(text)
-    [(place, said, right)] = faults_of(file)
-    assert place == where
-    assert said.startswith(what)
+    [(path, said, right)] = faults_of(file)
+    assert path == where
+    assert said.startswith(expected_summary)
     assert right.startswith(hint)

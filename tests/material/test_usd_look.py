@@ -57,8 +57,8 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
         token layer3 <- Dust.layer; float layer3Mask <- Tex.g; bool layer3Enabled = 1
         token layer4 <- Coat.layer; float layer4Mask <- Worn.result"""
     layers = disney(), disney("Coat", "float clearcoat = 1"), disney("Dust")
-    worn = shader("Worn", "UsdPrimvarReader_float", 'string varname = "worn"; float fallback = 0.5')
-    file = write("bool dusty = 0\n" + stack(BASE + LAYER1 + inputs, *layers, texture(), worn), STACK)
+    wear_mask = shader("Worn", "UsdPrimvarReader_float", 'string varname = "worn"; float fallback = 0.5')
+    file = write("bool dusty = 0\n" + stack(BASE + LAYER1 + inputs, *layers, texture(), wear_mask), STACK)
     base, coat, dust, again = read_look(file).layers
     assert [layer.name for layer in (base, coat, dust, again)] == ["Base", "Coat", "Dust", "Coat"]
     assert base.mask == coat.mask == 1.0
@@ -77,14 +77,14 @@ def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
         + shader("Inner", "UsdTransform2d", inner)
         + shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
     )
-    found = inputs_of(file)["baseColor"]
-    assert (found.file, found.channel, found.st) == (tmp_path / "rgb.png", "rgb", "map1")
-    assert (found.wrap_s, found.wrap_t) == ("mirror", "black")  # useMetadata, and the file has none
-    assert (found.scale, found.bias) == ((2.0, 2.0, 2.0, 1.0), (0.5, 0.0, 0.0, 0.0))
+    texture_input = inputs_of(file)["baseColor"]
+    assert (texture_input.file, texture_input.channel, texture_input.st) == (tmp_path / "rgb.png", "rgb", "map1")
+    assert (texture_input.wrap_s, texture_input.wrap_t) == ("mirror", "black")  # useMetadata, and the file has none
+    assert (texture_input.scale, texture_input.bias) == ((2.0, 2.0, 2.0, 1.0), (0.5, 0.0, 0.0, 0.0))
     # UsdTransform2d: in * scale * rotate + translation; the inner one is applied first.
     c, s = cos(radians(30)), sin(radians(30))
     expected = [4 * 2 * c, -4 * 3 * s, 4 * 0.25, 8 * 2 * s, 8 * 3 * c, 8 * 0.5]
-    assert found.transform == pytest.approx(expected, rel=1e-12)
+    assert texture_input.transform == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,9 @@ def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
     ],
 )
 def test_source_color_space(write, image: str, space: str, expected: str) -> None:
-    given = f'token sourceColorSpace = "{space}"' if space else ""
-    found = inputs_of(write(rough("Tex.a") + texture(given, f"@./{image}@")))["roughness"]
-    assert (found.colorspace, found.channel) == (expected, "a")
+    color_space = f'token sourceColorSpace = "{space}"' if space else ""
+    texture_input = inputs_of(write(rough("Tex.a") + texture(color_space, f"@./{image}@")))["roughness"]
+    assert (texture_input.colorspace, texture_input.channel) == (expected, "a")
 
 
 def test_primvar_color(write) -> None:
@@ -128,9 +128,9 @@ def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
 def test_normal_map(write, tmp_path: Path, image: str, scale: tuple[float, ...], bias: tuple[float, ...]) -> None:
     node = f'token sourceColorSpace = "raw"\nfloat4 scale = {scale}\nfloat4 bias = {bias}'
     layer = pixar(body="normal3f highlightNormal <- Tex.rgb")
-    found = inputs_of(write(layer + texture(node, f"@./{image}@")))["highlightNormal"]
-    assert (found.file, found.channel, found.colorspace) == (tmp_path / image, "rgb", "raw")
-    assert found.scale + found.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
+    texture_input = inputs_of(write(layer + texture(node, f"@./{image}@")))["highlightNormal"]
+    assert (texture_input.file, texture_input.channel, texture_input.colorspace) == (tmp_path / image, "rgb", "raw")
+    assert texture_input.scale + texture_input.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
 
 
 @pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float scale = -0.25", -0.25)])
@@ -165,11 +165,11 @@ def test_metals_of_layers_may_differ(write) -> None:
 
 
 def test_a_metal_beside_what_it_stands_for_is_a_fault(write) -> None:
-    named = 'token metal = "gold"'
-    assert read_look(write(disney(body=named))).layers[0].inputs == {"metal": "gold"}
-    [(where, what, _)] = faults_of(write(disney(body=f"{named}\ncolor3f k = (4, 2, 2)")))
+    metal_token = 'token metal = "gold"'
+    assert read_look(write(disney(body=metal_token))).layers[0].inputs == {"metal": "gold"}
+    [(where, summary, _)] = faults_of(write(disney(body=f"{metal_token}\ncolor3f k = (4, 2, 2)")))
     assert where == "/M/Base"
-    assert what.startswith("disney.k is (4.0, 2.0, 2.0), but metal 'gold' stands for (")
+    assert summary.startswith("disney.k is (4.0, 2.0, 2.0), but metal 'gold' stands for (")
 
 
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
@@ -199,8 +199,8 @@ def test_has_look(write) -> None:
 
 
 def test_unsupported_material_names_its_terminal(write) -> None:
-    [(where, what, hint)] = faults_of(write(disney(), terminal=""))
-    assert (where, what) == ("/M.outputs:lookdev:surface", "is not connected")
+    [(where, summary, hint)] = faults_of(write(disney(), terminal=""))
+    assert (where, summary) == ("/M.outputs:lookdev:surface", "is not connected")
     assert hint == "connect it to a LookdevLayers, " + " or ".join(layer_shaders()) + " shader"
 
 
@@ -249,12 +249,12 @@ TEX = texture('token sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:r
 EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat fallback = 0.25')
 
 
-def masked(*shaders: str) -> str:
+def masked_look(*shaders: str) -> str:
     return stack(BASE + LAYER1 + "float layer1Mask <- Expr.result\n", disney(), disney("Coat"), *shaders)
 
 
 def mask_of(write, *shaders: str) -> Formula:
-    return read_look(write(masked(*shaders), STACK)).layers[1].mask
+    return read_look(write(masked_look(*shaders), STACK)).layers[1].mask
 
 
 def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) -> None:
@@ -284,7 +284,7 @@ def test_a_parameter_may_be_an_expression(write) -> None:
 
 @pytest.mark.parametrize("declared", ["", "float view"])
 def test_the_view_needs_no_source(write, declared: str) -> None:
-    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
+    file = write(masked_look(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
     assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
     assert examine(file).findings == ()
@@ -310,7 +310,7 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     link = "float a <- E{0}.result\nfloat b <- E{0}.result"
     chain = [expression("a * b", link.format(number + 1), f"E{number}") for number in range(30)]
     dirt = expression("dirt", "float dirt <- Tex.r", "E30")
-    file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
+    file = write(masked_look(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
     look = read_look(file)
     assert look_uvs(look) == ("st",)
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is opened"))
@@ -323,7 +323,7 @@ def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
         (tmp_path / f"dirt.{tile}.png").write_bytes((tmp_path / "gray.png").read_bytes())
     mask = "float layer1Mask <- Tex.r\n"
     body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"))
-    found = read_look(write(body, STACK)).layers[1].mask
-    assert found.file.name == "dirt.<UDIM>.png"
+    texture = read_look(write(body, STACK)).layers[1].mask
+    assert texture.file.name == "dirt.<UDIM>.png"
     st = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [-0.5, 0.5]]
-    np.testing.assert_allclose(sample_texture(found, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)
+    np.testing.assert_allclose(sample_texture(texture, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)

@@ -1,11 +1,11 @@
-"""Everything wrong with a look is found, whatever the file is, and what is right is left alone."""
+"""Validation finds all faults of a look, in any file, and reports nothing in sound looks."""
 
 import json
 import sys
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, short, stack
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, shorten_path, stack
 from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
@@ -13,14 +13,14 @@ from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, 
 from lookdev.material.validate.report import Finding, Report
 
 ROOT = Path(__file__).parents[2]
-LOOKS = [file for place in (".", "presets", "classic") for file in sorted((ROOT / "materials" / place).glob("*.usda"))]
+LOOKS = [file for path in (".", "presets", "classic") for file in sorted((ROOT / "materials" / path).glob("*.usda"))]
 
 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
-    """Return severity, place and text of what is found in a look."""
+    """Return severity, place and text of the findings in a look."""
     report = examine(file, **options)
-    places = [short(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
-    return [(finding.severity, place, finding.what) for place, finding in zip(places, report.findings, strict=True)]
+    places = [shorten_path(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
+    return [(finding.severity, path, finding.what) for path, finding in zip(places, report.findings, strict=True)]
 
 
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
@@ -28,15 +28,15 @@ def test_a_shipped_look_is_clean(file: Path) -> None:
     assert examine(file).findings == ()
 
 
-def layered(inputs: str, coat: str = "", base: str = "") -> str:
+def layered_material(inputs: str, coat: str = "", base: str = "") -> str:
     return stack(BASE + LAYER1 + inputs, disney(body=base), disney("Coat", coat))
 
 
 def test_displacement_is_examined(write) -> None:
     terminal = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
     moved = shader("Moved", "LookdevDisplacement", "float height = 1\nfloat sacle = 2")
-    ((severity, where, what),) = findings(write(terminal + disney() + moved))
-    assert (severity, where, what) == ("error", "Moved.sacle", "unknown input")
+    ((severity, where, message),) = findings(write(terminal + disney() + moved))
+    assert (severity, where, message) == ("error", "Moved.sacle", "unknown input")
 
 
 UNREAD = shader("Tex", "UsdUVTexture", "asset file = @./gray.png@")
@@ -44,22 +44,22 @@ ABSENT = stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", 
 
 
 @pytest.mark.parametrize(
-    ("body", "place", "what"),
+    ("body", "path", "message"),
     [
-        (layered("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
+        (layered_material("float layer1Mask = 0"), "Layers.layer1Mask", "the layer never shows: its mask is 0"),
         (ABSENT, "Layers.layer1", "the layer never shows: the presence of Coat is 0"),
-        (layered("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
-        (layered("float layer1Mask = 0.5") + UNREAD, "/M/Tex", "UsdUVTexture that nothing reads"),
+        (layered_material("bool layer1Enabled = 0"), "Layers.layer1Enabled", "the layer is not enabled"),
+        (layered_material("float layer1Mask = 0.5") + UNREAD, "/M/Tex", "UsdUVTexture that nothing reads"),
     ],
 )
-def test_note(write, body: str, place: str, what: str) -> None:
+def test_note(write, body: str, path: str, message: str) -> None:
     file = write(body, STACK)
-    assert findings(file) == [("note", place, what)]
+    assert findings(file) == [("note", path, message)]
     assert not examine(file).has_errors
 
 
 def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
-    assert findings(write(layered(""), STACK)) == [
+    assert findings(write(layered_material(""), STACK)) == [
         ("note", "Layers.base", "the layer never shows: Coat covers it wholly"),
         ("note", "Layers.layer1Mask", "the mask is not connected, so the layer covers all beneath"),
     ]
@@ -72,7 +72,7 @@ def test_what_lets_light_through_hides_nothing(write) -> None:
 
 
 def test_a_disabled_layer_is_examined_too(write) -> None:
-    body = layered("bool layer1Enabled = 0", coat="float roughness = 2")
+    body = layered_material("bool layer1Enabled = 0", coat="float roughness = 2")
     assert findings(write(body, STACK)) == [
         ("warning", "Coat.roughness", "2 is out of range (in a layer that is not enabled)"),
         ("note", "Layers.layer1Enabled", "the layer is not enabled"),
@@ -94,13 +94,13 @@ def test_every_variant_is_examined(write) -> None:
     assert report.findings == (fault,)
     assert (report.materials, report.combinations) == (1, 2)
     assert findings(file, variants={"wear": "new"}) == []
-    [(_, place, what)] = findings(file, variants={"ware": "new"})
-    assert (place, what) == ("/M", "has no variant set 'ware'")
+    [(_, path, message)] = findings(file, variants={"ware": "new"})
+    assert (path, message) == ("/M", "has no variant set 'ware'")
 
 
 def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_not(write) -> None:
     off, on = (over("Layers", f"bool layer1Enabled = {value}") for value in (0, 1))
-    body = layered("float layer1Mask = 0.5", base="float sheen = 7")
+    body = layered_material("float layer1Mask = 0.5", base="float sheen = 7")
     file = write(body + variants("wear", dusty=off, new=on), STACK, WEAR)
     hint = "it must be within [0, 1]"
     assert examine(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
@@ -118,9 +118,9 @@ def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> 
 
 
 def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
-    ((severity, place, what), _) = findings(write(preview("float3 diffuseColor = (1, 0, 0)"), ""))
-    assert (severity, place) == ("warning", "S.diffuseColor")
-    assert "Expected 'color3f'" in what
+    ((severity, path, message), _) = findings(write(preview("float3 diffuseColor = (1, 0, 0)"), ""))
+    assert (severity, path) == ("warning", "S.diffuseColor")
+    assert "Expected 'color3f'" in message
 
 
 def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
@@ -132,16 +132,16 @@ def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
 
 
 def test_a_material_of_another_model_that_cannot_be_read_is_an_error(write) -> None:
-    found = findings(write(preview("", identifier="ND_lama_surface"), ""))
-    assert found[0] == ("error", "/M", "has no surface shader that can be read")
-    assert {severity for severity, _, _ in found} == {"error"}
+    reported = findings(write(preview("", identifier="ND_lama_surface"), ""))
+    assert reported[0] == ("error", "/M", "has no surface shader that can be read")
+    assert {severity for severity, _, _ in reported} == {"error"}
 
 
 def test_a_variant_inside_a_variant_is_examined(write) -> None:
     dirt = f'"dusty" (\nprepend variantSets = "dirt"\n) {{\n{variants("dirt", mud=rough(3), none="")}}}\n'
     sets = variants("wear", new="").removesuffix("}\n") + dirt + "}\n"
     report = examine(write(disney() + sets, material=WEAR))
-    assert [each.variants for each in report.findings] == [("wear=dusty, dirt=mud",)]
+    assert [finding.variants for finding in report.findings] == [("wear=dusty, dirt=mud",)]
     # With mud, without, with neither chosen as the file has it; and new.
     assert report.combinations == 4
 
@@ -166,7 +166,7 @@ GONE += shader("Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs
 
 @pytest.mark.both_pythons
 @pytest.mark.parametrize(
-    ("body", "severity", "place", "what"),
+    ("body", "severity", "path", "message"),
     [
         (p("UsdPreviewSurface", "double roughness = 1; "), "error", "P.roughness", "Incorrect type"),
         (p("PxrSurface"), "warning", "/M/P.info:id", "not found in sdrRegistry"),
@@ -174,28 +174,28 @@ GONE += shader("Tex", "UsdUVTexture", "asset file = @./gone.png@; float3 outputs
         (p("UsdPreviewSurface") + 'def Xform "X" {\n}\n', "error", "/M", "not a valid descendant of Material"),
     ],
 )
-def test_usd_finds(write, body: str, severity: str, place: str, what: str) -> None:
-    [(*found, said)] = findings(write("token outputs:surface.connect = </M/P.outputs:surface>\n" + disney() + body))
-    assert found == [severity, place]
-    assert what in said
+def test_usd_finds(write, body: str, severity: str, path: str, message: str) -> None:
+    [(*location, text)] = findings(write("token outputs:surface.connect = </M/P.outputs:surface>\n" + disney() + body))
+    assert location == [severity, path]
+    assert message in text
 
 
 def test_what_usd_finds_too_is_reported_once(write) -> None:
     textured = disney(body="float roughness <- Tex.r\ndouble sheen = 1") + ST
     image = "asset file = @./gone.png@\nfloat2 st <- St.result"
     gone = 'def "Gone" (\nreferences = @./gone.usda@\n) {\n}\n'
-    found = findings(write(textured + shader("Tex", "UsdUVTexture", image) + gone))
-    assert [place for _, place, _ in found] == ["/M/Gone", "Tex.file", "Base.sheen"]
+    reported = findings(write(textured + shader("Tex", "UsdUVTexture", image) + gone))
+    assert [path for _, path, _ in reported] == ["/M/Gone", "Tex.file", "Base.sheen"]
 
 
 def test_only_the_material_named_is_examined(write) -> None:
     other = 'def Material "N" {\ntoken outputs:lookdev:surface.connect = </N/Base.outputs:layer>\n%s}\n'
     file = write(disney(), before=other % disney(body="float sheen = 7"))
-    assert [place for _, place, _ in findings(file)] == ["/N/Base.inputs:sheen"]
+    assert [path for _, path, _ in findings(file)] == ["/N/Base.inputs:sheen"]
     assert findings(file, prim="/M") == []
     assert examine(file).materials == 2
-    [(_, place, what)] = findings(file, prim="/O")
-    assert (place, what) == ("/O", "no such prim")
+    [(_, path, message)] = findings(file, prim="/O")
+    assert (path, message) == ("/O", "no such prim")
 
 
 def test_a_preset_is_a_layer_of_its_own(tmp_path: Path) -> None:
@@ -220,8 +220,8 @@ def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureF
 
 
 def test_the_text_shows_an_expression_with_its_caret() -> None:
-    what = "an operator should stand here, not 'b'\n    a b\n      ^"
-    fault = Finding("error", "/M/X", "inputs:expression", what, "see the manual", tuple(f"s=v{i}" for i in range(6)))
+    message = "an operator should stand here, not 'b'\n    a b\n      ^"
+    fault = Finding("error", "/M/X", "inputs:expression", message, "see the manual", tuple(f"s=v{i}" for i in range(6)))
     assert Report("look.usda", (fault, Finding("note", "/M", "", "odd")), 1, 6).text().splitlines() == [
         "look.usda: 1 error, 1 note (1 material, 6 combinations of variants)",
         "",

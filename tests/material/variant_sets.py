@@ -13,7 +13,7 @@ def variants(name: str, **bodies: str) -> str:
 
 
 def selecting(**selections: str) -> str:
-    """Return the metadata of a prim that has variant sets, with the variant that is selected of each."""
+    """Return the metadata of a prim that has variant sets, with the selected variant of each."""
     names = ", ".join(f'"{name}"' for name in selections)
     chosen = "; ".join(f'string {name} = "{variant}"' for name, variant in selections.items())
     return f"(\nprepend variantSets = [{names}]\nvariants = {{ {chosen} }}\n)"

@@ -1,6 +1,6 @@
 """Mask expressions: parsed, checked, and evaluated over numbers or symbolic arrays.
 
-`syntax` parses the text, `shaping` has the functions; ``docs/expressions.md`` describes the language.
+`syntax` parses the text, `shaping` defines the functions; ``docs/expressions.md`` describes the language.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.brdf.vectors import Array, Real
 from lookdev.errors import nearest_hint
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, bounded
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, clip_to_bound
 from lookdev.material.expression.syntax import (
     Apply,
     Channel,
@@ -23,8 +23,8 @@ from lookdev.material.expression.syntax import (
     Name,
     Node,
     Number,
-    clipped,
     parse_tree,
+    shorten_name,
 )
 
 __all__ = ["Expression", "ExpressionError", "Kind", "parse"]
@@ -34,19 +34,19 @@ Kind = Literal["float", "color"]
 
 @dataclass(frozen=True)
 class Expression:
-    """A parsed expression. `names` are its inputs, in order of appearance; `text` is what was parsed."""
+    """A parsed expression: its text, its tree, and the names of its inputs in order of appearance."""
 
     text: str
     root: Node
     names: tuple[str, ...]
 
     def check(self, types: Mapping[str, Kind]) -> Kind:
-        """Return the type of the result, given those of the inputs.
+        """Return the type of the result for types of the inputs.
 
         Raises
         ------
         ExpressionError
-            A name is unknown, or a colour stands where a float is needed or the other way round.
+            A name is unknown, or a colour is in place of a float or a float in place of a colour.
         """
         return _Checker(self.text, types).kind(self.root)
 
@@ -58,25 +58,25 @@ class Expression:
         values
             Floats (...) and linear colours (..., 3) by name: float64 arrays or symbolic ones.
         types
-            The type of each: three floats and one colour have the same shape.
+            The type of each value, as three floats and one colour can have the same shape.
 
         Returns
         -------
         (...) or (..., 3)
-            A float or a colour, by `check`, which may raise; finite and within ±1e18.
+            A float or a colour, as `check` returns; finite and within ±1e18. Raises as `check`.
         """
         kind = self.check(types)
         # Overflow is bounded after every operation on numbers, so its warnings have no meaning.
         with np.errstate(all="ignore"):
-            channels = [bounded(channel) for channel in _Evaluation(values, types).value(self.root)]
+            channels = [clip_to_bound(channel) for channel in _Evaluation(values, types).value(self.root)]
             if kind == "float":
                 return channels[0]
-            zero = sum(channel * 0.0 for channel in channels)  # of the shape that they broadcast to
+            zero = sum(channel * 0.0 for channel in channels)  # of the shape to which the channels broadcast
             return np.stack([channel + zero for channel in channels], axis=-1)
 
 
 def parse(text: str) -> Expression:
-    """Parse an expression; errors as `parse_tree`."""
+    """Parse an expression; raises as `parse_tree`."""
     return Expression(text, *parse_tree(text))
 
 
@@ -91,19 +91,19 @@ class _Checker:
                 hint = nearest_hint(name, [*self.types, *CONSTANTS])
                 if name in FUNCTIONS:
                     hint = f"a function: {FUNCTIONS[name].signature(name)}"
-                raise ExpressionError(self.text, position, f"unknown name '{clipped(name)}'", hint)
+                raise ExpressionError(self.text, position, f"unknown name '{shorten_name(name)}'", hint)
             case Name(name=name):
                 return self.types[name]
             case Color(channels=channels):
                 for channel in channels:
-                    self._float(channel, "a channel of a color")
+                    self._check_float(channel, "a channel of a color")
                 return "color"
             case Channel(position=position, color=color):
                 if self.kind(color) == "float":
                     raise ExpressionError(self.text, position, "a channel of a float; only colors have channels")
                 return "float"
             case Choice(condition=condition, yes=yes, no=no):
-                self._float(condition, "the condition of '?'")
+                self._check_float(condition, "the condition of '?'")
                 return "color" if "color" in (self.kind(yes), self.kind(no)) else "float"
             case Apply(name=name, function=function, arguments=arguments):
                 if function.domain == "each":
@@ -112,19 +112,19 @@ class _Checker:
                     if function.domain == "color" and argument is arguments[0]:
                         self.kind(argument)
                     else:
-                        self._float(argument, f"'{name}'")
+                        self._check_float(argument, f"'{name}'")
                 return "color" if function.gives == "color" else "float"
             case Number():
                 return "float"
 
-    def _float(self, node: Node, user: str) -> None:
+    def _check_float(self, node: Node, user: str) -> None:
         if self.kind(node) == "color":
             hint = "take luminance(color), or a channel: color[0]"
             raise ExpressionError(self.text, node.position, f"{user} needs a float, this is a color", hint)
 
 
 class _Evaluation:
-    """Evaluation of a checked tree; a value is a tuple of channels: one of a float, three of a colour."""
+    """Evaluates a checked tree. A value is a tuple of channels: one for a float, three for a colour."""
 
     def __init__(self, values: Mapping[str, Array], types: Mapping[str, Kind]) -> None:
         self.values, self.types = values, types
@@ -135,42 +135,42 @@ class _Evaluation:
             case Number(value=value):
                 return (np.asarray(value),)
             case Name(name=name):
-                given = self.values[name]
-                return tuple(given[..., i] for i in range(3)) if self.types[name] == "color" else (given,)
+                operand = self.values[name]
+                return tuple(operand[..., i] for i in range(3)) if self.types[name] == "color" else (operand,)
             case Color(channels=channels):
                 return tuple(self._float(channel) for channel in channels)
             case Channel(color=color, index=index):
                 return (self.value(color)[index],)
             case Choice(condition=condition, yes=yes, no=no):
-                truth = self.truth(condition)
-                return _each(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
+                truth = self.truth_value(condition)
+                return _map_channels(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
             case Apply(function=function, arguments=arguments):
-                applied = self._applied(node, function, arguments)
-                # A symbol is bounded once, at the end. Constants must be float32 literals wherever they are.
-                return tuple(bounded(x) if isinstance(x, np.ndarray | np.floating) else x for x in applied)
+                results = self._apply_function(node, function, arguments)
+                # Symbols are clipped once, at the end. Constants must be float32 literals in every operation.
+                return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
-    def truth(self, node: Node) -> Any:
-        """Return the truth values of a node: a number is true where it is not 0."""
+    def truth_value(self, node: Node) -> Any:
+        """Return the truth values of a node; a number is true where it is not 0."""
         if isinstance(node, Apply) and node.function.gives == "truth":
-            operand = self.truth if node.function.domain == "truth" else self._float
+            operand = self.truth_value if node.function.domain == "truth" else self._float
             return node.function.evaluate(*(operand(argument) for argument in node.arguments))
         return np.logical_not(np.equal(self._float(node), 0.0))
 
     def _float(self, node: Node) -> Array:
         return self.value(node)[0]
 
-    def _applied(self, node: Node, function: Function, arguments: tuple[Node, ...]) -> tuple[Array, ...]:
+    def _apply_function(self, node: Node, function: Function, arguments: tuple[Node, ...]) -> tuple[Array, ...]:
         if function.gives == "truth":
-            return (np.where(self.truth(node), 1.0, 0.0),)
+            return (np.where(self.truth_value(node), 1.0, 0.0),)
         values = [self.value(argument) for argument in arguments]
         if function.domain == "color":
-            color = _each(lambda a, _: a, values[0], (0.0, 0.0, 0.0))
+            color = _map_channels(lambda a, _: a, values[0], (0.0, 0.0, 0.0))
             result = function.evaluate(color, *(value[0] for value in values[1:]))
             return result if function.gives == "color" else (result,)
-        return _each(function.evaluate, *values)
+        return _map_channels(function.evaluate, *values)
 
 
-def _each(function: Callable[..., Any], *values: tuple[Real, ...]) -> tuple[Array, ...]:
-    """Call a function for every channel; a float stands for three equal ones."""
+def _map_channels(function: Callable[..., Any], *values: tuple[Real, ...]) -> tuple[Array, ...]:
+    """Call a function for every channel; a float counts as three equal channels."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))

@@ -1,8 +1,8 @@
 """The functions of mask expressions: arithmetic, and the shaping functions of SeExpr.
 
-Plain functions over broadcasting arrays, in the vocabulary of `lookdev.brdf`, so that symbolic arrays run through the
-same code. Every result of finite numbers within `LARGEST` is finite: docstrings state the value of what SeExpr leaves
-undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
+Plain functions over broadcasting arrays, with the NumPy functions that `lookdev.brdf` uses, so that symbolic arrays
+can run through the same code. Every result of finite numbers within `LARGEST` is finite: docstrings state values that
+SeExpr leaves undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -21,7 +21,7 @@ import numpy as np
 from lookdev.brdf.vectors import TINY, Array, Real
 
 LARGEST = 1e18
-"""The bound of all numbers, on either side: the product of two is still a float32."""
+"""The bound of the magnitude of all numbers: the product of two is still a float32."""
 
 _LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec.709, as SeExpr
 _PERIOD = 289.0
@@ -31,9 +31,9 @@ _PERIOD = 289.0
 class Function:
     """A function or operator of the language.
 
-    The last `optional` of the `parameters` may be omitted. `domain` is their type: ``"each"`` floats and colours, by
-    channel; ``"float"`` floats alone; ``"color"`` a colour, as a tuple of three arrays, then floats; ``"truth"`` truth
-    values. `gives` is the type of the result, None for that of `domain`.
+    The last `optional` of the `parameters` may be omitted. `domain` is the type of the arguments: ``"each"`` floats and
+    colours, by channel; ``"float"`` floats only; ``"color"`` a colour, as a tuple of three arrays, then floats;
+    ``"truth"`` truth values. `gives` is the type of the result; None is the type of the arguments.
     """
 
     evaluate: Callable[..., Any]
@@ -43,13 +43,13 @@ class Function:
     gives: Literal["float", "color", "truth"] | None = None
 
     def signature(self, name: str) -> str:
-        """Return the call, optional parameters in brackets."""
+        """Return the text of a call, with optional parameters in brackets."""
         required = len(self.parameters) - self.optional
         rest = "".join(f"[, {parameter}]" for parameter in self.parameters[required:])
         return f"{name}({', '.join(self.parameters[:required])}{rest})"
 
 
-def bounded(x: Array) -> Array:
+def clip_to_bound(x: Array) -> Array:
     """Clip a number to `LARGEST`; NaN becomes 0."""
     return np.where(x > 0.0, np.minimum(x, LARGEST), np.where(x < 0.0, np.maximum(x, -LARGEST), 0.0))
 
@@ -61,7 +61,7 @@ def divide(x: Real, y: Array) -> Array:
 
 
 def modulo(x: Array, y: Real) -> Array:
-    """Return x - y floor(x / y), which has the sign of y; 0 where y is 0. So does SeExpr's operator, not its fmod."""
+    """Return x - y floor(x / y), with the sign of y; 0 where y is 0. SeExpr's operator is equal, its fmod is not."""
     zero = np.absolute(y) < TINY
     y = np.where(zero, 1.0, y)
     return np.where(zero, 0.0, x - y * np.floor(x / y))
@@ -84,7 +84,7 @@ def square_root(x: Array) -> Array:
 
 
 def logarithm(x: Array) -> Array:
-    """Return the natural logarithm, of TINY where x is smaller or negative: never below -41.5."""
+    """Return the natural logarithm of the larger of x and TINY, which is at least -41.5."""
     log: Array = np.log(np.maximum(x, TINY))
     return log
 
@@ -105,7 +105,7 @@ def nearest_whole(x: Array) -> Array:
 
 
 def mix(a: Array, b: Array, alpha: Array) -> Array:
-    """Blend linearly; at a constant alpha of 0 or 1 one of the two is not read."""
+    """Blend linearly; for a constant alpha of 0 or 1, generated code omits one of the two."""
     return a * (1.0 - alpha) + b * alpha
 
 
@@ -115,7 +115,7 @@ def boxstep(x: Array, a: Array) -> Array:
 
 
 def linearstep(x: Array, a: Array, b: Array) -> Array:
-    """Rise from 0 at a to 1 at b, or fall where b < a; boxstep where a = b."""
+    """Return a linear ramp from 0 at a to 1 at b, which falls where b < a; boxstep where a = b."""
     width = b - a
     sudden = np.absolute(width) < TINY
     return np.where(sudden, boxstep(x, a), np.clip((x - a) / np.where(sudden, 1.0, width), 0.0, 1.0))
@@ -126,22 +126,25 @@ def _smooth(t: Array) -> Array:
 
 
 def _gaussian(t: Array) -> Array:
-    # SeExpr's bell: 2^-8 where it begins, and 0 before.
+    # SeExpr's bell: 2^-8 at its beginning, and 0 before.
     return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
 
 
 def smoothstep(x: Array, a: Array, b: Array) -> Array:
-    """Rise as linearstep, along a cubic curve."""
+    """Return linearstep, smoothed by a cubic curve."""
     return _smooth(linearstep(x, a, b))
 
 
 def gaussstep(x: Array, a: Array, b: Array) -> Array:
-    """Rise as linearstep, along half a Gaussian bell; 0 at x = a."""
+    """Return linearstep, shaped by half a Gaussian bell; 0 at x = a."""
     return _gaussian(linearstep(x, a, b))
 
 
 def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -> Array:
-    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond: 0 linear, 1 smooth, 2 gaussian."""
+    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond.
+
+    `interp` is the shape of the fall: 0 linear, 1 smooth, 2 gaussian.
+    """
     span, falloff, distance = np.absolute(span), np.absolute(falloff), np.absolute(x - source)
     sudden = falloff < TINY
     t = np.clip((span + falloff - distance) / np.where(sudden, 1.0, falloff), 0.0, 1.0)
@@ -150,7 +153,7 @@ def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -
 
 
 def fit(x: Array, a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
-    """Map the range a1, b1 to a2, b2 by a straight line, beyond both ends too; a2 where a1 = b1."""
+    """Map the range a1, b1 linearly to a2, b2, also beyond its ends; a2 where a1 = b1."""
     return a2 + divide((x - a1) * (b2 - a2), b1 - a1)
 
 
@@ -160,14 +163,15 @@ def gamma(x: Array, g: Array) -> Array:
 
 
 def bias(x: Array, b: Array) -> Array:
-    """Pull the curve up for b > 0.5, down for b < 0.5: x^(log(b) / log(0.5)) (Perlin)."""
+    """Return x^(log(b) / log(0.5)) (Perlin): the curve is raised for b > 0.5 and lowered for b < 0.5."""
     return power(x, logarithm(b) * (-1.0 / np.log(2.0)))
 
 
 def contrast(x: Array, c: Array) -> Array:
-    """Raise the contrast for c > 0.5, lower it for c < 0.5; x beyond [0, 1] becomes 0 or 1 (Perlin's gain).
+    """Return x with higher contrast for c > 0.5, lower for c < 0.5 (Perlin's gain); 0 or 1 for x outside [0, 1].
 
-    SeExpr has bias(1 - c, 2 x), which is equal: a^log(b) = b^log(a). In this form only c meets the logarithm's floor.
+    SeExpr uses bias(1 - c, 2 x), which is equal, as a^log(b) = b^log(a). In the form here, the floor of the logarithm
+    affects only c.
     """
     low = x < 0.5
     half = 0.5 * bias(np.where(low, 2.0 * x, 2.0 - 2.0 * x), 1.0 - c)
@@ -186,48 +190,48 @@ def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
     return tuple(np.maximum(mix(gray, channel, amount), 0.0) for channel in color)
 
 
-def _wrapped(i: Array, period: float = _PERIOD) -> Array:
-    # Modulo of whole numbers. Half a unit separates the quotient from the next integer: below 3e6 its float32 error
-    # is at most 1/900, less than half a unit over 289.
+def _wrap_index(i: Array, period: float = _PERIOD) -> Array:
+    # Modulo of whole numbers. Half a unit over the period separates the quotient from the next integer. Below 3e6 its
+    # float32 error is at most 1/900, which is less than half a unit over 289.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
-def _permuted(i: Array) -> Array:
+def _permute(i: Array) -> Array:
     # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code; up to 2.9e6, exact in
     # float32 (their sum of two hashes as argument would not be).
-    return _wrapped((34.0 * i + 10.0) * i)
+    return _wrap_index((34.0 * i + 10.0) * i)
 
 
 def _hash(i: Array, j: Array, k: Array) -> Array:
     """Return a whole number from 0 to 288 for a lattice point of whole numbers in that range."""
-    return _permuted(_wrapped(_permuted(_wrapped(_permuted(i) + j)) + k))
+    return _permute(_wrap_index(_permute(_wrap_index(_permute(i) + j)) + k))
 
 
-def _slope(number: Array, x: Array, y: Array, z: Array) -> Array:
-    # Perlin 2002: the gradients are the twelve edges of a cube. Four of them are doubled there, which favours one axis.
-    edge = _wrapped(number, 12.0)
+def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
+    # Perlin 2002: the gradients are the twelve edges of a cube. Perlin doubles four of them, which favours one axis.
+    edge = _wrap_index(number, 12.0)
     u, v = np.where(edge < 8.0, x, y), np.where(edge < 4.0, y, z)
     half = np.floor(0.5 * edge)
     return u * (1.0 - 2.0 * (edge - 2.0 * half)) + v * (1.0 - 2.0 * modulo(half, 2.0))
 
 
 def _lattice(x: Real) -> tuple[Array, Array, Array]:
-    """Return the lattice point below, the distance from it, and the weight of the next."""
+    """Return the lattice point below, the distance from it, and the weight of the next point."""
     floor = np.floor(x)
     t = x - floor
-    return _wrapped(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+    return _wrap_index(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
 def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return gradient noise in [0, 1], mean 0.5, 0.5 at lattice points, of period 289.
 
-    The hashes are equal in float32 and float64: whole numbers below 2^24. For a constant coordinate on the lattice, the
-    terms of the next lattice point fold to 0.
+    The hashes are equal in float32 and float64, as they are whole numbers below 2^24. For a constant coordinate on the
+    lattice, the terms of the next lattice point fold to 0.
     """
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
 
     def corner(a: int, b: int, c: int) -> Array:
-        return _slope(_hash(i + a, j + b, k + c), x - a, y - b, z - c)
+        return _gradient_product(_hash(i + a, j + b, k + c), x - a, y - b, z - c)
 
     def edge(b: int, c: int) -> Array:
         return mix(corner(0, b, c), corner(1, b, c), u)
@@ -240,12 +244,12 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
 
 def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return one of 289 values from 0 to 1 for each cell of the lattice, of period 289."""
-    i, j, k = (_wrapped(np.floor(value)) for value in (x, y, z))
+    i, j, k = (_wrap_index(np.floor(value)) for value in (x, y, z))
     return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))
 
 
 CONSTANTS: dict[str, float] = {"PI": pi, "E": e, "linear": 0.0, "smooth": 1.0, "gaussian": 2.0}
-"""Names with a fixed value; the last three are the `interp` of `remap`. No input can have one of them."""
+"""The values of constants by name; the last three are for `interp` of `remap`. Inputs cannot have these names."""
 
 FUNCTIONS: dict[str, Function] = {
     "abs": Function(np.absolute, ("x",)),

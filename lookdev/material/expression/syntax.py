@@ -18,30 +18,30 @@ from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, O
 LONGEST = 64 * 1024
 """The greatest length of an expression, in characters."""
 
-_DEEPEST = 64  # operations one inside the other
-_SHOWN = 40  # characters of a name in a message; of the line at fault, twice as many
+_MAX_DEPTH = 64  # nested operations
+_SHOWN_LENGTH = 40  # characters of a name in a message; a message quotes twice as many of the faulty line
 
 
 class ExpressionError(LookdevError):
     """An expression is wrong: the message shows the line, with a caret under `position`, an index into `text`."""
 
-    def __init__(self, text: str, position: int, what: str, hint: str = "") -> None:
-        self.text, self.position, self.what, self.hint = text, position, what, hint
+    def __init__(self, text: str, position: int, summary: str, hint: str = "") -> None:
+        self.text, self.position, self.what, self.hint = text, position, summary, hint
         start = text.rfind("\n", 0, position) + 1
         end = text.find("\n", position)
         end = len(text) if end < 0 else end
-        first = max(start, min(position - _SHOWN, end - 2 * _SHOWN))
-        last = min(end, first + 2 * _SHOWN)
+        first = max(start, min(position - _SHOWN_LENGTH, end - 2 * _SHOWN_LENGTH))
+        last = min(end, first + 2 * _SHOWN_LENGTH)
         before, after = "…" * (first > start), "…" * (last < end)
         line = "".join(c if c.isprintable() else " " for c in text[first:last])
         caret = " " * (len(before) + position - first) + "^"
-        message = what + (f" ({hint})" if hint else "")
+        message = summary + (f" ({hint})" if hint else "")
         super().__init__(f"{message}\n    {before}{line}{after}\n    {caret}")
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A part of an expression; `position` is that of its operator or first character."""
+    """A part of an expression; `position` is the index of its operator or first character."""
 
     position: int
     depth: int
@@ -49,7 +49,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class Number(_Part):
-    """A number, or a constant's value."""
+    """A number, or the value of a named constant."""
 
     value: float
 
@@ -87,7 +87,7 @@ class Channel(_Part):
 
 @dataclass(frozen=True)
 class Choice(_Part):
-    """One of two: ``condition ? yes : no``."""
+    """One of two values: ``condition ? yes : no``."""
 
     condition: Node
     yes: Node
@@ -110,13 +110,13 @@ _TOKEN = re.compile(
     r"|(?P<sign>[<>=!]=|&&|\|\||[-+*/%^!<>?:(),\[\]])"
 )
 
-# The binding power of each operator on its left operand; only ``^`` and ``?`` group from the right.
-_BINDING = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
-_BINDING |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
+# The binding power of operators on their left operand. Only ``^`` and ``?`` are right-associative.
+_BINDING_POWER = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
+_BINDING_POWER |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
 _PREFIX = {"-": "negative", "!": "!"}
-_PREFIX_BINDING = 8
+_PREFIX_BINDING_POWER = 8
 
-_INSTEAD = {
+_SIGN_HINTS = {
     "=": "'==' compares",
     "&": "'&&' is the logical and",
     "|": "'||' is the logical or",
@@ -126,7 +126,7 @@ _INSTEAD = {
 
 
 def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
-    """Parse an expression: return its tree and the names of its inputs, in order of appearance.
+    """Return the tree of an expression and the names of its inputs, in order of appearance.
 
     Raises
     ------
@@ -137,20 +137,20 @@ def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
     if len(text) > LONGEST:
         raise ExpressionError(text, LONGEST, f"an expression of {len(text)} characters; at most {LONGEST} are read")
     parser = _Parser(text)
-    return parser.whole(), tuple(parser.names)
+    return parser.parse_whole(), tuple(parser.names)
 
 
-def clipped(text: str) -> str:
-    """Shorten a name for a message."""
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+def shorten_name(text: str) -> str:
+    """Return a name, shortened for a message."""
+    return text if len(text) <= _SHOWN_LENGTH else f"{text[:_SHOWN_LENGTH]}…"
 
 
-def _tokens(text: str) -> Iterator[_Token]:
+def _tokenize(text: str) -> Iterator[_Token]:
     position = 0
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
-            raise ExpressionError(text, position, f"unexpected {text[position]!r}", _INSTEAD.get(text[position], ""))
+            raise ExpressionError(text, position, f"unexpected {text[position]!r}", _SIGN_HINTS.get(text[position], ""))
         if match.lastgroup != "space":
             yield _Token(str(match.lastgroup), match[0], position)
         position = match.end()
@@ -161,57 +161,57 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self.text = text
         self.names: dict[str, None] = {}
-        self._tokens = _tokens(text)
+        self._tokens = _tokenize(text)
         self._token = next(self._tokens)
         self._nesting = 0
 
-    def whole(self) -> Node:
+    def parse_whole(self) -> Node:
         root = self._parse(0)
         if self._token.kind != "end":
-            raise self._unexpected("an operator")
+            raise self._unexpected_token("an operator")
         return root
 
     def _next(self) -> _Token:
         token, self._token = self._token, next(self._tokens)
         return token
 
-    def _unexpected(self, expected: str) -> ExpressionError:
+    def _unexpected_token(self, expected: str) -> ExpressionError:
         token = self._token
-        found = "the end" if token.kind == "end" else f"'{clipped(token.text)}'"
-        return ExpressionError(self.text, token.position, f"{expected} should stand here, not {found}")
+        present = "the end" if token.kind == "end" else f"'{shorten_name(token.text)}'"
+        return ExpressionError(self.text, token.position, f"{expected} should stand here, not {present}")
 
     def _expect(self, sign: str) -> None:
         if self._token.text != sign:
-            raise self._unexpected(f"'{sign}'")
+            raise self._unexpected_token(f"'{sign}'")
         self._next()
 
     def _depth(self, position: int, *parts: Node) -> int:
         depth = 1 + max((part.depth for part in parts), default=0)
-        if depth > _DEEPEST:
-            raise self._too_deep(position)
+        if depth > _MAX_DEPTH:
+            raise self._depth_error(position)
         return depth
 
-    def _too_deep(self, position: int) -> ExpressionError:
-        return ExpressionError(self.text, position, f"more than {_DEEPEST} operations one inside the other")
+    def _depth_error(self, position: int) -> ExpressionError:
+        return ExpressionError(self.text, position, f"more than {_MAX_DEPTH} operations one inside the other")
 
-    def _parse(self, binding: int) -> Node:
-        """Parse what binds tighter than `binding`."""
-        # Parentheses make no node. Each costs a call, and between two there may be one for an operator.
+    def _parse(self, binding_power: int) -> Node:
+        """Parse an operand and the operators that bind tighter than `binding_power`."""
+        # Parentheses make no node, so depth does not count them. Each costs a call, with one for an operator between.
         self._nesting += 1
-        if self._nesting > 2 * _DEEPEST:
-            raise self._too_deep(self._token.position)
-        left = self._operand()
-        while _BINDING.get(self._token.text, 0) > binding:
-            left = self._operation(left, self._next())
+        if self._nesting > 2 * _MAX_DEPTH:
+            raise self._depth_error(self._token.position)
+        left = self._parse_operand()
+        while _BINDING_POWER.get(self._token.text, 0) > binding_power:
+            left = self._parse_operation(left, self._next())
         self._nesting -= 1
         return left
 
-    def _operation(self, left: Node, sign: _Token) -> Node:
+    def _parse_operation(self, left: Node, sign: _Token) -> Node:
         position = sign.position
         if sign.text == "[":
             index = self._token
             if index.text not in ("0", "1", "2"):
-                raise self._unexpected("0, 1 or 2")
+                raise self._unexpected_token("0, 1 or 2")
             self._next()
             self._expect("]")
             return Channel(position, self._depth(position, left), left, int(index.text))
@@ -220,10 +220,10 @@ class _Parser:
             self._expect(":")
             no = self._parse(0)
             return Choice(position, self._depth(position, left, yes, no), left, yes, no)
-        right = self._parse(_BINDING[sign.text] - (sign.text == "^"))
-        return self._apply(position, sign.text, OPERATORS[sign.text], left, right)
+        right = self._parse(_BINDING_POWER[sign.text] - (sign.text == "^"))
+        return self._make_apply(position, sign.text, OPERATORS[sign.text], left, right)
 
-    def _operand(self) -> Node:
+    def _parse_operand(self) -> Node:
         token = self._token
         position = token.position
         if token.kind == "number":
@@ -235,7 +235,7 @@ class _Parser:
         if token.kind == "name":
             self._next()
             if self._token.text == "(":
-                return self._call(token)
+                return self._parse_call(token)
             if token.text in CONSTANTS:
                 return Number(position, 1, CONSTANTS[token.text])
             self.names[token.text] = None
@@ -243,7 +243,7 @@ class _Parser:
         if token.text in _PREFIX:
             self._next()
             name = _PREFIX[token.text]
-            return self._apply(position, name, OPERATORS[name], self._parse(_PREFIX_BINDING))
+            return self._make_apply(position, name, OPERATORS[name], self._parse(_PREFIX_BINDING_POWER))
         if token.text == "(":
             self._next()
             inner = self._parse(0)
@@ -251,13 +251,13 @@ class _Parser:
             return inner
         if token.text == "[":
             self._next()
-            channels = self._list("]")
+            channels = self._parse_list("]")
             if len(channels) != 3:
                 raise ExpressionError(self.text, position, f"a color of {len(channels)} numbers", "it is [r, g, b]")
             return Color(position, self._depth(position, *channels), channels)
-        raise self._unexpected("a number, a name or '('")
+        raise self._unexpected_token("a number, a name or '('")
 
-    def _list(self, closing: str) -> tuple[Node, ...]:
+    def _parse_list(self, closing: str) -> tuple[Node, ...]:
         items = [] if self._token.text == closing else [self._parse(0)]
         while items and self._token.text == ",":
             self._next()
@@ -265,19 +265,19 @@ class _Parser:
         self._expect(closing)
         return tuple(items)
 
-    def _call(self, token: _Token) -> Node:
+    def _parse_call(self, token: _Token) -> Node:
         name = token.text
         if (function := FUNCTIONS.get(name)) is None:
             hint = nearest_hint(name, list(FUNCTIONS))
-            raise ExpressionError(self.text, token.position, f"unknown function '{clipped(name)}'", hint)
+            raise ExpressionError(self.text, token.position, f"unknown function '{shorten_name(name)}'", hint)
         self._next()
-        arguments = self._list(")")
-        most = len(function.parameters)
-        if not most - function.optional <= len(arguments) <= most:
-            count = f"{most - function.optional} to {most}" if function.optional else str(most)
-            what = f"{name} takes {count} argument{'s' * (most > 1)}, not {len(arguments)}"
-            raise ExpressionError(self.text, token.position, what, function.signature(name))
-        return self._apply(token.position, name, function, *arguments)
+        arguments = self._parse_list(")")
+        maximum = len(function.parameters)
+        if not maximum - function.optional <= len(arguments) <= maximum:
+            count = f"{maximum - function.optional} to {maximum}" if function.optional else str(maximum)
+            message = f"{name} takes {count} argument{'s' * (maximum > 1)}, not {len(arguments)}"
+            raise ExpressionError(self.text, token.position, message, function.signature(name))
+        return self._make_apply(token.position, name, function, *arguments)
 
-    def _apply(self, position: int, name: str, function: Function, *arguments: Node) -> Node:
+    def _make_apply(self, position: int, name: str, function: Function, *arguments: Node) -> Node:
         return Apply(position, self._depth(position, *arguments), name, function, arguments)

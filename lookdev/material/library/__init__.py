@@ -1,6 +1,6 @@
-"""Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim, or in a look.
+"""Libraries of presets: folders of USD files. The default prim is the shader of a layer, or a look with one layer.
 
-The name of a preset is that of its file. Looks reference it: a change of the preset changes them.
+The name of a preset is the name of its file. Looks reference presets: a change of the preset changes them.
 """
 
 from __future__ import annotations
@@ -46,56 +46,60 @@ class Library:
     faults: tuple[Fault, ...]
 
 
-def library_folders(given: Path | None = None) -> tuple[Path, ...]:
-    """Return the folders of presets, absolute, by precedence; LookError where a named one or all are missing.
+def library_folders(library: Path | None = None) -> tuple[Path, ...]:
+    """Return the absolute folders of presets by precedence; LookError where a named one or all are missing.
 
-    These are `given`, else those of ``$LOOKDEV_LIBRARY``, else `SHIPPED` below the current folder and below the folder
-    of the shipped files, as far as they exist.
+    These are `library`, else the folders in ``$LOOKDEV_LIBRARY``, else the existing ones of `SHIPPED` below the current
+    folder and below the folder of the shipped files.
     """
-    named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
-    wanted = [given] if given else named
+    environment_folders = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
+    named_folders = [library] if library else environment_folders
     shipped = [above / folder for above in (Path(), shipped_folder()) for folder in SHIPPED]
-    folders = dict.fromkeys(folder.absolute() for folder in wanted or shipped)
+    folders = dict.fromkeys(folder.absolute() for folder in named_folders or shipped)
     missing = [folder for folder in folders if not folder.is_dir()]
-    if wanted and missing:
-        origin = "--library" if given else f"${LIBRARY_VARIABLE}"
+    if named_folders and missing:
+        origin = "--library" if library else f"${LIBRARY_VARIABLE}"
         raise LookError([Fault(str(folder), "", f"{origin} names no folder") for folder in missing])
     if len(missing) == len(folders):
         hint = f"name a folder of presets with --library or ${LIBRARY_VARIABLE}"
-        raise LookError([Fault("library", "", f"no folder {_listed(folders)}", hint)])
+        raise LookError([Fault("library", "", f"no folder {_join_folders(folders)}", hint)])
     return tuple(folder for folder in folders if folder not in missing)
 
 
 def read_library(folders: Iterable[Path], category: str | None = None) -> Library:
-    """Read every preset of some folders, or those of one category; LookError where there is none."""
+    """Read all presets of some folders, or those of one category; LookError where there are none."""
     folders = tuple(folders)
     presets: list[Preset] = []
     faults: list[Fault] = []
-    for file in _files(folders).values():
+    for file in _preset_files(folders).values():
         try:
             presets.append(read_preset(file))
         except LookError as error:
             faults += error.faults
-    known = sorted({preset.category for preset in presets} - {""})
+    categories = sorted({preset.category for preset in presets} - {""})
     if category is not None:
         presets = [preset for preset in presets if preset.category == category]
-    if not presets and category is not None and known:
-        raise LookError([Fault("library", "", f"no preset of category '{category}'", nearest_hint(category, known))])
+    if not presets and category is not None and categories:
+        raise LookError(
+            [Fault("library", "", f"no preset of category '{category}'", nearest_hint(category, categories))]
+        )
     if not presets:
-        raise LookError(faults or [Fault("library", "", f"no preset in {_listed(folders)}", "put *.usda files there")])
+        raise LookError(
+            faults or [Fault("library", "", f"no preset in {_join_folders(folders)}", "put *.usda files there")]
+        )
     return Library(tuple(sorted(presets, key=lambda preset: (preset.category, preset.name))), tuple(faults))
 
 
 def find_preset(name: str, library: Path | None = None) -> Preset:
-    """Return a preset by its file, or by its name, in whatever case, from `library_folders`; LookError for none."""
+    """Return a preset by its file, or by its name in any case from `library_folders`; LookError where none matches."""
     if Path(name).suffix in SUFFIXES:
         return read_preset(Path(name).absolute())
     folders = library_folders(library)
-    files = _files(folders)
+    files = _preset_files(folders)
     if name.casefold() in files:
         return read_preset(files[name.casefold()])
     hint = nearest_hint(name.casefold(), sorted(files)) if files else "put *.usda files there"
-    raise LookError([Fault("library", "", f"no preset '{name}' in {_listed(folders)}", hint)])
+    raise LookError([Fault("library", "", f"no preset '{name}' in {_join_folders(folders)}", hint)])
 
 
 def read_preset(file: Path) -> Preset:
@@ -108,31 +112,31 @@ def read_preset(file: Path) -> Preset:
         layer is a shader of constants.
     """
     stage = open_stage(file)
-    whole = stage.GetDefaultPrim()
-    if not whole:
+    default_prim = stage.GetDefaultPrim()
+    if not default_prim:
         raise LookError([Fault(str(file), "", "has no default prim", "a preset is a shader: set defaultPrim to it")])
-    prim = _only_layer(whole) or whole
+    prim = _only_layer(default_prim) or default_prim
     shader = UsdShade.Shader(prim)
     model = (shader.GetShaderId() if shader else None) or ""
-    place = str(prim.GetPath())
+    path = str(prim.GetPath())
     if model not in layer_shaders():
-        what = f"its info:id is '{model}'" if shader else f"is a {prim.GetTypeName() or 'prim without a type'}"
+        message = f"its info:id is '{model}'" if shader else f"is a {prim.GetTypeName() or 'prim without a type'}"
         hint = f"a preset is a Shader whose info:id is {' or '.join(layer_shaders())}"
-        raise LookError([Fault(str(file), place, what, hint)])
+        raise LookError([Fault(str(file), path, message, hint)])
     if not shader.GetOutput("layer"):
-        raise LookError([Fault(str(file), place, "has no outputs:layer", "declare it: token outputs:layer")])
-    doc = whole.GetDocumentation() or stage.GetRootLayer().documentation
-    category = str(whole.GetCustomDataByKey("category") or "")
-    return Preset(file.stem, file, place, layer_shaders()[model], category, " ".join(doc.split()))
+        raise LookError([Fault(str(file), path, "has no outputs:layer", "declare it: token outputs:layer")])
+    doc = default_prim.GetDocumentation() or stage.GetRootLayer().documentation
+    category = str(default_prim.GetCustomDataByKey("category") or "")
+    return Preset(file.stem, file, path, layer_shaders()[model], category, " ".join(doc.split()))
 
 
 def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
-    """Return the shader of a look's only layer, if all its inputs are constants."""
+    """Return the shader of the only layer of a look, if all its inputs are constants; else None."""
     material = UsdShade.Material(prim)
     surface = material.GetOutput("lookdev:surface") if material else None
     sources = surface.GetConnectedSources()[0] if surface else []
     shader = UsdShade.Shader(sources[0].source.GetPrim() if sources else Usd.Prim())
-    if not shader or any(each.HasConnectedSource() for each in shader.GetInputs()):
+    if not shader or any(shader_input.HasConnectedSource() for shader_input in shader.GetInputs()):
         return None
     return shader.GetPrim() if shader.GetShaderId() in layer_shaders() else None
 
@@ -147,8 +151,8 @@ def library_text(library: Library) -> str:
     )
 
 
-def _files(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the files of presets by their names without case; the first folder with a name has precedence."""
+def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
+    """Return the files of presets by casefolded name; the first folder that has a name takes precedence."""
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):
@@ -157,5 +161,5 @@ def _files(folders: Iterable[Path]) -> dict[str, Path]:
     return files
 
 
-def _listed(folders: Iterable[Path]) -> str:
+def _join_folders(folders: Iterable[Path]) -> str:
     return " or ".join(map(str, folders))

@@ -1,4 +1,4 @@
-"""Arranging the layers of a look: their order, names, switches and modes, and the variant that its file shows."""
+"""Edits of the layers of a look: their order, names, switches and modes, and the selected variant of its file."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pxr import Sdf, Usd
 from lookdev.brdf import Mode
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
-from lookdev.material.library.edit import edited
-from lookdev.material.library.nodes import layer_paths, sites
-from lookdev.material.library.stack import layer_shader, stack_of
+from lookdev.material.library.edit import edit_material
+from lookdev.material.library.nodes import find_sites, layer_paths
+from lookdev.material.library.stack import layer_shader, require_stack
 from lookdev.material.usd import variant_sets
 
 _TYPES = Sdf.ValueTypeNames
@@ -22,82 +22,84 @@ Variants = Mapping[str, str] | None
 
 
 def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: Variants = None) -> None:
-    """Give a layer over the base another number, from 1; those between are renumbered, in every variant."""
-    with edited(file, prim, variants) as material:
-        stack = stack_of(material)
+    """Move a layer over the base to number `to`, from 1, and renumber the layers between, in every variant."""
+    with edit_material(file, prim, variants) as material:
+        stack = require_stack(material)
         number, name = stack.find(layer)
         if to not in stack.layers:
-            what = f"'{name}' cannot be layer {to}"
-            raise stack.fault(what, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath")
+            message = f"'{name}' cannot be layer {to}"
+            raise stack.make_error(
+                message, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
+            )
         step = 1 if to < number else -1
-        order = {number: to} | {each: each + step for each in range(min(number, to), max(number, to) + 1)}
+        order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
-        own = [stack.prim.GetAttribute(stack.input_name(each, part)) for each in order for part in _PARTS]
-        if not all(stack.is_own(attribute) for attribute in own if attribute):
-            raise stack.fault("another file or a variant states its layers", "move them there")
+        attributes = [stack.prim.GetAttribute(stack.input_name(other, part)) for other in order for part in _PARTS]
+        if not all(stack.is_in_file(attribute) for attribute in attributes if attribute):
+            raise stack.make_error("another file or a variant states its layers", "move them there")
         stack.renumber(order)
 
 
 def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, variants: Variants = None) -> None:
-    """Rename the shader of a layer, and what is connected to it."""
-    with edited(file, prim, variants) as material:
+    """Rename the shader of a layer, and update connections to it."""
+    with edit_material(file, prim, variants) as material:
         path = layer_shader(material, layer)[1].GetPath()
         root, new = material.GetPrim().GetStage().GetRootLayer(), path.ReplaceName(name) if _is_name(name) else path
         if not _is_name(name):
             hint = "letters, digits and '_', not a digit first"
             raise LookError([Fault(str(file), str(path), f"'{name}' cannot be the name of a layer", hint)])
-        taken = {each.StripAllVariantSelections() for each in layer_paths(root)}
-        if new != path and (new in taken or material.GetPrim().GetStage().GetPrimAtPath(new)):
+        used_paths = {path.StripAllVariantSelections() for path in layer_paths(root)}
+        if new != path and (new in used_paths or material.GetPrim().GetStage().GetPrimAtPath(new)):
             raise LookError([Fault(str(file), str(path), f"'{name}' is there already", "choose another name")])
-        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites(root, path)):
+        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path)):
             raise LookError([Fault(str(file), str(path), "is defined by another file", "rename it there")])
-        for site in sites(root, path):
+        for site in find_sites(root, path):
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(site, site.ReplaceName(name), Sdf.NamespaceEdit.same)
             root.Apply(edit)
-        redirect(root, {path: new})
+        redirect_connections(root, {path: new})
 
 
-def redirect(
-    layer: Sdf.Layer, moved: Mapping[Sdf.Path, Sdf.Path], within: Sdf.Path = Sdf.Path.absoluteRootPath
+def redirect_connections(
+    layer: Sdf.Layer, new_paths: Mapping[Sdf.Path, Sdf.Path], within: Sdf.Path = Sdf.Path.absoluteRootPath
 ) -> None:
-    """Connect what is at or below `within` in a layer to the new paths of prims that have moved."""
+    """Redirect connections at or below `within` in a USD layer to the new paths of moved prims."""
     for path in layer_paths(layer):
         spec = layer.GetPropertyAtPath(path) if path.IsPropertyPath() and path.HasPrefix(within) else None
         if not isinstance(spec, Sdf.AttributeSpec):
             continue
         for target in spec.connectionPathList.GetAddedOrExplicitItems():
-            whole = target.MakeAbsolutePath(path.GetPrimPath()).StripAllVariantSelections()
-            old = next((each for each in moved if whole.GetPrimPath().HasPrefix(each)), None)
+            absolute = target.MakeAbsolutePath(path.GetPrimPath()).StripAllVariantSelections()
+            old = next((old_path for old_path in new_paths if absolute.GetPrimPath().HasPrefix(old_path)), None)
             if old is not None:
-                spec.connectionPathList.ReplaceItemEdits(target, whole.ReplacePrefix(old, moved[old]))
+                spec.connectionPathList.ReplaceItemEdits(target, absolute.ReplacePrefix(old, new_paths[old]))
 
 
 def enable_layer(file: Path, layer: str, enabled: bool, prim: str | None = None, variants: Variants = None) -> None:
-    """Switch a layer over the base on or off, where the file says so, also in a variant."""
-    with edited(file, prim, variants) as material:
-        stack = stack_of(material)
-        set_constant(stack.input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
+    """Switch a layer over the base on or off, at the file's strongest opinion, also in a variant."""
+    with edit_material(file, prim, variants) as material:
+        stack = require_stack(material)
+        set_constant(stack.create_input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
 
 
 def set_mode(file: Path, layer: str, mode: Mode, prim: str | None = None, variants: Variants = None) -> None:
-    """Lay a layer over those beneath, or let what it transmits meet them."""
-    with edited(file, prim, variants) as material:
-        stack = stack_of(material)
-        set_constant(stack.input(stack.find(layer)[0], "Mode", _TYPES.Token), mode)
+    """Set the mode of a layer: ``"over"`` or ``"transmit"``."""
+    with edit_material(file, prim, variants) as material:
+        stack = require_stack(material)
+        set_constant(stack.create_input(stack.find(layer)[0], "Mode", _TYPES.Token), mode)
 
 
 def select_variant(file: Path, name: str, choice: str, prim: str | None = None) -> None:
-    """Write the variant of a set, at or above the material, that the file itself selects."""
-    with edited(file, prim) as material:
+    """Write the file's own selection for a variant set at or above the material."""
+    with edit_material(file, prim) as material:
         stage = material.GetPrim().GetStage()
-        known = variant_sets(stage, material.GetPath())
-        if name not in known or choice not in known[name].GetVariantNames():
-            choices = [] if name not in known else known[name].GetVariantNames()
-            hint = nearest_hint(choice if choices else name, choices or sorted(known)) if known else "it has none"
+        sets = variant_sets(stage, material.GetPath())
+        if name not in sets or choice not in sets[name].GetVariantNames():
+            choices = [] if name not in sets else sets[name].GetVariantNames()
+            hint = nearest_hint(choice if choices else name, choices or sorted(sets)) if sets else "it has none"
             raise LookError([Fault(str(file), str(material.GetPath()), f"has no variant {name}={choice}", hint)])
         with Usd.EditContext(stage, stage.GetRootLayer()):
-            known[name].SetVariantSelection(choice)
+            sets[name].SetVariantSelection(choice)
 
 
 def _is_name(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Constants of a look, set where the file states them: in the file itself, or in a copy of it."""
+"""Edits of constants of a look, at the file's opinions: in the file itself, or in a copy of it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from lookdev.brdf import MODELS, layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.change import Constant, Value, with_constants
-from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edited, reported_for
+from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, reported_for
 from lookdev.material.library.nodes import clear_input, relative_path
-from lookdev.material.library.stack import shown_layers
+from lookdev.material.library.stack import enabled_layers
 from lookdev.material.usd import find_material, read_look
 from lookdev.material.usd.network import Network, Source, shader_id
 from lookdev.stage import open_stage, reading
@@ -28,15 +28,14 @@ def set_inputs(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
 ) -> None:
-    """Set constants of layers, by the place of a layer in the look, from the base, and the name of a parameter.
+    """Set constants of layers, by the index of a layer in the look, base first, and the name of a parameter.
 
-    ``"mask"`` is that of the layer, ``"mask.dirt"`` an input of an expression. What the file itself says of an input is
-    changed where it says it, also in a variant; an input of another file gets an override. The material is as in
-    `variants`.
+    ``"mask"`` is the mask of the layer, ``"mask.dirt"`` an input of an expression. Opinions of the file itself change
+    in place, also in a variant; an input from another file gets an override. `variants` selects the composed material.
     """
-    with edited(file, prim, variants) as material:
+    with edit_material(file, prim, variants) as material:
         for (number, name), value in values.items():
-            set_constant(_input(material, number, name.split("."), value), value)
+            set_constant(_constant_attribute(material, number, name.split("."), value), value)
 
 
 def write_changed(
@@ -46,10 +45,10 @@ def write_changed(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a copy of the look of a file with other constants, whole or not at all; relative paths stay right.
+    """Write a copy of the look of a file with other constants, atomically; relative paths stay valid.
 
-    A constant is set where the file's strongest opinion of it is, also in a variant; one that comes from an interface
-    or another file is overridden.
+    A constant changes at the file's strongest opinion, also in a variant. A constant from an interface that other
+    inputs share, or from another file, gets an override.
 
     Raises
     ------
@@ -58,60 +57,60 @@ def write_changed(
     """
     check_suffix(out)
     look = read_look(file, prim, dict(variants or {}))
-    rounded = [replace(each, value=tuple(float(np.float32(x)) for x in each.value)) for each in constants]
-    wanted = with_constants(look, rounded)
+    rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
+    target = with_constants(look, rounded)
     with atomic_path(out) as temporary, reported_for(out, temporary):
-        # An interface is a look's own handle on a constant, unless other inputs hang on it.
+        # Prefer the interface input that states a constant, unless other inputs are connected to it too.
         for by_interface in (True, False):
-            _copy(file, temporary, out)
-            path = _edit(temporary, constants, prim, variants or {}, by_interface)
-            if read_look(temporary, str(path), dict(variants or {})).layers == wanted.layers:
+            _copy_layer(file, temporary, out)
+            path = _set_constants(temporary, constants, prim, variants or {}, by_interface)
+            if read_look(temporary, str(path), dict(variants or {})).layers == target.layers:
                 return
-        names = ", ".join(each.name for each in constants)
-        what = f"{names}: another input of the look has the same source, or a stronger layer sets it"
-        raise LookError([Fault(str(file), str(path), what, "give each input a value of its own")])
+        names = ", ".join(constant.name for constant in constants)
+        message = f"{names}: another input of the look has the same source, or a stronger layer sets it"
+        raise LookError([Fault(str(file), str(path), message, "give each input a value of its own")])
 
 
-def _copy(file: Path, temporary: Path, out: Path) -> None:
-    """Write the layer of a file in the format and for the folder of another."""
+def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
+    """Write the USD layer of a file to `temporary`, in the format and with the relative paths of `out`."""
     with reading(file):
         layer = Sdf.Layer.FindOrOpen(str(file))
         if layer is None or not layer.Export(str(temporary)):
             raise LookError([Fault(str(file), "", "cannot be copied as a look in USD")])
     before, after = file.resolve().parent, out.resolve().parent
     if before != after:
-        _anchor(temporary, before, after)
+        _reanchor(temporary, before, after)
 
 
-def _edit(
+def _set_constants(
     file: Path, constants: Sequence[Constant], prim: str | None, variants: Mapping[str, str], by_interface: bool
 ) -> Sdf.Path:
-    """Set constants of the look of a file; return the material's path."""
+    """Set constants of the look of a file, and return the path of its material."""
     stage, network = open_stage(file), Network(file)
     path = find_material(network, stage, prim, variants)
     if path is None:
         raise LookError(network.faults)
     material = UsdShade.Material(stage.GetPrimAtPath(path))
-    for each in constants:
-        attribute = _input(material, each.layer, each.path, each.value)
-        set_constant(attribute, each.value, by_interface=by_interface)
+    for constant in constants:
+        attribute = _constant_attribute(material, constant.layer, constant.path, constant.value)
+        set_constant(attribute, constant.value, by_interface=by_interface)
     stage.GetRootLayer().Save()
     return path
 
 
 def check_writable(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> None:
-    """Raise LookError where `write_changed` cannot write a look of a file: it is not one of layers in USD."""
+    """Raise LookError where `write_changed` cannot write a look: its file is not a look of layers in USD."""
     check_suffix(file)
     stage, network = open_stage(file), Network(file)
     path = find_material(network, stage, prim, variants or {})
     if path is None:
         raise LookError(network.faults)
-    shown_layers(UsdShade.Material(stage.GetPrimAtPath(path)))
+    enabled_layers(UsdShade.Material(stage.GetPrimAtPath(path)))
 
 
-def _input(material: UsdShade.Material, layer: int, path: Sequence[str], value: Any) -> Usd.Attribute:
-    """Return the attribute of a constant, made where it is not there yet; `path` is as that of a `Constant`."""
-    shader, stack, mask = shown_layers(material)[layer]
+def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[str], value: Any) -> Usd.Attribute:
+    """Return the attribute of a constant, creating it where necessary; `path` is as `Constant.path`."""
+    shader, stack, mask = enabled_layers(material)[layer]
     name, *inside = path
     if name == "mask":
         attribute = stack.CreateInput(mask, Sdf.ValueTypeNames.Float).GetAttr()
@@ -122,48 +121,50 @@ def _input(material: UsdShade.Material, layer: int, path: Sequence[str], value: 
         return attribute
     network = Network(Path())
     source = network.follow(attribute)
-    known = [each.GetBaseName() for each in source.shader.GetInputs()] if isinstance(source, Source) else []
-    if not isinstance(source, Source) or inside[0] not in known:
-        place = str(attribute.GetPath())
-        what = f"no expression with an input '{inside[0]}' has its value"
+    names = (
+        [shader_input.GetBaseName() for shader_input in source.shader.GetInputs()] if isinstance(source, Source) else []
+    )
+    if not isinstance(source, Source) or inside[0] not in names:
+        where = str(attribute.GetPath())
+        message = f"no expression with an input '{inside[0]}' has its value"
         file = attribute.GetStage().GetRootLayer().realPath
-        raise LookError([Fault(file, place, what, nearest_hint(inside[0], known) if known else "")])
+        raise LookError([Fault(file, where, message, nearest_hint(inside[0], names) if names else "")])
     kind = INPUT_TYPES["color" if isinstance(value, tuple) and len(value) == 3 else "float"]
     return source.shader.CreateInput(inside[0], kind).GetAttr()
 
 
 def set_constant(attribute: Usd.Attribute, value: Any, *, by_interface: bool = True) -> None:
-    """Set a constant where the strongest opinion of the edited file is.
+    """Set a constant at the strongest opinion of the edited file.
 
-    With `by_interface` that is the interface input to which the attribute is connected; otherwise the connection goes.
+    With `by_interface`, set the interface input to which the attribute is connected; otherwise remove the connection.
     Raises LookError where a node computes the input.
     """
-    given = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) and len(value) == 3 else value
-    given = float(given[0]) if isinstance(given, tuple) else given
+    usd_value = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) and len(value) == 3 else value
+    usd_value = float(usd_value[0]) if isinstance(usd_value, tuple) else usd_value
     network = Network(Path(attribute.GetStage().GetRootLayer().realPath))
     holder = network.follow(attribute) if by_interface else None
     if isinstance(holder, Source):
-        place, hint = str(attribute.GetPath()), "a texture or an expression has its value"
-        raise LookError([Fault(str(network.file), place, "is connected", hint)])
+        where, hint = str(attribute.GetPath()), "a texture or an expression has its value"
+        raise LookError([Fault(str(network.file), where, "is connected", hint)])
     target = holder or attribute
     if target.HasAuthoredConnections():
         clear_input(target)
     root = target.GetStage().GetRootLayer()
     for spec in target.GetPropertyStack(Usd.TimeCode.Default()):
         if spec.layer == root and spec.HasDefaultValue():
-            spec.default = given
+            spec.default = usd_value
             return
-    target.Set(given)
+    target.Set(usd_value)
 
 
-def _anchor(layer_file: Path, before: Path, after: Path) -> None:
-    """Rewrite relative paths of a layer for another folder."""
+def _reanchor(layer_file: Path, before: Path, after: Path) -> None:
+    """Rewrite the relative paths of a USD layer for another folder."""
     layer = Sdf.Layer.FindOrOpen(str(layer_file))
 
-    def moved(path: str) -> str:
+    def reanchor_path(path: str) -> str:
         if not path or Path(path).is_absolute() or "://" in path or (path[0] != "." and not (before / path).exists()):
             return path
         return relative_path(before / path, after)
 
-    UsdUtils.ModifyAssetPaths(layer, moved)
+    UsdUtils.ModifyAssetPaths(layer, reanchor_path)
     layer.Save()

@@ -1,9 +1,9 @@
-"""Editing looks: layer stacks of references to presets, written in USD.
+"""Edits of looks in USD: their layer stacks, which reference presets.
 
-An edit is made on a copy beside the file, which replaces the file only if `read_look` finds no fault in it, in any
-variant of the material. It is written to the file itself: a stack that comes from another file gets overrides. Each
-function raises LookError where the file is not a look, or would not be one after the edit; layers are named by number
-or, in whatever case, by name.
+An edit changes a copy beside the file. The copy replaces the file only if `read_look` finds no faults in it, in any
+variant of the material. Edits affect only the file itself: a stack from another file gets overrides. Each function
+raises LookError where the file is not a look, or would not be one after the edit. Layers are identified by number, or
+by name in any case.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
 from lookdev.material.library.masks import Held, Mask, MaskWriter
-from lookdev.material.library.nodes import clear_input, free_path, prune, relative_asset, upstream
+from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
-from lookdev.material.library.stack import author_stack, find_stack, shown_layers, stack_of, surface_of
+from lookdev.material.library.stack import author_stack, enabled_layers, find_stack, require_stack, require_surface
 from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
@@ -39,21 +39,21 @@ log = logging.getLogger("lookdev.material")
 
 _TYPES = Sdf.ValueTypeNames
 INPUT_TYPES = {"float": _TYPES.Float, "color": _TYPES.Color3f, "normal": _TYPES.Normal3f, "token": _TYPES.Token}
-"""Types of the inputs of a layer, by the kinds of parameters."""
+"""The types of the inputs of a layer, by kind of parameter."""
 
 
 def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
     """Write a new look whose base is a preset, by reference, and return the path of its material.
 
-    The material is called `name`, by default as the file: ``WornPaint`` for ``worn_paint.usda``, which must not exist.
+    `file` must not exist. `name` is the name of the material; by default ``WornPaint`` for ``worn_paint.usda``.
     """
-    return _new(file, name, lambda stage, path: _reference(stage, path, preset))
+    return _write_new_look(file, name, lambda stage, path: _define_reference(stage, path, preset))
 
 
 def measured_look(file: Path, measurement: Path) -> str:
     """Write a new look whose base is a file of measured reflectance; otherwise as `new_look`.
 
-    A ModelError reports what is wrong with the measurement.
+    Raises ModelError for a faulty measurement.
     """
     grid_of(str(measurement))
 
@@ -64,13 +64,13 @@ def measured_look(file: Path, measurement: Path) -> str:
         shader.CreateOutput("layer", _TYPES.Token)
         return path
 
-    return _new(file, None, define)
+    return _write_new_look(file, None, define)
 
 
 def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
-    """Write a new look whose base is a model with some parameters, constants by name; otherwise as `new_look`.
+    """Write a new look whose base is a model with some constants by name; otherwise as `new_look`.
 
-    A ModelError reports what is wrong with them.
+    Raises ModelError for faulty constants.
     """
     model.complete(values)
 
@@ -82,16 +82,16 @@ def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
             if model.parameters[name].file and value not in model.parameters[name].choices:
                 shader.CreateInput(name, _TYPES.Asset).Set(str(Path(value).absolute()))
                 continue
-            given = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
-            shader.CreateInput(name, INPUT_TYPES[kind]).Set(given if kind != "float" else float(value))
+            usd_value = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
+            shader.CreateInput(name, INPUT_TYPES[kind]).Set(usd_value if kind != "float" else float(value))
         shader.CreateOutput("layer", _TYPES.Token)
         return path
 
-    return _new(file, None, define)
+    return _write_new_look(file, None, define)
 
 
-def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
-    """Write a new look whose base is defined at a path; the function returns it."""
+def _write_new_look(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
+    """Write a new look, whose base `define` defines at a path; `define` returns the path of the base."""
     check_suffix(file)
     if file.exists() or file.is_symlink():
         hint = "choose another name, or 'lookdev materials add' a layer to it"
@@ -107,17 +107,17 @@ def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], S
         base = define(stage, material.GetPath().AppendChild("Base"))
         author_stack(material, base)
         _author_preview(material)
-        _check(material)
+        _check_variants(material)
     return f"/{name}"
 
 
 def camel_case(words: str) -> str:
-    """Return words as the name of a prim: ``WornPaint`` for ``worn_paint``."""
+    """Return words as a prim name: ``WornPaint`` for ``worn_paint``."""
     return "".join(word[:1].upper() + word[1:] for word in re.split(r"[^A-Za-z0-9]+", words))
 
 
 def preset_look(preset: Preset, name: str) -> Look:
-    """Return the look whose only layer is a preset, made in memory."""
+    """Return a look in memory whose only layer is a preset."""
     stage = Usd.Stage.CreateInMemory()
     material = UsdShade.Material.Define(stage, "/Preset")
     base = stage.DefinePrim("/Preset/Base", "Shader")
@@ -134,24 +134,24 @@ def add_layer(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
 ) -> tuple[int, str]:
-    """Lay a preset, by reference, over the layers of a look, and return the new layer's number and name.
+    """Add a preset, by reference, over the layers of a look, and return the number and name of the new layer.
 
-    A look of a single layer gets a stack first.
+    A look with a single layer gets a stack first.
     """
-    with edited(file, prim, variants) as material:
+    with edit_material(file, prim, variants) as material:
         if find_stack(material) is None:
-            author_stack(material, surface_of(material)[1].path)
-        stack = stack_of(material)
+            author_stack(material, require_surface(material)[1].path)
+        stack = require_stack(material)
         number = max(stack.layers, default=0) + 1
-        # The shader of a preset that is a look is called Base, as every base is.
+        # The shader of a preset that is a look has the name Base, as the base of any look.
         name = Sdf.Path(preset.prim).name
-        called = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
-        path = _reference(stack.stage, free_path(stack.stage, stack.scope, called), preset)
-        stack.input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
+        prim_name = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
+        path = _define_reference(stack.stage, free_path(stack.stage, stack.scope, prim_name), preset)
+        stack.create_input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
         if mode != "over":
-            stack.input(number, "Mode", _TYPES.Token).Set(mode)
+            stack.create_input(number, "Mode", _TYPES.Token).Set(mode)
         if mask != 1.0:
-            attribute = stack.input(number, "Mask", _TYPES.Float)
+            attribute = stack.create_input(number, "Mask", _TYPES.Float)
             MaskWriter(stack.stage, stack.scope, {}).write(attribute, f"{path.name}Mask", mask)
     return number, path.name
 
@@ -159,22 +159,24 @@ def add_layer(
 def remove_layer(
     file: Path, layer: str, prim: str | None = None, variants: Mapping[str, str] | None = None
 ) -> tuple[int, str, bool]:
-    """Remove a layer from a stack; return its number, its name, and whether it is removed.
+    """Remove a layer from a stack; return its number, its name, and whether it was removed.
 
-    Layers above it are renumbered, and nodes that only it used are removed. A layer that another file defines cannot be
-    removed and is disabled.
+    Layers above it get new numbers, and nodes that only this layer used are removed. A layer that another file defines
+    is disabled instead.
     """
-    with edited(file, prim, variants) as material:
-        stack = stack_of(material)
+    with edit_material(file, prim, variants) as material:
+        stack = require_stack(material)
         number, name = stack.find(layer)
-        own = [stack.prim.GetAttribute(stack.input_name(number, part)) for part in ("", "Mask", "Enabled", "Mode")]
-        removable = all(stack.is_own(attribute) for attribute in own if attribute)
+        attributes = [
+            stack.prim.GetAttribute(stack.input_name(number, part)) for part in ("", "Mask", "Enabled", "Mode")
+        ]
+        removable = all(stack.is_in_file(attribute) for attribute in attributes if attribute)
         if removable:
-            used = upstream(material, own)
-            stack.drop(number)
+            used = find_upstream(material, attributes)
+            stack.remove_inputs(number)
             prune(material, used)
         else:
-            stack.input(number, "Enabled", _TYPES.Bool).Set(False)
+            stack.create_input(number, "Enabled", _TYPES.Bool).Set(False)
     return number, name, removable
 
 
@@ -183,13 +185,13 @@ def set_mask(
 ) -> tuple[int, str]:
     """Replace the mask of a layer; return its number and name.
 
-    Nodes that only the old mask used are removed. Names of an expression without a new source keep the one that they
-    have in the old expression.
+    Nodes that only the old mask used are removed. Names of an expression that get no source keep their source in the
+    old expression.
     """
-    with edited(file, prim, variants) as material:
-        stack = stack_of(material)
+    with edit_material(file, prim, variants) as material:
+        stack = require_stack(material)
         number, name = stack.find(layer)
-        replace_source(material, stack.input(number, "Mask", _TYPES.Float), stack.scope, f"{name}Mask", mask)
+        replace_source(material, stack.create_input(number, "Mask", _TYPES.Float), stack.scope, f"{name}Mask", mask)
     return number, name
 
 
@@ -201,43 +203,44 @@ def replace_source(
     source: Mask | None,
     kind: Kind = "float",
 ) -> None:
-    """Give an input another source, whose nodes are children of `scope`, or none; nodes that only the old one used go.
+    """Replace the source of an input, or remove it; nodes of the new source are children of `scope`.
 
-    Names of an expression without a new source keep the one that they have in the old expression.
+    Nodes that only the old source used are removed. Names of an expression that get no source keep their source in the
+    old expression.
     """
-    old = _inputs(Network(Path()).follow(attribute)) if source is not None else {}
-    used = upstream(material, [attribute])
+    old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
+    used = find_upstream(material, [attribute])
     clear_input(attribute)
-    prune(material, used, [path for held in old.values() for path in held.connections])
+    prune(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
-        MaskWriter(attribute.GetStage(), scope, old, kind).write(attribute, name, source)
+        MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)
         prune(material, used)
 
 
 def write_preview(file: Path, prim: str | None = None) -> str:
     """Write or refresh the UsdPreviewSurface of a look, and return the path of its shader."""
-    with edited(file, prim) as material:
+    with edit_material(file, prim) as material:
         return _author_preview(material)
 
 
-def _reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.Path:
-    """Define a shader that is a preset, by reference."""
+def _define_reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.Path:
+    """Define a shader that references a preset, and return its path."""
     prim = stage.DefinePrim(path, "Shader")
     prim.GetReferences().AddReference(relative_asset(preset.file, stage), preset.prim)
     return prim.GetPath()
 
 
 def _author_preview(material: UsdShade.Material) -> str:
-    look = _read_saved(material)
-    shaders = [shader for shader, *_ in shown_layers(material)]
+    look = _save_and_read(material)
+    shaders = [shader for shader, *_ in enabled_layers(material)]
     return author_preview(material, list(zip(look.layers, shaders, strict=True)))
 
 
-def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
-    """Return the present state of an expression's named inputs; none for any other node."""
+def _input_states(source: Usd.Attribute | Source | None) -> dict[str, Held]:
+    """Return the states of the named inputs of an expression node; {} for any other node."""
     if not isinstance(source, Source) or shader_id(source.shader) != "LookdevExpression":
         return {}
-    inputs = {each.GetBaseName(): each.GetAttr() for each in source.shader.GetInputs()}
+    inputs = {shader_input.GetBaseName(): shader_input.GetAttr() for shader_input in source.shader.GetInputs()}
     return {
         name: Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
         for name, attribute in inputs.items()
@@ -246,8 +249,10 @@ def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 
 
 @contextmanager
-def edited(file: Path, prim: str | None, variants: Mapping[str, str] | None = None) -> Iterator[UsdShade.Material]:
-    """Yield the material of a copy of a file, which replaces the file if it is a look in the end."""
+def edit_material(
+    file: Path, prim: str | None, variants: Mapping[str, str] | None = None
+) -> Iterator[UsdShade.Material]:
+    """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
     check_suffix(file)
     if file.is_symlink():
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
@@ -262,13 +267,13 @@ def edited(file: Path, prim: str | None, variants: Mapping[str, str] | None = No
         material = UsdShade.Material(stage.GetPrimAtPath(path))
         before = None if is_binary(file) else stage.GetRootLayer().ExportToString()
         yield material
-        _check(material)
+        _check_variants(material)
         if before is not None:
-            _keep_layout(file, temporary, before)
+            _restore_layout(file, temporary, before)
 
 
-def _keep_layout(file: Path, temporary: Path, before: str) -> None:
-    """Give an edited copy the layout of the text of a file, which USD writes as `before`."""
+def _restore_layout(file: Path, temporary: Path, before: str) -> None:
+    """Restore the layout of the text of a file in its edited copy; `before` is the file's text as USD writes it."""
     text = with_layout(file.read_text("utf-8"), before, temporary.read_text("utf-8"))
     if text is None:
         log.warning("%s: USD's own layout replaces that of its text, and its comments are lost", file)
@@ -277,13 +282,13 @@ def _keep_layout(file: Path, temporary: Path, before: str) -> None:
 
 
 def is_binary(file: Path) -> bool:
-    """Return whether a file is a layer in USD's binary format."""
+    """Return whether a file is a USD layer in binary format."""
     with file.open("rb") as stream:
         return stream.read(8) == b"PXR-USDC"
 
 
 def check_suffix(file: Path) -> None:
-    """Raise LookError where a look cannot be written in a file of this name."""
+    """Raise LookError where a file of this name cannot hold a look."""
     if file.suffix not in SUFFIXES:
         raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
 
@@ -296,24 +301,24 @@ def reported_for(file: Path, temporary: Path) -> Iterator[None]:
             yield
     except LookError as error:
 
-        def renamed(text: str) -> str:
+        def rename(text: str) -> str:
             return text.replace(str(temporary.absolute()), str(file)).replace(str(temporary), str(file))
 
-        faults = [replace(fault, file=renamed(fault.file), what=renamed(fault.what)) for fault in error.faults]
+        faults = [replace(fault, file=rename(fault.file), what=rename(fault.what)) for fault in error.faults]
         raise LookError(faults) from error
 
 
-def _read_saved(material: UsdShade.Material, **variants: str) -> Look:
-    """Save and read a look."""
+def _save_and_read(material: UsdShade.Material, **variants: str) -> Look:
+    """Save and read the look of a material."""
     layer = material.GetPrim().GetStage().GetRootLayer()
     layer.Save()
     return read_look(Path(layer.realPath), str(material.GetPath()), variants)
 
 
-def _check(material: UsdShade.Material) -> None:
-    """Read the look in each variant of the material."""
-    _read_saved(material)
+def _check_variants(material: UsdShade.Material) -> None:
+    """Read the look in each variant of the material; LookError where one is faulty."""
+    _save_and_read(material)
     variants = material.GetPrim().GetVariantSets()
     for name in variants.GetNames():
         for choice in variants.GetVariantSet(name).GetVariantNames():
-            _read_saved(material, **{name: choice})
+            _save_and_read(material, **{name: choice})

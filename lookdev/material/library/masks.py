@@ -1,4 +1,4 @@
-"""Masks as users type them, and their USD nodes: a number, an image, a primvar, or an expression over such."""
+"""Masks as users type them, and as USD nodes: a number, an image, a primvar, or an expression of these."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.material.library.nodes import clear_input, free_path, relative_asse
 from lookdev.material.look import VIEW
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
-"""File name endings that distinguish an image from an expression."""
+"""The suffixes by which the name of an image differs from an expression."""
 
 _IMAGE = re.compile(rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGES)}))(:(?P<channel>\w*))?", re.I)
 _TYPES = Sdf.ValueTypeNames
@@ -25,7 +25,7 @@ _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or
 
 @dataclass(frozen=True)
 class Image:
-    """An image file, absolute, and its channel: ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
+    """The absolute path of an image, and a channel: ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
 
     file: Path
     channel: str = "r"
@@ -33,7 +33,7 @@ class Image:
 
 @dataclass(frozen=True)
 class PrimvarName:
-    """A float of the geometry; 0 where it has none."""
+    """A float of the geometry; 0 where the mesh has no such primvar."""
 
     name: str
 
@@ -62,18 +62,18 @@ Mask: TypeAlias = Source | Computed
 def parse_mask(
     text: str, inputs: Iterable[str] = (), folder: Path = Path(), what: str = "mask", kind: Kind = "float"
 ) -> Mask:
-    """Parse a mask, or what gives a parameter of another name its value: a float or a colour.
+    """Parse the source of a mask, or of a parameter that is a float or a colour.
 
     Parameters
     ----------
     text
         ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"``, ``"primvar:wear"``, or an expression.
     inputs
-        Names of an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
+        Sources of names in an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
     folder
-        Images are relative to it.
+        The folder to which paths of images are relative.
     what, kind
-        ``"mask"``, or the name of a parameter, and what it is. The image of a colour is read as ``:rgb``.
+        ``"mask"``, or the name of the parameter, and its kind. The image of a colour is read as ``:rgb``.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         name, _, value = text.partition("=")
         if name not in expression.names:
             hint = nearest_hint(name, expression.names) if expression.names else "it has none"
-            raise LookError([Fault("--input", text, f"'{name}' is no name in the expression", hint)])
+            raise LookError([Fault("--input", text, f"'{name}' is not a name in the expression", hint)])
         source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"), folder)
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
@@ -105,32 +105,34 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         yield name, source
 
 
-def _parse_source(text: str, what: str, channels: tuple[str, ...], folder: Path) -> Source | None:
+def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Path) -> Source | None:
     """Parse a number, an image or a primvar; None where it is something else."""
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
-        if what == "mask" and not 0.0 <= value <= 1.0:
-            raise LookError([Fault(what, "", f"{text} is out of range", "it must be within [0, 1]")])
+        if subject == "mask" and not 0.0 <= value <= 1.0:
+            raise LookError([Fault(subject, "", f"{text} is out of range", "it must be within [0, 1]")])
         return value
     kind, _, name = text.partition(":")
-    if kind == "primvar" or (kind == "uv" and what.startswith("--input")):
+    if kind == "primvar" or (kind == "uv" and subject.startswith("--input")):
         if not Sdf.Path.IsValidNamespacedIdentifier(name):
-            raise LookError([Fault(what, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")])
+            raise LookError(
+                [Fault(subject, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")]
+            )
         return PrimvarName(name) if kind == "primvar" else UvName(name)
     if match := _IMAGE.fullmatch(text):
         channel = match["channel"] if match["channel"] is not None else channels[0]
         if channel not in channels:
-            raise LookError([Fault(what, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
+            raise LookError([Fault(subject, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
         file = (folder / match["file"]).absolute()
         if "<UDIM>" not in file.name and not file.is_file():
-            raise LookError([Fault(what, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")])
+            raise LookError([Fault(subject, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")])
         return Image(file, channel)
     return None
 
 
 @dataclass(frozen=True)
 class Held:
-    """The present state of an input: its type, and its connections or its value."""
+    """The authored state of an input: its type, and its connections or its value."""
 
     type_name: Sdf.ValueTypeName
     connections: tuple[Sdf.Path, ...]
@@ -138,50 +140,50 @@ class Held:
 
 
 class MaskWriter:
-    """Writes the nodes of a mask, or of what gives another float or colour its value, as children of `scope`.
+    """Writes the nodes of the source of a mask, or of another float or colour, as children of `scope`.
 
-    `held` are inputs of the expression that is replaced: a name without a new source keeps the old one.
+    `states` are inputs of the replaced expression: a name without a new source keeps its old state.
     """
 
-    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, held: Mapping[str, Held], kind: Kind = "float") -> None:
-        self._stage, self._scope, self._held, self._kind = stage, scope, held, kind
+    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, states: Mapping[str, Held], kind: Kind = "float") -> None:
+        self._stage, self._scope, self._states, self._kind = stage, scope, states, kind
 
     def write(self, attribute: Usd.Attribute, name: str, mask: Mask) -> None:
-        """Make `mask` the source of an input; the node has the name `name`, with a number where that is in use.
+        """Make `mask` the source of an input. The node is named `name`, with a number where the name is in use.
 
         Raises
         ------
         LookError
             A name of the expression has no source.
         ExpressionError
-            Its result is no float.
+            The expression has a colour as its result where a float is needed.
         """
         clear_input(attribute)
         match mask:
             case Image():
-                attribute.SetConnections([self._image(name, mask)])
+                attribute.SetConnections([self._write_image(name, mask)])
             case PrimvarName():
                 color = attribute.GetTypeName() == _TYPES.Color3f
-                attribute.SetConnections([self._reader(name, "float3" if color else "float", mask.name)])
+                attribute.SetConnections([self._write_reader(name, "float3" if color else "float", mask.name)])
             case UvName():
-                attribute.SetConnections([self._coordinates(mask.name)])
+                attribute.SetConnections([self._write_coordinates(mask.name)])
             case Computed():
-                attribute.SetConnections([self._expression(name, mask)])
+                attribute.SetConnections([self._write_expression(name, mask)])
             case _:
                 attribute.Set(mask)
 
-    def _image(self, name: str, image: Image) -> Sdf.Path:
-        node = self._node(name, "UsdUVTexture")
+    def _write_image(self, name: str, image: Image) -> Sdf.Path:
+        node = self._define_node(name, "UsdUVTexture")
         node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"
         if not color:  # a mask is data
             node.CreateInput("sourceColorSpace", _TYPES.Token).Set("raw")
         for wrap in ("wrapS", "wrapT"):
             node.CreateInput(wrap, _TYPES.Token).Set("repeat")
-        node.CreateInput("st", _TYPES.Float2).GetAttr().SetConnections([self._coordinates("st")])
-        return _output(node, image.channel, _TYPES.Float3 if color else _TYPES.Float)
+        node.CreateInput("st", _TYPES.Float2).GetAttr().SetConnections([self._write_coordinates("st")])
+        return _create_output(node, image.channel, _TYPES.Float3 if color else _TYPES.Float)
 
-    def _coordinates(self, name: str) -> Sdf.Path:
+    def _write_coordinates(self, name: str) -> Sdf.Path:
         """Return the output of the reader of a UV set: the existing one of the scope, or a new one."""
         for prim in self._stage.GetPrimAtPath(self._scope).GetChildren():
             shader = UsdShade.Shader(prim)
@@ -189,53 +191,53 @@ class MaskWriter:
                 varname = prim.GetAttribute("inputs:varname")
                 if varname and varname.Get() == name and not varname.HasAuthoredConnections():
                     return prim.GetPath().AppendProperty("outputs:result")
-        return self._reader(name[:1].upper() + name[1:].replace(":", "_"), "float2", name)
+        return self._write_reader(name[:1].upper() + name[1:].replace(":", "_"), "float2", name)
 
-    def _reader(self, name: str, kind: Literal["float", "float2", "float3"], primvar: str) -> Sdf.Path:
-        node = self._node(name, f"UsdPrimvarReader_{kind}")
+    def _write_reader(self, name: str, kind: Literal["float", "float2", "float3"], primvar: str) -> Sdf.Path:
+        node = self._define_node(name, f"UsdPrimvarReader_{kind}")
         node.CreateInput("varname", _TYPES.String).Set(primvar)
-        return _output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
+        return _create_output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
 
-    def _expression(self, name: str, mask: Computed) -> Sdf.Path:
-        node = self._node(name, "LookdevExpression")
+    def _write_expression(self, name: str, mask: Computed) -> Sdf.Path:
+        node = self._define_node(name, "LookdevExpression")
         node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
         kinds: dict[str, Kind] = {}
-        for each in mask.expression.names:
-            source, held = mask.inputs.get(each), self._held.get(each)
-            if source is None and held is None and each == VIEW:
-                kinds[each] = "float"
+        for input_name in mask.expression.names:
+            source, state = mask.inputs.get(input_name), self._states.get(input_name)
+            if source is None and state is None and input_name == VIEW:
+                kinds[input_name] = "float"
                 continue
-            if source is None and held is None:
-                what = f"'{each}' in the expression has no source"
-                hint = f"add --input {each}=IMAGE, --input {each}=primvar:{each} or a value"
-                raise LookError([Fault("mask", "", what, hint)])
-            type_name = _type_name(source) if held is None or source is not None else held.type_name
-            kinds[each] = "float" if type_name == _TYPES.Float else "color"
-            attribute = node.CreateInput(each, type_name).GetAttr()
+            if source is None and state is None:
+                message = f"'{input_name}' in the expression has no source"
+                hint = f"add --input {input_name}=IMAGE, --input {input_name}=primvar:{input_name} or a value"
+                raise LookError([Fault("mask", "", message, hint)])
+            type_name = _input_type(source) if state is None or source is not None else state.type_name
+            kinds[input_name] = "float" if type_name == _TYPES.Float else "color"
+            attribute = node.CreateInput(input_name, type_name).GetAttr()
             if source is not None:
-                self.write(attribute, f"{name}_{each}", source)
-            elif held is not None and held.connections:
-                attribute.SetConnections(held.connections)
-            elif held is not None:
-                attribute.Set(held.value)
+                self.write(attribute, f"{name}_{input_name}", source)
+            elif state is not None and state.connections:
+                attribute.SetConnections(state.connections)
+            elif state is not None:
+                attribute.Set(state.value)
         result = mask.expression.check(kinds)
         if result == "color" and self._kind == "float":
             hint = "a float is needed: use luminance()"
             raise ExpressionError(mask.expression.text, 0, "the result is a color", hint)
-        return _output(node, "result", _TYPES.Float if result == "float" else _TYPES.Color3f)
+        return _create_output(node, "result", _TYPES.Float if result == "float" else _TYPES.Color3f)
 
-    def _node(self, name: str, shader_id: str) -> UsdShade.Shader:
+    def _define_node(self, name: str, shader_id: str) -> UsdShade.Shader:
         shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))
         shader.CreateIdAttr(shader_id)
         return shader
 
 
-def _output(node: UsdShade.Shader, name: str, type_name: Sdf.ValueTypeName) -> Sdf.Path:
+def _create_output(node: UsdShade.Shader, name: str, type_name: Sdf.ValueTypeName) -> Sdf.Path:
     return node.CreateOutput(name, type_name).GetAttr().GetPath()
 
 
-def _type_name(source: Source | None) -> Sdf.ValueTypeName:
-    """Return the type of an expression's input."""
+def _input_type(source: Source | None) -> Sdf.ValueTypeName:
+    """Return the type of an input of an expression for its source."""
     if isinstance(source, UvName):
         return _TYPES.Float2
     return _TYPES.Color3f if isinstance(source, Image) and source.channel == "rgb" else _TYPES.Float

@@ -1,6 +1,6 @@
-"""Shader nodes in a file: their places and connections, and how they are removed.
+"""Shader nodes in a USD layer: their sites and connections, and their removal.
 
-The sites of a prim are the paths of its specs in a layer: its own path, and paths inside variants, selected or not.
+The sites of a prim are the paths of its specs in a layer: its path, and paths inside variants, selected or not.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdShade
 
 
 def clear_input(attribute: Usd.Attribute) -> None:
-    """Remove value and connections of an input; connections of other layers are overridden by none."""
+    """Remove the value and connections of an input; an empty list overrides connections of other layers."""
     attribute.Clear()
     attribute.ClearConnections()
     if attribute.HasAuthoredConnections():
@@ -21,10 +21,10 @@ def clear_input(attribute: Usd.Attribute) -> None:
 
 
 def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
-    """Return an unused child path of `scope`, unused in every variant of the root layer too."""
-    taken = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
+    """Return a child path of `scope` that is unused, also in all variants of the root layer."""
+    used_paths = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
     path, number = scope.AppendChild(name), 2
-    while path in taken or stage.GetPrimAtPath(path):
+    while path in used_paths or stage.GetPrimAtPath(path):
         path, number = scope.AppendChild(f"{name}{number}"), number + 1
     return path
 
@@ -35,53 +35,55 @@ def relative_asset(file: Path, stage: Usd.Stage) -> str:
 
 
 def relative_path(file: Path, folder: Path) -> str:
-    """Return the path of a file relative to a folder; ``./`` keeps USD from its search path."""
+    """Return the path of a file relative to a folder; with ``./``, USD does not use its search path."""
     path = Path(os.path.relpath(file, folder)).as_posix()
     return path if path.startswith("../") else f"./{path}"
 
 
 def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:
-    """Return the path of every spec in a layer, inside variants too."""
+    """Return the paths of all specs in a layer, including those inside variants."""
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
     return paths
 
 
-def upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -> set[Sdf.Path]:
-    """Return every prim inside the material that the attributes' values come from."""
-    found: set[Sdf.Path] = set()
-    todo = [attribute for attribute in attributes if attribute]
-    while todo:
-        for path in todo.pop().GetConnections():
+def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -> set[Sdf.Path]:
+    """Return the paths of all prims inside the material on which the values of attributes depend."""
+    paths: set[Sdf.Path] = set()
+    pending = [attribute for attribute in attributes if attribute]
+    while pending:
+        for path in pending.pop().GetConnections():
             prim = material.GetPrim().GetStage().GetPrimAtPath(path.GetPrimPath())
             inside = prim and prim != material.GetPrim() and prim.GetPath().HasPrefix(material.GetPath())
-            if inside and prim.GetPath() not in found:
-                found.add(prim.GetPath())
-                todo += [attribute for each in Usd.PrimRange(prim) for attribute in each.GetAttributes()]
-    return found
+            if inside and prim.GetPath() not in paths:
+                paths.add(prim.GetPath())
+                pending += [attribute for descendant in Usd.PrimRange(prim) for attribute in descendant.GetAttributes()]
+    return paths
 
 
-def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], held: Sequence[Sdf.Path] = ()) -> None:
-    """Remove those of some nodes, defined in the edited file, that are connected to nothing but `held`."""
+def prune(
+    material: UsdShade.Material, candidates: Iterable[Sdf.Path], connected_targets: Sequence[Sdf.Path] = ()
+) -> None:
+    """Remove the candidates that the edited file defines and nothing uses; `connected_targets` count as used."""
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)
     while True:
-        connected = [(Sdf.Path.emptyPath, path) for path in held] + list(_connections(stage))
+        connected = [(Sdf.Path.emptyPath, path) for path in connected_targets] + list(_all_connections(stage))
         unused = [
             path
             for path in remaining
             if not any(target.HasPrefix(path) and not user.HasPrefix(path) for user, target in connected)
-            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites(root, path))
+            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path))
         ]
         if not unused:
             return
-        delete(root, [site for path in unused for site in sites(root, path)])
+        remove_prims(root, [site for path in unused for site in find_sites(root, path)])
         remaining.difference_update(unused)
 
 
-def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
-    """Yield every connection, from a property to another, in variants that are not selected too."""
+def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
+    """Yield all connections as pairs of paths, including those in variants that are not selected."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
             for target in attribute.GetConnections():
@@ -94,15 +96,15 @@ def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
                 yield path.StripAllVariantSelections(), absolute.StripAllVariantSelections()
 
 
-def sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
+def find_sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
     """Return the sites of a prim in a layer."""
     return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
 
 
-def delete(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:
+def remove_prims(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:
     """Remove prims from a layer."""
     for path in prims:
-        if layer.GetPrimAtPath(path):  # it may be removed with its parent
+        if layer.GetPrimAtPath(path):  # unless it was removed with its parent
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(path, Sdf.Path.emptyPath)
             layer.Apply(edit)

@@ -1,4 +1,4 @@
-"""The stack of a look as USD has it: which inputs of which shader are which layer, and whose they are."""
+"""The layer stack of a look in USD: its shader, the inputs of its layers, and their opinions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.library.nodes import delete, free_path, sites
+from lookdev.material.library.nodes import find_sites, free_path, remove_prims
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
 from lookdev.stage import open_stage, reading
@@ -37,66 +37,68 @@ class Stack:
         return self.prim.GetPath().GetParentPath()
 
     def find(self, layer: str) -> tuple[int, str]:
-        """Return number and name of a layer."""
+        """Return the number and name of a layer over the base; LookError where it does not exist."""
         if layer == "0" or layer.casefold() == self.base.casefold():
-            raise self.fault(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
+            raise self.make_error(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
         numbers = [n for n, name in self.layers.items() if layer == str(n) or layer.casefold() == name.casefold()]
         if len(numbers) > 1:
-            raise self.fault(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
+            raise self.make_error(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
         if not numbers:
-            known = [each for number, name in self.layers.items() for each in (name, str(number))]
-            raise self.fault(f"no layer '{layer}'", nearest_hint(layer, known) if known else "it has only a base")
+            valid_names = [label for number, name in self.layers.items() for label in (name, str(number))]
+            raise self.make_error(
+                f"no layer '{layer}'", nearest_hint(layer, valid_names) if valid_names else "it has only a base"
+            )
         return numbers[0], self.layers[numbers[0]]
 
-    def fault(self, what: str, hint: str) -> LookError:
-        return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), what, hint)])
+    def make_error(self, message: str, hint: str) -> LookError:
+        return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), message, hint)])
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
         return f"inputs:layer{number}{part}"
 
-    def input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
+    def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def attribute(self, number: int, part: str) -> Usd.Attribute:
-        """Return an input of a layer, which need not be there."""
+        """Return an input of a layer, which may not exist."""
         return self.prim.GetAttribute(self.input_name(number, part))
 
-    def is_own(self, attribute: Usd.Attribute) -> bool:
-        """Return whether all opinions on an input are on the stack itself, in the file that is edited."""
+    def is_in_file(self, attribute: Usd.Attribute) -> bool:
+        """Return whether all opinions of an input are in the edited file, on the stack itself."""
         root = self.stage.GetRootLayer()
         return all(
             spec.layer == root and spec.path.StripAllVariantSelections() == attribute.GetPath()
             for spec in attribute.GetPropertyStack()
         )
 
-    def drop(self, number: int) -> None:
-        """Remove a layer's inputs, and renumber those of the layers over it, in every variant."""
-        self.renumber({number: 0} | {each: each - 1 for each in self.layers if each > number})
+    def remove_inputs(self, number: int) -> None:
+        """Remove the inputs of a layer, and renumber those of the layers over it, in every variant."""
+        self.renumber({number: 0} | {other: other - 1 for other in self.layers if other > number})
 
     def renumber(self, order: Mapping[int, int]) -> None:
-        """Give layers other numbers, in every variant; those of number 0 are removed."""
+        """Give layers new numbers, in every variant; inputs of layers with the new number 0 are removed."""
         root = self.stage.GetRootLayer()
-        for site in sites(root, self.prim.GetPath()):
+        for site in find_sites(root, self.prim.GetPath()):
             prim = root.GetPrimAtPath(site)
             matches = ((LAYER_INPUT.fullmatch(spec.name.removeprefix("inputs:")), spec) for spec in prim.properties)
-            found = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
-            moved = [(order[number], part, spec) for number, part, spec in found if number in order]
-            for number, part, spec in moved:  # first out of each other's way
+            specs = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
+            renumbered = [(order[number], part, spec) for number, part, spec in specs if number in order]
+            for number, part, spec in renumbered:  # to temporary names, as numbers may be in use
                 if number:
                     spec.name = f"inputs:lookdevMoved{number}{part}"
                 else:
                     prim.RemoveProperty(spec)
-            for number, part, spec in moved:
+            for number, part, spec in renumbered:
                 if number:
                     spec.name = self.input_name(number, part)
             if prim.isInert:
-                delete(root, [site])
+                remove_prims(root, [site])
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A layer in a stack: its number, its name, and how it is there."""
+    """A layer in a stack: its number and name, whether it is enabled, and its mode."""
 
     number: int
     name: str
@@ -106,81 +108,85 @@ class Entry:
 
 @dataclass(frozen=True)
 class Outline:
-    """The layers of a look, also those that are not enabled; and the choices of its variant sets, and which is made."""
+    """All layers of a look, enabled or not, and the variants and the selection of each variant set."""
 
     entries: tuple[Entry, ...]
     variants: Mapping[str, tuple[tuple[str, ...], str]]
 
 
 def outline_of(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Outline:
-    """Return what the stack of a look has; raises LookError where the file is not a look."""
+    """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
     stage, network = open_stage(file), Network(file)
     with reading(file):
         path = find_material(network, stage, prim, variants or {})
         if path is None:
             raise LookError(network.faults)
         material = UsdShade.Material(stage.GetPrimAtPath(path))
-        own = material.GetPrim().GetVariantSets()
-        found = {name: own.GetVariantSet(name) for name in own.GetNames()}
-        sets = {name: (tuple(each.GetVariantNames()), each.GetVariantSelection()) for name, each in found.items()}
+        variant_sets = material.GetPrim().GetVariantSets()
+        sets_by_name = {name: variant_sets.GetVariantSet(name) for name in variant_sets.GetNames()}
+        sets = {
+            name: (tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection())
+            for name, variant_set in sets_by_name.items()
+        }
         stack = find_stack(material)
         if stack is None:
-            return Outline((Entry(0, surface_of(material)[1].path.name),), sets)
+            return Outline((Entry(0, require_surface(material)[1].path.name),), sets)
         entries = [Entry(0, stack.base)]
         for number, name in stack.layers.items():
             enabled, mode = (stack.attribute(number, part) for part in ("Enabled", "Mode"))
-            on = not enabled or network.read_constant(enabled, _TYPES.Bool) is not False
+            is_enabled = not enabled or network.read_constant(enabled, _TYPES.Bool) is not False
             transmits = bool(mode) and network.read_constant(mode, _TYPES.Token) == "transmit"
-            entries.append(Entry(number, name, on, "transmit" if transmits else "over"))
+            entries.append(Entry(number, name, is_enabled, "transmit" if transmits else "over"))
         return Outline(tuple(entries), sets)
 
 
 def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade.Shader]:
-    """Return the number and the shader of a layer, which may be the base or the only one."""
-    network, surface = surface_of(material)
+    """Return the number and shader of a layer, which may be the base or the only layer."""
+    network, surface = require_surface(material)
     stack = find_stack(material)
     is_base = layer == "0" or layer.casefold() == (stack.base if stack else surface.path.name).casefold()
     if stack is None:
         if not is_base:
-            stack_of(material)  # raises that there is none
+            require_stack(material)  # raises, as the look has no stack
         return 0, surface.shader
     number = 0 if is_base else stack.find(layer)[0]
     source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
     if not isinstance(source, Source):
-        raise stack.fault(f"layer {number} is not connected", "'lookdev materials remove' removes it")
+        raise stack.make_error(f"layer {number} is not connected", "'lookdev materials remove' removes it")
     return number, source.shader
 
 
-def surface_of(material: UsdShade.Material) -> tuple[Network, Source]:
-    """Return the stack or the only layer of a look."""
+def require_surface(material: UsdShade.Material) -> tuple[Network, Source]:
+    """Return the network of a look, and the shader of its stack or only layer; raises LookError where it has none."""
     network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
     source = network.surface_source(material)
     if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
-        place = material.GetPath().AppendProperty(TERMINAL)
-        network.add_fault(place, "is not connected to layers", "'lookdev materials new' makes a look")
+        path = material.GetPath().AppendProperty(TERMINAL)
+        network.add_fault(path, "is not connected to layers", "'lookdev materials new' makes a look")
         raise LookError(network.faults)
     return network, source
 
 
 def find_stack(material: UsdShade.Material) -> Stack | None:
-    """Return the stack of a look; None where a single layer is its surface."""
-    network, surface = surface_of(material)
+    """Return the stack of a look; None where it has a single layer without a stack."""
+    network, surface = require_surface(material)
     if shader_id(surface.shader) in layer_shaders():
         return None
     names: dict[int, str] = {}
-    for each in surface.shader.GetInputs():
-        attribute = each.GetAttr()
-        match = LAYER_INPUT.fullmatch(each.GetBaseName())
-        if each.GetBaseName() == "base" or (match and not match[2] and attribute.HasAuthoredConnections()):
+    for shader_input in surface.shader.GetInputs():
+        attribute = shader_input.GetAttr()
+        match = LAYER_INPUT.fullmatch(shader_input.GetBaseName())
+        if shader_input.GetBaseName() == "base" or (match and not match[2] and attribute.HasAuthoredConnections()):
             layer = network.follow(attribute)
             names[int(match[1]) if match else 0] = layer.path.name if isinstance(layer, Source) else ""
     return Stack(network, surface.shader.GetPrim(), names.pop(0, ""), dict(sorted(names.items())))
 
 
-def stack_of(material: UsdShade.Material) -> Stack:
+def require_stack(material: UsdShade.Material) -> Stack:
+    """Return the stack of a look; raises LookError where it has none."""
     stack = find_stack(material)
     if stack is None:
-        network, _ = surface_of(material)
+        network, _ = require_surface(material)
         network.add_fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
         raise LookError(network.faults)
     return stack
@@ -197,20 +203,20 @@ def author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
     material.CreateOutput("lookdev:surface", _TYPES.Token).GetAttr().SetConnections([surface])
 
 
-def shown_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
-    """Return each layer of a look, base first: its shader, the stack, and the name of the stack's input of its mask.
+def enabled_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
+    """Return the enabled layers of a look, base first: shader, stack, and name of the stack's input for the mask.
 
-    Disabled layers are left out; the base has no mask, and the name is empty.
+    The base has no mask; its name is empty.
     """
-    network, surface = surface_of(material)
+    network, surface = require_surface(material)
     stack = find_stack(material)
     if stack is None:
         return [(surface.shader, surface.shader, "")]
-    found = []
+    layers = []
     for number in (0, *stack.layers):
         enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled")) if number else None
         if not enabled or network.read_constant(enabled, _TYPES.Bool) is not False:
             source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
             if isinstance(source, Source):
-                found.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))
-    return found
+                layers.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))
+    return layers

@@ -24,7 +24,7 @@ from lookdev.material.library import SUFFIXES
 from lookdev.material.library.nodes import relative_path
 from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
-from lookdev.material.materialx.network import Network
+from lookdev.material.materialx.network import DocumentNetwork
 
 NODE = "disney_principled"
 """The only surface shader that is imported."""
@@ -65,7 +65,7 @@ def import_materialx(file: Path) -> Imported:
         The file is missing, is not MaterialX, or has faults (connections that are missing or in a cycle, wrong types,
         values that are not numbers), or none of its materials has such a shader.
     """
-    network = Network(file)
+    network = DocumentNetwork(file)
     nodes = network.document.getMaterialNodes()
     network.connect(nodes)
     network.raise_faults()
@@ -74,11 +74,11 @@ def import_materialx(file: Path) -> Imported:
     if not nodes:
         network.add_fault("", "holds no surfacematerial", f"one whose surface shader is a {NODE} is right")
     elif not materials:
-        for loss in network.unmapped:
+        for loss in network.losses:
             network.add_fault(loss.where, loss.what, loss.hint)
     network.raise_faults()
     network.add_unread_losses()
-    return Imported(file, materials, network.unmapped)
+    return Imported(file, materials, network.losses)
 
 
 def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
@@ -88,7 +88,7 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
     `replace`, or is not the path of a USD file.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: is no name of a look; it would end with {', '.join(SUFFIXES)}")
+        raise OutputError(f"{path}: is not the name of a look; it would end with {', '.join(SUFFIXES)}")
     if path.exists() and not replace:
         raise OutputError(f"{path} exists; another name would be right")
     stage = Usd.Stage.CreateInMemory()
@@ -112,10 +112,12 @@ def _library_inputs() -> dict[str, tuple[str, str]]:
     return {port.getName(): (port.getType(), port.getValueString()) for port in inputs}
 
 
-def _read_material(network: Network, material: Any, layers: dict[str, dict[str, Value]]) -> ImportedMaterial | None:
+def _read_material(
+    network: DocumentNetwork, material: Any, layers: dict[str, dict[str, Value]]
+) -> ImportedMaterial | None:
     """Read a material; None, with a loss added, for another surface shader. `layers` caches layers by shader path."""
     port = material.getInput("surfaceshader")
-    source = network.source(port) if port else None
+    source = network.source_of(port) if port else None
     category = source.element.getCategory() if source and source.is_computed else ""
     network.mark_carried(material, "surfaceshader")
     if source and category == NODE:
@@ -128,7 +130,7 @@ def _read_material(network: Network, material: Any, layers: dict[str, dict[str, 
     return None
 
 
-def _read_layer(network: Network, shader: Any) -> dict[str, Value]:
+def _read_layer(network: DocumentNetwork, shader: Any) -> dict[str, Value]:
     library_inputs = _library_inputs()
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)

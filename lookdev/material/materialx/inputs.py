@@ -11,7 +11,7 @@ import MaterialX as mx
 
 from lookdev.brdf import Parameter
 from lookdev.material.look import Channel, Color, Primvar, Wrap
-from lookdev.material.materialx.network import Network, Source
+from lookdev.material.materialx.network import DocumentNetwork, Source
 from lookdev.stage.colorspaces import srgb_to_linear
 
 Colorspace = Literal["sRGB", "raw"]
@@ -85,9 +85,9 @@ def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
     return numbers[0] if numbers else None
 
 
-def read_value(network: Network, port: Any, parameter: Parameter) -> Value | None:
+def read_value(network: DocumentNetwork, port: Any, parameter: Parameter) -> Value | None:
     """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
-    source, kind = network.source(port), TYPES[parameter.kind]
+    source, kind = network.source_of(port), TYPES[parameter.kind]
     # A constant may also be a chain of nodes.
     while source.is_computed and not source.channels and source.element.getType() == kind:
         node = source.element
@@ -97,13 +97,13 @@ def read_value(network: Network, port: Any, parameter: Parameter) -> Value | Non
         if value_port is None:
             break
         network.mark_carried(node, "value")
-        source = network.source(value_port)
+        source = network.source_of(value_port)
     if not source.is_computed:
         return _read_constant(network, source.element, parameter)
     return _read_rgb(network, source) if kind == "color3" else _read_channel(network, port)
 
 
-def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float | Color | None:
+def _read_constant(network: DocumentNetwork, holder: Any, parameter: Parameter) -> float | Color | None:
     """Read a constant: a colour is converted to linear Rec.709, and the value clipped to the parameter's range."""
     numbers = _read_floats(network, holder, 1 if parameter.kind == "float" else 3)
     if parameter.kind == "color" and numbers and _read_colorspace(network, holder) == "sRGB":
@@ -118,31 +118,31 @@ def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float
     return _as_constant(clipped)
 
 
-def _read_primvar(network: Network, node: Any, parameter: Parameter) -> Primvar | None:
+def _read_primvar(network: DocumentNetwork, node: Any, parameter: Parameter) -> Primvar | None:
     name, default = _read_text(network, node, "geomprop", ""), node.getInput("default")
     if not name:
         return None
     network.mark_carried(node, "geomprop", "default")
     fallback: float | Color | None = 0.0 if parameter.kind == "float" else (0.0, 0.0, 0.0)
     if default and _check_constant(network, default, "0 is taken"):
-        fallback = _read_constant(network, network.source(default).element, parameter)
+        fallback = _read_constant(network, network.source_of(default).element, parameter)
     return None if fallback is None else Primvar(name, fallback)
 
 
-def _read_rgb(network: Network, source: Source) -> Sampled | None:
+def _read_rgb(network: DocumentNetwork, source: Source) -> Sampled | None:
     if source.channels or source.element.getType() != "color3":
         return None
     image = _read_image(network, source.element)
     return Sampled(image, "rgb") if image else None
 
 
-def _read_channel(network: Network, port: Any) -> Sampled | None:
+def _read_channel(network: DocumentNetwork, port: Any) -> Sampled | None:
     """Read a float from an image of floats, or from one channel of an image."""
-    source = network.source(port)
+    source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
     if not names and node.getCategory() in _SPLITTERS and (split_port := node.getInput("in")):
         splitter, outer = node, source
-        source = network.source(split_port)
+        source = network.source_of(split_port)
         if not source.is_computed or source.channels:
             return None
         node, names = source.element, _split_channel(network, splitter, outer.output)
@@ -159,7 +159,7 @@ def _read_channel(network: Network, port: Any) -> Sampled | None:
     return Sampled(image, channel)
 
 
-def _split_channel(network: Network, splitter: Any, output: str) -> str:
+def _split_channel(network: DocumentNetwork, splitter: Any, output: str) -> str:
     if splitter.getCategory() == "extract":
         return _read_text(network, splitter, "index", "0")
     if splitter.getCategory() == "swizzle":
@@ -167,12 +167,12 @@ def _split_channel(network: Network, splitter: Any, output: str) -> str:
     return output.removeprefix("out")
 
 
-def _read_image(network: Network, node: Any) -> Image | None:
+def _read_image(network: DocumentNetwork, node: Any) -> Image | None:
     tiled = node.getCategory() == "tiledimage"
     port = node.getInput("file") if tiled or node.getCategory() == "image" else None
     if port is None or not _check_constant(network, port, "the image is not taken"):
         return None
-    holder = network.source(port).element
+    holder = network.source_of(port).element
     # Documents come from all operating systems: either slash separates folders.
     file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
     if not holder.getValueString() or _NO_PATH.search(file):
@@ -197,12 +197,12 @@ def _read_image(network: Network, node: Any) -> Image | None:
     return Image(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
-def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
+def _read_coordinates(network: DocumentNetwork, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
     """Return the UV set of an image, and the transforms between the image and the node of the UV set."""
     transforms: tuple[Transform2d, ...] = ()
     node = image
     while port := node.getInput("texcoord"):
-        source = network.source(port)
+        source = network.source_of(port)
         category = source.element.getCategory() if source.is_computed and not source.channels else ""
         if category == "place2d":
             node = source.element
@@ -225,13 +225,13 @@ def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transfor
     return "st", transforms
 
 
-def _read_place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
+def _read_place2d(network: DocumentNetwork, node: Any) -> tuple[Transform2d, ...]:
     """Return a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d is clockwise."""
     pivot, offset = (_read_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
     scale = _read_pair(network, node, "scale", 1.0)
     rotate = node.getInput("rotate")
     is_constant = rotate and _check_constant(network, rotate, "0 is taken")
-    angle = sum(_read_floats(network, network.source(rotate).element, 1)) if is_constant else 0.0
+    angle = sum(_read_floats(network, network.source_of(rotate).element, 1)) if is_constant else 0.0
     degrees = 0.0 - (math.degrees(angle) if is_constant and rotate.getUnit() == "radian" else angle)
     if min(map(abs, scale)) < 1.0 / _LARGEST:
         network.add_fault(node.getNamePath(), "has a scale of 0", "it divides the texture coordinates")
@@ -253,30 +253,30 @@ def _rotate(point: Pair, degrees: float) -> Pair:
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def _check_constant(network: Network, port: Any, hint: str) -> bool:
+def _check_constant(network: DocumentNetwork, port: Any, hint: str) -> bool:
     """Return whether an input of a node is a constant; a computed value is a loss."""
-    if network.source(port).is_computed:
+    if network.source_of(port).is_computed:
         network.add_value_loss(port, hint)
         return False
     return True
 
 
-def _read_text(network: Network, node: Any, name: str, default: str) -> str:
+def _read_text(network: DocumentNetwork, node: Any, name: str, default: str) -> str:
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"'{default}' is taken" if default else ""):
         return default
-    return str(network.source(port).element.getValueString()) or default
+    return str(network.source_of(port).element.getValueString()) or default
 
 
-def _read_pair(network: Network, node: Any, name: str, default: float) -> Pair:
+def _read_pair(network: DocumentNetwork, node: Any, name: str, default: float) -> Pair:
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"{default:g} is taken"):
         return default, default
-    numbers = _read_floats(network, network.source(port).element, 2)
+    numbers = _read_floats(network, network.source_of(port).element, 2)
     return (numbers[0], numbers[1]) if numbers else (default, default)
 
 
-def _read_floats(network: Network, holder: Any, count: int) -> tuple[float, ...]:
+def _read_floats(network: DocumentNetwork, holder: Any, count: int) -> tuple[float, ...]:
     """Parse the value of a port; (), with a fault added, where it is not `count` numbers."""
     numbers = _parse_numbers(holder.getValueString())
     if len(numbers) == count:
@@ -289,7 +289,7 @@ def _read_floats(network: Network, holder: Any, count: int) -> tuple[float, ...]
     return ()
 
 
-def _read_wrap(network: Network, node: Any, name: str) -> Wrap:
+def _read_wrap(network: DocumentNetwork, node: Any, name: str) -> Wrap:
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
         network.add_fault(
@@ -298,7 +298,7 @@ def _read_wrap(network: Network, node: Any, name: str) -> Wrap:
     return _WRAPS.get(mode, "repeat")
 
 
-def _read_colorspace(network: Network, holder: Any) -> Colorspace:
+def _read_colorspace(network: DocumentNetwork, holder: Any) -> Colorspace:
     name = holder.getActiveColorSpace()
     raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
     if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):

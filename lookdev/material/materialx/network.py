@@ -36,7 +36,7 @@ class Source:
         return isinstance(self.element, mx.Node)
 
 
-class Network:
+class DocumentNetwork:
     """A document, its connections, its faults, and the elements that are and are not carried over.
 
     Raises
@@ -50,14 +50,14 @@ class Network:
         self._nodes: dict[str, Any] = {}
         self._sources: dict[str, Source] = {}
         self._carried: set[str] = set()
-        self._lost: dict[Fault, None] = {}
+        self._losses: dict[Fault, None] = {}
         self._faults: dict[Fault, None] = {}
         self.document = self._read()
 
     @property
-    def unmapped(self) -> tuple[Fault, ...]:
+    def losses(self) -> tuple[Fault, ...]:
         """The losses: elements that are not carried over, in the order of reading."""
-        return tuple(self._lost)
+        return tuple(self._losses)
 
     def add_fault(self, where: str, message: str, hint: str = "") -> None:
         """Add a fault of the document, which `raise_faults` raises."""
@@ -71,11 +71,11 @@ class Network:
     def add_loss(self, element: Any, message: str, hint: str = "") -> None:
         """Add a loss of an element, or at a place of the file."""
         where = element if isinstance(element, str) else element.getNamePath()
-        self._lost[Fault(str(self.file), where, message, hint)] = None
+        self._losses[Fault(str(self.file), where, message, hint)] = None
 
     def add_value_loss(self, port: Any, hint: str = "") -> None:
         """Add the loss of the value of an input."""
-        source = self.source(port)
+        source = self.source_of(port)
         if source.is_computed:
             value = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
         else:
@@ -99,7 +99,7 @@ class Network:
                 if not isinstance(node, mx.Output) and node.getNamePath() not in self._nodes:
                     self.add_loss(node, f"<{node.getCategory()}> is not carried over", "no imported material uses it")
 
-    def source(self, port: Any) -> Source:
+    def source_of(self, port: Any) -> Source:
         """Return the source of an input of a node that `connect` has reached."""
         return self._sources[port.getNamePath()]
 
@@ -170,5 +170,5 @@ class Network:
         except TextError as error:
             raise LookError(error.faults) from None
         document, includes = read_document(data, str(self.file))
-        self._lost |= dict.fromkeys(includes)
+        self._losses |= dict.fromkeys(includes)
         return document

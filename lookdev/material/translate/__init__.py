@@ -1,7 +1,7 @@
-"""Foreign shading models as layers of our models: a record each, in one registry.
+"""Registry of translations: each is the record of a foreign shading model as layers of our models.
 
-A `Layer` of a look may have the name of a translation as its model; `lookdev.material.values.look_layers` returns
-layers of our models in its place, so that its inputs may vary, and constants fold, as those of any other layer.
+A `Layer` of a look may have the name of a translation as its model. `lookdev.material.values.look_layers` replaces it
+by layers of our models, so its inputs may vary, and constants fold, as those of any other layer.
 """
 
 from __future__ import annotations
@@ -19,11 +19,18 @@ from lookdev.material.translate.preview_surface import MATERIALX_PREVIEW_SURFACE
 from lookdev.material.translate.standard_surface import STANDARD_SURFACE, STANDARD_SURFACE_100
 from lookdev.material.translate.translation import Translation
 
-__all__ = ["TRANSLATIONS", "Translation", "display_color_look", "foreign_shaders", "layer_parameters", "translated"]
+__all__ = [
+    "TRANSLATIONS",
+    "Translation",
+    "display_color_look",
+    "foreign_shaders",
+    "layer_parameters",
+    "translate_layer",
+]
 
 TRANSLATIONS: dict[str, Translation] = {
-    each.name: each
-    for each in (
+    translation.name: translation
+    for translation in (
         PREVIEW_SURFACE,
         MATERIALX_PREVIEW_SURFACE,
         STANDARD_SURFACE,
@@ -32,38 +39,47 @@ TRANSLATIONS: dict[str, Translation] = {
         GLTF_PBR,
     )
 }
-"""Every translation by its name."""
+"""All translations by name."""
 
 
 def layer_parameters(model: str) -> Mapping[str, Parameter]:
-    """Return the parameters of a layer of a model, foreign ones included; an unknown name raises ModelError."""
+    """Return the parameters of a model, ours or foreign; raises ModelError for an unknown name."""
     return TRANSLATIONS[model].parameters if model in TRANSLATIONS else model_named(model).parameters
 
 
-def translated(layer: StackLayer) -> list[StackLayer]:
-    """Return the layers, with all their parameters, that stand for one of a foreign model; any other as it is."""
+def translate_layer(layer: StackLayer) -> list[StackLayer]:
+    """Return the layers, with all their parameters, that a layer of a foreign model translates to; others unchanged."""
     if layer.model not in TRANSLATIONS:
         return [layer]
     base, *others = TRANSLATIONS[layer.model].layers(layer.parameters)
     masked = [replace(base, mask=layer.mask, mode=layer.mode)]
-    masked += [replace(each, mask=layer.mask * each.mask) for each in others if not same(each.mask, 0.0)]
-    return [replace(each, parameters=_complete(each), name=f"{layer.name} {each.name}".strip()) for each in masked]
+    masked += [
+        replace(layer_above, mask=layer.mask * layer_above.mask)
+        for layer_above in others
+        if not same(layer_above.mask, 0.0)
+    ]
+    return [
+        replace(part, parameters=_complete_parameters(part), name=f"{layer.name} {part.name}".strip())
+        for part in masked
+    ]
 
 
-def _complete(layer: StackLayer) -> Parameters:
+def _complete_parameters(layer: StackLayer) -> Parameters:
     model = model_named(layer.model)
     return model.complete({}) | with_followers(model.parameters, layer.parameters)
 
 
 def foreign_shaders() -> dict[str, str]:
-    """Return the name of each translation by the identifiers of its shader nodes."""
-    return {identifier: each.name for each in TRANSLATIONS.values() for identifier in each.identifiers}
+    """Return the names of translations by the identifiers of their shader nodes."""
+    return {
+        identifier: translation.name for translation in TRANSLATIONS.values() for identifier in translation.identifiers
+    }
 
 
 def display_color_look(name: str, *, opacity: bool = False) -> Look:
-    """Return the look of a part that has a `displayColor`, linear as USD's are, or a `displayOpacity`.
+    """Return the look of a part with a linear `displayColor` and, with `opacity`, a `displayOpacity`.
 
-    It is a UsdPreviewSurface, whose roughness is 0.5; without the primvar, the colour is USD's, a dark grey.
+    It is a UsdPreviewSurface of roughness 0.5. Without the primvar, the colour is USD's default, a dark grey.
     """
     inputs: dict[str, Input] = {"diffuseColor": Primvar("displayColor", (0.18, 0.18, 0.18))}
     if opacity:

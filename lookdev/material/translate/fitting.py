@@ -1,16 +1,17 @@
-"""Make the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
+"""Makes the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
 
-They are functions of one number. Means over all views, weighted by the square of their cosine, of directional albedos:
+Each fit is a function of one number. Five are means of directional albedos over all views, weighted by the square of
+the views' cosines:
 
-- `lost`: 1 less that of Disney's specular lobe with a Fresnel term of 1, by alpha.
-- `hidden`: what that lobe would reflect more with shadowing by correlated heights, as other models have, by alpha.
+- `lost`: 1 minus that of Disney's specular lobe with a Fresnel term of 1, by alpha.
+- `hidden`: the additional reflection of this lobe with shadowing by correlated heights, as other models have, by alpha.
 - `sheen`: that of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), by its roughness.
 - `fuzz`: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
 - `rough`: that of `oren_nayar_diffuse_bsdf` without energy compensation (Oren and Nayar 1994), by its roughness.
 
-The last three are those of MaterialX's own formulas. `edge` is the reflectance at grazing incidence, at most 1, with
-which Schlick's term is nearest to a dielectric's up to 80 degrees, by the root of its reflectance at normal incidence
-over `WHITE_EDGE`. A residual is the largest error.
+`sheen`, `fuzz` and `rough` use MaterialX's own formulas. `edge` is the reflectance at grazing incidence, at most 1,
+with which Schlick's term fits the Fresnel term of a dielectric best up to 80 degrees, by the square root of its normal
+reflectance over `WHITE_EDGE`. A residual is the largest error.
 """
 
 from __future__ import annotations
@@ -33,17 +34,19 @@ _ABOVE, _BELOW = Degree(3, 0, 3), Degree(2, 0, 2)
 _CELLS = (48, 32)
 
 
-def lost(alpha: float) -> float:
-    """Multiple scattering, nearly."""
-    return 1.0 - _mean(lambda view: _reflected(view, alpha, correlated=False))
+def lost_energy(alpha: float) -> float:
+    """Return the approximate energy of multiple scattering."""
+    return 1.0 - _mean_over_views(lambda view: _lobe_albedo(view, alpha, correlated=False))
 
 
-def hidden(alpha: float) -> float:
-    """Light that separable shadowing hides, and shadowing by correlated heights does not (Heitz 2014, section 5.3)."""
-    return _mean(lambda view: _reflected(view, alpha, correlated=True) - _reflected(view, alpha, correlated=False))
+def hidden_energy(alpha: float) -> float:
+    """Return the light that separable shadowing hides and correlated shadowing does not (Heitz 2014, section 5.3)."""
+    return _mean_over_views(
+        lambda view: _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
+    )
 
 
-def _reflected(view: Floats, alpha: float, *, correlated: bool) -> float:
+def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
     lobe = disney_lobe("specular", view, metallic=1.0, baseColor=ONE, roughness=np.sqrt(alpha))
     wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)
     energy = np.asarray(lobe.evaluate(Directions.of(view, wi)))[:, 0] * wi[:, 2]
@@ -54,8 +57,8 @@ def _reflected(view: Floats, alpha: float, *, correlated: bool) -> float:
     return float(energy @ weight)
 
 
-def sheen(roughness: float) -> float:
-    """Estevez and Kulla's distribution over MaterialX's denominator."""
+def sheen_albedo(roughness: float) -> float:
+    """Return the albedo of Estevez and Kulla's distribution over MaterialX's denominator."""
     inverse = 1.0 / max(roughness, 0.005)
 
     def f(d: Directions) -> Floats:
@@ -65,19 +68,21 @@ def sheen(roughness: float) -> float:
         i, o = d.cos_theta_i, d.cos_theta_o
         return np.asarray(distribution / (4.0 * (i + o - i * o)))
 
-    return _mean(_integral(f))
+    return _mean_over_views(_albedo_of(f))
 
 
-def fuzz(roughness: float) -> float:
-    """Zeltner's Gaussian, fitted to a table of directional albedos."""
+def fuzz_albedo(roughness: float) -> float:
+    """Return the albedo of Zeltner's Gaussian, which is a fit to a table of directional albedos."""
     y = max(roughness, 0.01)
     s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
     m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
     o = y * (0.000654023 + (-0.0207818 + 0.119681 * y) * y) / (1.26264 + y * (-1.92021 + y))
-    return _mean(lambda view: float(np.exp(-0.5 * ((view[2] - m) / s) ** 2) / (s * np.sqrt(2.0 * np.pi)) + o))
+    return _mean_over_views(
+        lambda view: float(np.exp(-0.5 * ((view[2] - m) / s) ** 2) / (s * np.sqrt(2.0 * np.pi)) + o)
+    )
 
 
-def rough(roughness: float) -> float:
+def oren_nayar_albedo(roughness: float) -> float:
     variance = roughness * roughness
     a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
 
@@ -86,10 +91,10 @@ def rough(roughness: float) -> float:
         s = (d.wo * d.wi).sum(axis=-1) - i * o  # type: ignore[attr-defined]
         return np.asarray((a + b * np.maximum(s, 0.0) / np.maximum(i, o)) / np.pi)
 
-    return _mean(_integral(f))
+    return _mean_over_views(_albedo_of(f))
 
 
-def edge(share: float) -> float:
+def grazing_reflectance(share: float) -> float:
     root = WHITE_EDGE * share
     ior = (1.0 + root) / (1.0 - root)
     c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
@@ -100,39 +105,39 @@ def edge(share: float) -> float:
 
 
 FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "lost": lost,
-    "hidden": hidden,
-    "sheen": sheen,
-    "fuzz": fuzz,
-    "rough": rough,
-    "edge": edge,
+    "lost": lost_energy,
+    "hidden": hidden_energy,
+    "sheen": sheen_albedo,
+    "fuzz": fuzz_albedo,
+    "rough": oren_nayar_albedo,
+    "edge": grazing_reflectance,
 }
-"""By the name of the fit."""
+"""The fitted functions by the name of the fit."""
 
 
 def make_table() -> dict[str, Any]:
-    """Return the table."""
+    """Return the numerator, the denominator and the residual of every fit."""
     table = {}
     for name, function in FUNCTIONS.items():
         target = np.array([function(float(x)) for x in _POINTS])
-        found = fit_rational(Problem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW)
-        error = np.abs(np.asarray(found(_POINTS)) - target).max()
+        fitted = fit_rational(Problem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW)
+        error = np.abs(np.asarray(fitted(_POINTS)) - target).max()
         table[name] = {
-            "numerator": found.numerator,
-            "denominator": found.denominator,
+            "numerator": fitted.numerator,
+            "denominator": fitted.denominator,
             "residual": float(f"{error:.2g}"),
         }
     return table
 
 
-def _mean(albedo: Callable[[Floats], float]) -> float:
+def _mean_over_views(albedo: Callable[[Floats], float]) -> float:
     x, weight = np.polynomial.legendre.leggauss(16)  # type: ignore[no-untyped-call]
     cosines = 0.5 * (x + 1.0)
     views = np.stack([np.sqrt(1.0 - cosines**2), np.zeros(16), cosines], axis=-1)
     return float(sum(1.5 * w * c * c * albedo(view) for view, c, w in zip(views, cosines, weight, strict=True)))
 
 
-def _integral(f: Callable[[Directions], Floats]) -> Callable[[Floats], float]:
+def _albedo_of(f: Callable[[Directions], Floats]) -> Callable[[Floats], float]:
     wi, weight = hemisphere_grid(64)
     return lambda view: float((f(Directions.of(view, wi)) * wi[:, 2]) @ weight)
 

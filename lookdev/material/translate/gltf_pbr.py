@@ -12,7 +12,15 @@ import numpy as np
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mix, scale
-from lookdev.material.translate.lobes import Interface, f0_of_ior, fabric, largest, mixture, surface, varnish
+from lookdev.material.translate.lobes import (
+    Interface,
+    color_under_sheen,
+    f0_of_ior,
+    max_channel,
+    mix_with_metal,
+    surface,
+    varnish,
+)
 from lookdev.material.translate.translation import (
     EMISSION,
     HUE_AT_GRAZING,
@@ -65,22 +73,22 @@ _PARAMETERS = {
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
-    color, metallic, blurred = p["base_color"], p["metallic"], p["roughness"]
+    color, metallic, base_roughness = p["base_color"], p["metallic"], p["roughness"]
     presence = _presence(p)
     f0 = scale(np.minimum(scale(p["specular_color"], f0_of_ior(p["ior"])), 1.0), p["specular"])
-    emerging, interface = mixture(
-        color, Interface(f0, p["specular"], blurred), Interface(color, 1.0, blurred), metallic
+    emerging, interface = mix_with_metal(
+        color, Interface(f0, p["specular"], base_roughness), Interface(color, 1.0, base_roughness), metallic
     )
-    weight = largest(p["sheen_color"])
+    weight = max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
-    emerging = fabric(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
-    roughness, anisotropic = _stretched(p)
+    emerging = color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
+    roughness, anisotropic = _disney_roughness(p)
     layers = surface(
         emerging,
         interface,
         p["normal"],
         presence=presence,
-        kept=presence,
+        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         clear=p["transmission"] * (1.0 - metallic),
@@ -97,13 +105,16 @@ def _presence(p: Parameters) -> Real:
     return np.where(alpha >= p["alpha_cutoff"], 1.0, 0.0) if p["alpha_mode"] == "1" else alpha
 
 
-def _stretched(p: Parameters) -> tuple[Real, Real]:
-    """Return roughness and `anisotropic` of the alphas ``mix(roughness^2, 1, strength^2)`` and ``roughness^2``."""
+def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
+    """Return the `roughness` and `anisotropic` of Disney's lobe.
+
+    Its alphas are ``mix(roughness^2, 1, strength^2)`` and ``roughness^2``.
+    """
     roughness, strength = p["roughness"], p["anisotropy_strength"]
     across = np.maximum(roughness * roughness, 1e-5)
     along = mix(across, 1.0, strength * strength)
     quotient = across / along
-    # At most ten to one: beyond, the narrower alpha is kept.
+    # The ratio of the alphas is at most ten; beyond, the narrower alpha stays.
     aspect2 = np.maximum(quotient, 0.1)
     return np.sqrt(across / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
 

@@ -1,12 +1,12 @@
-"""Layers that foreign models are made of: a diffuse ground, glossy coats, and what both are computed from.
+"""Layers of which foreign models consist: a diffuse ground and glossy coats, and the formulas of their parameters.
 
 - Karis, B. 2013. Real Shading in Unreal Engine 4. SIGGRAPH course notes.
 - Turquin, E. 2019. Practical multiple scattering compensation for microfacet models.
 - MaterialX Physically Based Shading Nodes, 1.39.
 
-A ground is Pixar's model without an interface, which is Lambert's reflection; a coat is Disney's specular lobe, in mode
-``"coat"``: it withholds from what is beneath what it reflects, as MaterialX's `layer`. Disney's own diffuse lobe is not
-Lambert's, nothing is withheld from it, and its clearcoat is a quarter as strong as a coat.
+A ground is Pixar's model without an interface, which is Lambert's reflection. A coat is Disney's specular lobe in mode
+``"coat"``: it withholds the light that it reflects from the layers beneath, as MaterialX's `layer`. Disney's own
+diffuse lobe is not Lambert's, nothing is withheld from it, and its clearcoat is a quarter as strong as a coat.
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from lookdev.brdf.reflectance import ggx_reflectance
 from lookdev.brdf.vectors import Array, Real, mean, mix, mix_color, same, scale
 
 DATA = Path(__file__).parent / "data" / "fits.json"
-"""The file of the fits that `lookdev.material.translate.fitting` makes."""
+"""The file of fits, which `lookdev.material.translate.fitting` writes."""
 
 WHITE_EDGE = 0.2
-"""The root of a dielectric's reflectance at normal incidence from which on its edge is white: an index of 1.5."""
+"""The square root of a dielectric's normal reflectance from which on its edge is white: an index of 1.5."""
 
 WHITE: Array = np.ones(3)
 
 # The cosine at which Schlick's weight is its cosine-weighted mean over the hemisphere, 1/21.
 _MEAN_COSINE: Array = np.asarray(1.0 - 21.0 ** (-0.2))
-# Below this alpha, less than 0.004 is scattered again.
+# Below this alpha, less than 0.004 of the light is scattered several times.
 _SMOOTH = 0.03
 
 
 @cache
-def fit(name: str) -> Rational:
-    """Return a fit of the table, a function of one number."""
+def load_fit(name: str) -> Rational:
+    """Return a fit of `DATA`, a function of one number."""
     entry = json.loads(DATA.read_text())[name]
     return Rational(entry["numerator"], entry["denominator"])
 
 
 def f0_of_ior(ior: Real) -> Real:
-    """Reflectance of a dielectric at normal incidence, (...), by its index of refraction (...), at least 0."""
+    """Return the normal reflectance of a dielectric, (...), by its index of refraction (...), at least 0."""
     root = (1.0 - ior) / (1.0 + ior)
     return root * root
 
 
 def edge_of_f0(f0: Real) -> Real:
-    """Return the reflectance at grazing incidence with which Schlick's term is nearest to a dielectric's, (...)."""
+    """Return the grazing reflectance, (...), with which Schlick's term fits the Fresnel term of a dielectric best."""
     share = np.minimum(np.sqrt(f0) * (1.0 / WHITE_EDGE), 1.0)
-    return np.where(share > 0.999, 1.0, np.clip(fit("edge")(share), 0.0, 1.0))
+    return np.where(share > 0.999, 1.0, np.clip(load_fit("edge")(share), 0.0, 1.0))
 
 
-def largest(color: Array) -> Array:
+def max_channel(color: Array) -> Array:
     """Return the largest channel of colours (..., 3)."""
     return np.maximum(np.maximum(color[..., 0], color[..., 1]), color[..., 2])
 
@@ -64,10 +64,10 @@ def largest(color: Array) -> Array:
 def ground(
     color: Array, normal: Array, presence: Real, *, back: Real = 0.0, clear: Real = 0.0, ior: Real = 1.0
 ) -> StackLayer:
-    """Return what is beneath coats: of a colour (..., 3), it reflects and transmits, and has no interface.
+    """Return the layer beneath coats: it reflects and transmits a colour (..., 3), and has no interface.
 
-    The part `clear` of light passes straight through, bent by `ior` as in a thin shell. The rest is scattered evenly,
-    the part `back` of it to the other side.
+    The part `clear` of the light passes straight through, refracted by `ior` as in a thin shell. The rest is scattered
+    evenly, the part `back` of it to the other side.
     """
     nothing = np.asarray(0.0)
     parameters = {
@@ -88,9 +88,9 @@ def ground(
 def coat(
     name: str, f0: Array, f90: Real, roughness: Real, normal: Array, mask: Real = 1.0, anisotropic: Real = 0.0
 ) -> StackLayer:
-    """Return a GGX lobe whose reflectance rises by Schlick's term from `f0`, (..., 3), at most `f90`, to `f90`, (...).
+    """Return a GGX lobe whose reflectance rises by Schlick's term from `f0` to `f90`.
 
-    alpha is the square of `roughness`.
+    `f0`, (..., 3), is at most `f90`, (...). alpha is the square of `roughness`.
     """
     return StackLayer(
         "disney",
@@ -119,57 +119,58 @@ class Interface:
     roughness: Real
 
     @classmethod
-    def of_ior(cls, ior: Real, roughness: Real, tint: Array = WHITE, weight: Real = 1.0) -> Interface:
-        """Return a dielectric, whose reflection has a tint (..., 3) and a weight (...).
+    def from_ior(cls, ior: Real, roughness: Real, tint: Array = WHITE, weight: Real = 1.0) -> Interface:
+        """Return the interface of a dielectric whose reflection has a tint (..., 3) and a weight (...).
 
-        Of an index near 1, Schlick's term is lower at grazing angles than 1, too.
+        For an index near 1, `f90` is below 1.
         """
         f0 = f0_of_ior(ior)
-        return cls(scale(tint, weight * f0), largest(tint) * weight * edge_of_f0(f0), roughness)
+        return cls(scale(tint, weight * f0), max_channel(tint) * weight * edge_of_f0(f0), roughness)
 
-    def withheld(self) -> Real:
-        """Return about the mean over all views, (...), of what the lobe of `coat` withholds."""
+    def mean_withheld(self) -> Real:
+        """Return the approximate mean over all views, (...), of the light that the lobe of `coat` withholds."""
         grazing = ggx_reflectance(_MEAN_COSINE, np.maximum(self.roughness * self.roughness, 0.001), np.zeros(()))
-        return mean(self.f0) * (1.0 - self._rough("lost") - grazing) + self.f90 * grazing
+        return mean(self.f0) * (1.0 - self._roughness_fit("lost") - grazing) + self.f90 * grazing
 
-    def scattered(self) -> Array:
-        """Return the light, (..., 3), that it reflects beside the lobe of `coat`; it is nearly diffuse.
+    def scattered_light(self) -> Array:
+        """Return the reflected light, (..., 3), that the lobe of `coat` lacks; it is nearly diffuse.
 
-        It is scattered several times (Turquin 2019), or shadowed by heights that are not correlated.
+        It is light that scatters several times (Turquin 2019), and light that the lobe shadows too much, as its heights
+        are not correlated.
         """
-        lost, hidden = self._rough("lost"), self._rough("hidden")
+        lost, hidden = self._roughness_fit("lost"), self._roughness_fit("hidden")
         typical = self.f0 + (np.expand_dims(self.f90 + np.zeros(()), -1) - self.f0) * (1.0 / 21.0)
         return scale(typical * typical, lost) + scale(typical * (1.0 - typical), hidden)
 
-    def _rough(self, name: str) -> Array:
+    def _roughness_fit(self, name: str) -> Array:
         alpha = self.roughness * self.roughness + np.zeros(())
-        return np.where(alpha > _SMOOTH, fit(name)(alpha), 0.0)
+        return np.where(alpha > _SMOOTH, load_fit(name)(alpha), 0.0)
 
-    def over(self, color: Array) -> Array:
-        """Return the light, (..., 3), that leaves a diffuse colour (..., 3) under it, and what it scatters."""
-        again = self.scattered()
-        return scale(color, 1.0 - self.withheld() - mean(again)) + again
+    def emerging_light(self, color: Array) -> Array:
+        """Return the light, (..., 3), of a diffuse colour (..., 3) under the interface, and of `scattered_light`."""
+        scattered = self.scattered_light()
+        return scale(color, 1.0 - self.mean_withheld() - mean(scattered)) + scattered
 
-    def mixed(self, other: Interface, weight: Real) -> Interface:
-        """Return the mixture with another of the same roughness, whose weight is (...)."""
+    def mix_with(self, other: Interface, weight: Real) -> Interface:
+        """Return the mixture with an interface of the same roughness, whose weight is (...)."""
         return Interface(mix_color(self.f0, other.f0, weight), mix(self.f90, other.f90, weight), self.roughness)
 
-    def tinted(self, tint: Array) -> Interface:
-        """Return the interface under a colour (..., 3)."""
-        return Interface(self.f0 * tint, self.f90 * largest(tint), self.roughness)
+    def tint_by(self, tint: Array) -> Interface:
+        """Return the interface with its reflection times a colour (..., 3)."""
+        return Interface(self.f0 * tint, self.f90 * max_channel(tint), self.roughness)
 
 
-def mixture(
+def mix_with_metal(
     color: Array, dielectric: Interface, metal: Interface, metalness: Real, weight: Real = 1.0
 ) -> tuple[Array, Interface]:
-    """Mix a dielectric over a diffuse colour, (..., 3), with a metal; return the light that emerges, and the mixture.
+    """Mix a dielectric over a diffuse colour, (..., 3), with a metal; return the emerging light and the interface.
 
-    All that the metal reflects is multiplied by `weight`, (...).
+    `weight`, (...), multiplies the reflection of the metal.
     """
-    emerging = dielectric.over(color)
+    emerging = dielectric.emerging_light(color)
     if not same(metalness, 0.0):
-        emerging = mix_color(emerging, scale(metal.scattered(), weight), metalness)
-    return emerging, dielectric.mixed(metal.tinted(scale(WHITE, weight)), metalness)
+        emerging = mix_color(emerging, scale(metal.scattered_light(), weight), metalness)
+    return emerging, dielectric.mix_with(metal.tint_by(scale(WHITE, weight)), metalness)
 
 
 def surface(
@@ -178,7 +179,7 @@ def surface(
     normal: Array,
     *,
     presence: Real = 1.0,
-    kept: Real = 1.0,
+    coat_presence: Real = 1.0,
     roughness: Real | None = None,
     anisotropic: Real = 0.0,
     back: Real = 0.0,
@@ -190,37 +191,37 @@ def surface(
     Parameters
     ----------
     emerging : (..., 3)
-        Light that leaves the ground through the coat.
-    presence, kept : (...)
-        How much there is of the ground, and of the coat.
+        The light that leaves the ground through the coat.
+    presence, coat_presence : (...)
+        The presence of the ground, and that of the coat.
     roughness : (...)
-        That of an anisotropic lobe; None: that of `interface`.
+        The roughness of an anisotropic lobe; by default that of `interface`.
     """
-    color = scale(emerging, 1.0 / np.maximum(1.0 - interface.withheld(), 0.01))
+    color = scale(emerging, 1.0 / np.maximum(1.0 - interface.mean_withheld(), 0.01))
     rough = interface.roughness if roughness is None else roughness
     return [
         ground(color, normal, presence, back=back, clear=clear, ior=ior),
-        coat("specular", interface.f0, interface.f90, rough, normal, kept, anisotropic),
+        coat("specular", interface.f0, interface.f90, rough, normal, coat_presence, anisotropic),
     ]
 
 
 def varnish(name: str, ior: Real, roughness: Real, normal: Array, mask: Real, anisotropic: Real = 0.0) -> StackLayer:
-    """Return a clear coat of an index of refraction, (...)."""
-    interface = Interface.of_ior(ior, roughness)
+    """Return a clear coat with an index of refraction, (...)."""
+    interface = Interface.from_ior(ior, roughness)
     return coat(name, interface.f0, interface.f90, roughness, normal, mask, anisotropic)
 
 
-def aspect_of(anisotropy: Real) -> Real:
-    """Return Disney's `anisotropic` where the alphas' quotient is ``1 - anisotropy``, at least 0.1."""
+def disney_anisotropy(anisotropy: Real) -> Real:
+    """Return Disney's `anisotropic` for which the ratio of the alphas is ``1 - anisotropy``, at least 0.1."""
     return np.minimum(anisotropy * (1.0 / 0.9), 1.0)
 
 
-def fabric(color: Array, weight: Real, sheen: Array, name: str, roughness: Real) -> Array:
-    """Return a diffuse colour (..., 3) under a sheen, of a weight (...) and a colour (..., 3).
+def color_under_sheen(color: Array, weight: Real, sheen: Array, name: str, roughness: Real) -> Array:
+    """Return a diffuse colour (..., 3) under a sheen of a weight (...) and a colour (..., 3), as mean over all views.
 
-    It is the mean over all views; `name` is that of the fit of the sheen's albedo by its roughness.
+    `name` is the fit of the sheen's albedo by its roughness.
     """
     if same(weight, 0.0):
         return color
-    albedo = weight * np.maximum(fit(name)(roughness), 0.0)
+    albedo = weight * np.maximum(load_fit(name)(roughness), 0.0)
     return scale(color, 1.0 - albedo) + scale(sheen, albedo)

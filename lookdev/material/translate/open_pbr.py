@@ -12,7 +12,16 @@ import numpy as np
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mix, mix_color, same, scale
-from lookdev.material.translate.lobes import WHITE, Interface, aspect_of, f0_of_ior, fabric, mixture, surface, varnish
+from lookdev.material.translate.lobes import (
+    WHITE,
+    Interface,
+    color_under_sheen,
+    disney_anisotropy,
+    f0_of_ior,
+    mix_with_metal,
+    surface,
+    varnish,
+)
 from lookdev.material.translate.translation import (
     DIFFUSE_ROUGHNESS,
     EMISSION,
@@ -78,37 +87,37 @@ _PARAMETERS = {
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
-    metalness, over, blurred = p["base_metalness"], p["coat_weight"], _blurred(p)
+    metalness, coat_weight, base_roughness = p["base_metalness"], p["coat_weight"], _coated_roughness(p)
     weight = np.minimum(p["specular_weight"], 1.0)
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
-    dielectric = Interface.of_ior(_ior(p), blurred, p["specular_color"])
-    metal = Interface(scale(p["base_color"], p["base_weight"]), 1.0, blurred)
-    emerging, interface = mixture(_diffuse(p), dielectric, metal, metalness, weight)
+    dielectric = Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
+    metal = Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
+    emerging, interface = mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
-    emerging = fabric(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
-    roughness, anisotropic = _stretched(blurred, p["specular_roughness_anisotropy"])
+    emerging = color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
+    roughness, anisotropic = _disney_roughness(base_roughness, p["specular_roughness_anisotropy"])
     layers = surface(
         emerging,
-        interface.tinted(tint),
+        interface.tint_by(tint),
         p["geometry_normal"],
         presence=presence,
-        kept=presence,
+        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         back=0.5 * p["subsurface_weight"] if thin else 0.0,
         clear=p["transmission_weight"] * (1.0 - metalness),
         ior=1.0 if thin else p["specular_ior"],
     )
-    roughness, anisotropic = _stretched(p["coat_roughness"], p["coat_roughness_anisotropy"])
-    mask = over * presence
+    roughness, anisotropic = _disney_roughness(p["coat_roughness"], p["coat_roughness_anisotropy"])
+    mask = coat_weight * presence
     return [*layers, varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
 
 
 def _diffuse(p: Parameters) -> Array:
-    """Return the colour, (..., 3), that is under the specular lobe."""
+    """Return the diffuse colour, (..., 3), under the specular lobe."""
     color = p["base_color"]
     if not same(p["base_diffuse_roughness"], 0.0):
-        # Portsmouth et al. 2024, EON: the mean albedo of one scattering, and all others.
+        # Portsmouth et al. 2024, EON: the mean albedo of single scattering, and of all further scattering.
         single = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * pi)) * p["base_diffuse_roughness"])
         albedo = np.expand_dims(single * (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * pi)) * p["base_diffuse_roughness"]), -1)
         color = color * albedo + color * color * albedo * (1.0 - albedo) / (1.0 - color * (1.0 - albedo))
@@ -117,40 +126,42 @@ def _diffuse(p: Parameters) -> Array:
 
 
 def _ior(p: Parameters) -> Real:
-    """Return the index of the dielectric, by whose reflectance its weight is meant, in the coat where that is."""
+    """Return the effective index of refraction of the dielectric, with the specular weight and under the coat."""
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
-    coated = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
-    f0 = p["specular_weight"] * f0_of_ior(mix(p["specular_ior"], coated, p["coat_weight"]))
+    coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
+    f0 = p["specular_weight"] * f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
     root: Real = np.sqrt(np.clip(f0, 0.0, 0.99999))
     return (1.0 + root) / (1.0 - root)
 
 
-def _blurred(p: Parameters) -> Real:
-    """Return the roughness of the base, seen through the coat."""
-    own, over = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
-    both = np.sqrt(np.sqrt(np.minimum(2.0 * over * over + own * own, 1.0)))
+def _coated_roughness(p: Parameters) -> Real:
+    """Return the roughness of the base as it appears through the coat."""
+    base_roughness2, coat_roughness2 = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
+    both = np.sqrt(
+        np.sqrt(np.minimum(2.0 * coat_roughness2 * coat_roughness2 + base_roughness2 * base_roughness2, 1.0))
+    )
     return mix(p["specular_roughness"], both, p["coat_weight"])
 
 
 def _tint(p: Parameters) -> Array:
-    """Return the colour (..., 3) that the coat gives to the base, and what is lost between both."""
-    inside = 1.0 - (1.0 - f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
+    """Return the factor (..., 3) on the base's colour: the coat's colour, and the loss by reflection between both."""
+    internal = 1.0 - (1.0 - f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
     dielectric = mix_color(p["base_color"], p["subsurface_color"], p["subsurface_weight"])
     base = mix_color(dielectric, scale(p["base_color"], np.minimum(p["specular_weight"], 1.0)), p["base_metalness"])
-    inside = np.expand_dims(np.clip(inside, 0.0, 0.999), -1)
-    darker = mix_color(WHITE, (1.0 - inside) / (1.0 - base * inside), p["coat_weight"] * p["coat_darkening"])
-    return darker * mix_color(WHITE, p["coat_color"], p["coat_weight"])
+    internal = np.expand_dims(np.clip(internal, 0.0, 0.999), -1)
+    darkening = mix_color(WHITE, (1.0 - internal) / (1.0 - base * internal), p["coat_weight"] * p["coat_darkening"])
+    return darkening * mix_color(WHITE, p["coat_color"], p["coat_weight"])
 
 
-def _stretched(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
-    """Return roughness and `anisotropic`.
+def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
+    """Return the `roughness` and `anisotropic` of Disney's lobe.
 
-    They are those of ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
+    Its alphas are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
     """
     across = 1.0 - anisotropy
     along2 = 2.0 / (1.0 + across * across)
-    # Of the alphas' product, the fourth root; at most ten to one.
-    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), aspect_of(anisotropy)
+    # The fourth root of the alphas' product, whose ratio is at most ten.
+    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), disney_anisotropy(anisotropy)
 
 
 OPEN_PBR_SURFACE = Translation(

@@ -13,7 +13,7 @@ import numpy as np
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
 from lookdev.brdf.vectors import Parameters, Real, mix_color, scale
-from lookdev.material.translate.lobes import WHITE, Interface, coat, f0_of_ior, largest, surface
+from lookdev.material.translate.lobes import WHITE, Interface, coat, f0_of_ior, max_channel, surface
 from lookdev.material.translate.translation import EMISSION, Loss, Translation, losses_of
 
 _PARAMETERS = {
@@ -40,28 +40,28 @@ _PARAMETERS = {
 
 def _layers(p: Parameters) -> list[StackLayer]:
     color, roughness, normal = p["diffuseColor"], p["roughness"], p["normal"]
-    presence, kept = _presence(p)
+    presence, coat_presence = _presence(p)
     if p["useSpecularWorkflow"] == "1":
         # The colour at normal incidence; "edge color is assumed white".
         interface = Interface(p["specularColor"], 1.0, roughness)
     else:
-        # "F0 is derived from ior and F90 is white", of a metal both are the albedo; "in between, we interpolate".
+        # "F0 is derived from ior and F90 is white"; for a metal both are the albedo; "in between, we interpolate".
         specular = mix_color(WHITE, color, p["metallic"])
         f0 = mix_color(scale(specular, f0_of_ior(p["ior"])), specular, p["metallic"])
-        interface, color = Interface(f0, largest(specular), roughness), scale(color, 1.0 - p["metallic"])
-    layers = surface(interface.over(color), interface, normal, presence=presence, kept=kept)
+        interface, color = Interface(f0, max_channel(specular), roughness), scale(color, 1.0 - p["metallic"])
+    layers = surface(interface.emerging_light(color), interface, normal, presence=presence, coat_presence=coat_presence)
     at_normal = scale(WHITE, f0_of_ior(p["ior"]))
-    return [*layers, coat("clearcoat", at_normal, 1.0, p["clearcoatRoughness"], normal, p["clearcoat"] * kept)]
+    return [*layers, coat("clearcoat", at_normal, 1.0, p["clearcoatRoughness"], normal, p["clearcoat"] * coat_presence)]
 
 
 def _presence(p: Parameters) -> tuple[Real, Real]:
-    """Return how much there is of the diffuse part, and of what reflects."""
+    """Return the presence of the diffuse part, and that of the reflecting coats."""
     opacity = p["opacity"]
     cut = np.where(opacity + np.zeros(()) >= p["opacityThreshold"], 1.0, 0.0)
     masked = np.where(p["opacityThreshold"] > 0.0, cut, opacity)
     if p["opacityMode"] in ("presence", "1"):
         return masked, masked
-    # "Even a fully transparent object still receives lighting": it is clear.
+    # "Even a fully transparent object still receives lighting": its ground is absent, its coats are not.
     return masked, np.where(p["opacityThreshold"] > 0.0, cut, 1.0)
 
 

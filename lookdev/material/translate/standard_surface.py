@@ -13,7 +13,16 @@ import numpy as np
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
 from lookdev.brdf.vectors import Array, Parameters, mean, mix, mix_color, same, scale
-from lookdev.material.translate.lobes import WHITE, Interface, aspect_of, fabric, fit, mixture, surface, varnish
+from lookdev.material.translate.lobes import (
+    WHITE,
+    Interface,
+    color_under_sheen,
+    disney_anisotropy,
+    load_fit,
+    mix_with_metal,
+    surface,
+    varnish,
+)
 from lookdev.material.translate.translation import (
     DIFFUSE_ROUGHNESS,
     EMISSION,
@@ -87,36 +96,36 @@ _PARAMETERS_100 = _PARAMETERS | {
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
-    metalness, over, normal = p["metalness"], p["coat"], p["normal"]
+    metalness, coat_weight, normal = p["metalness"], p["coat"], p["normal"]
     presence = mean(p["opacity"])
-    tint = mix_color(WHITE, p["coat_color"], over)
-    roughness = mix(p["specular_roughness"], 1.0, over * p["coat_affect_roughness"] * p["coat_roughness"])
-    dielectric = Interface.of_ior(p["specular_IOR"], roughness, p["specular_color"], p["specular"])
+    tint = mix_color(WHITE, p["coat_color"], coat_weight)
+    roughness = mix(p["specular_roughness"], 1.0, coat_weight * p["coat_affect_roughness"] * p["coat_roughness"])
+    dielectric = Interface.from_ior(p["specular_IOR"], roughness, p["specular_color"], p["specular"])
     metal = Interface(scale(p["base_color"], p["base"]), 1.0, roughness)
-    emerging, interface = mixture(_diffuse(p), dielectric, metal, metalness)
+    emerging, interface = mix_with_metal(_diffuse(p), dielectric, metal, metalness)
     thin = p["thin_walled"] == "1"
     layers = surface(
         emerging * tint,
-        interface.tinted(tint),
+        interface.tint_by(tint),
         normal,
         presence=presence,
-        kept=presence,
-        anisotropic=aspect_of(p["specular_anisotropy"]),
+        coat_presence=presence,
+        anisotropic=disney_anisotropy(p["specular_anisotropy"]),
         back=p["subsurface"] if thin else 0.0,
         clear=p["transmission"] * (1.0 - metalness),
         ior=1.0 if thin else p["specular_IOR"],
     )
-    anisotropic, mask = aspect_of(p["coat_anisotropy"]), over * presence
+    anisotropic, mask = disney_anisotropy(p["coat_anisotropy"]), coat_weight * presence
     return [*layers, varnish("coat", p["coat_IOR"], p["coat_roughness"], p["coat_normal"], mask, anisotropic)]
 
 
 def _diffuse(p: Parameters) -> Array:
-    """Return the colour, (..., 3), that is under the specular lobe."""
+    """Return the diffuse colour, (..., 3), under the specular lobe."""
     gamma = np.expand_dims(1.0 + p["coat"] * p["coat_affect_color"], -1)
-    rough = 1.0 if same(p["diffuse_roughness"], 0.0) else fit("rough")(p["diffuse_roughness"])
-    own = scale(np.power(p["base_color"], gamma), p["base"] * rough)
-    color = mix_color(own, np.power(p["subsurface_color"], gamma), p["subsurface"])
-    color = fabric(color, p["sheen"], p["sheen_color"], "sheen", p["sheen_roughness"])
+    rough = 1.0 if same(p["diffuse_roughness"], 0.0) else load_fit("rough")(p["diffuse_roughness"])
+    diffuse = scale(np.power(p["base_color"], gamma), p["base"] * rough)
+    color = mix_color(diffuse, np.power(p["subsurface_color"], gamma), p["subsurface"])
+    color = color_under_sheen(color, p["sheen"], p["sheen_color"], "sheen", p["sheen_roughness"])
     return mix_color(color, p["transmission_color"], p["transmission"])
 
 

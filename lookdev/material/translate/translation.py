@@ -12,21 +12,21 @@ from lookdev.material.look import Input
 
 @dataclass(frozen=True)
 class Translation:
-    """A foreign shading model, and the layers that stand for it.
+    """A foreign shading model, and its translation to layers of our models.
 
     name, title
-        The `Layer.model` of a layer of this model, and the short name for readers.
+        The `Layer.model` of layers of this model, and a short name for messages.
     identifiers
-        `info:id` of the shader nodes: in USD, and as node definitions of MaterialX.
+        The `info:id` of its shader nodes, of USD and of MaterialX.
     parameters
         The foreign inputs by name. Integers and booleans are tokens of their digits. A range without a limit is
-        infinite. A normal is one of the frame of tangent, bitangent and shading normal, a tangent is not read.
+        infinite. Normals are in the frame of tangent, bitangent and shading normal. Tangents are not read.
     layers
-        From all foreign parameters to layers, base first, each with the parameters that differ from its model's
-        defaults, within their hard ranges. The base lies ``"over"`` what is beneath, the others lie on it. Plain NumPy,
-        which code generation traces.
+        The function from all foreign parameters to layers, base first. A layer has the parameters that differ from its
+        model's defaults, within their hard ranges. The base lies ``"over"`` the layers beneath; the others lie on the
+        base. Code generation traces the function, which is plain NumPy.
     losses
-        From the inputs that are set to those that are not carried, or not wholly, each with the reason.
+        The function from the inputs that are set to those that are lost, wholly or in part, each with the reason.
     """
 
     name: str
@@ -39,9 +39,9 @@ class Translation:
 
 @dataclass(frozen=True)
 class Loss:
-    """Why an input is not carried, or not wholly, where it is not its default.
+    """The reason why an input that differs from its default is lost, wholly or in part.
 
-    It loses nothing where the input that it `needs` is constantly 0 or black, or if it is `gray` and has no hue.
+    Nothing is lost where the input that it `needs` is constantly 0 or black, or where a `gray` one has no hue.
     """
 
     why: str
@@ -54,7 +54,7 @@ def losses_of(
 ) -> Callable[[Mapping[str, Input]], Iterator[tuple[str, str]]]:
     """Return `Translation.losses` by the names of inputs."""
 
-    def found(inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
+    def find_losses(inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
         for name, value in inputs.items():
             loss = losses.get(name)
             if loss is None or value == parameters[name].default:
@@ -64,7 +64,7 @@ def losses_of(
             if needed not in (0.0, (0.0, 0.0, 0.0)) and not hueless:
                 yield name, loss.why
 
-    return found
+    return find_losses
 
 
 EMISSION = "surfaces emit no light"
@@ -77,9 +77,9 @@ TRANSMISSION = "light passes as through a thin shell, and is not blurred"
 VOLUME = "what is inside does not absorb or scatter light"
 SHEEN = "its mean over all views is added to the diffuse colour"
 DIFFUSE_ROUGHNESS = "the diffuse colour is darker, by the mean over all views"
-"""Reasons that several models have."""
+"""Reasons of losses that several models share."""
 
 
 def tangent_parameter(name: str) -> Parameter:
-    """Return a tangent, which is not read."""
+    """Return the record of a tangent, which translations do not read."""
     return Parameter(name, "normal", (1.0, 0.0, 0.0), hard=(-1.0, 1.0), soft=(-1.0, 1.0))

@@ -21,7 +21,7 @@ from lookdev.material.translate import TRANSLATIONS, foreign_shaders
 from lookdev.material.usd import check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
-from lookdev.material.usd.reader import Reader, category
+from lookdev.material.usd.reader import Reader, node_category
 from lookdev.material.usd.terms import NotCarriedError, Term
 from lookdev.mtlx import NOTES
 from lookdev.stage import Composed, open_stage, reading
@@ -118,7 +118,7 @@ def is_foreign(material: Usd.Prim) -> bool:
 
 
 def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
-    """Read a material of another model from an open stage, as the user named it.
+    """Read a material of another model, which the user names, from an open stage.
 
     Raises
     ------
@@ -143,6 +143,8 @@ def _model_title(model: str) -> str:
 
 
 class _Material:
+    """Reads one material of a foreign model, and collects its faults."""
+
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
         self.network = Network(file)
@@ -161,8 +163,8 @@ class _Material:
     def read(self, prim: Usd.Prim) -> Look:
         """Return the look of a material; raises NotCarriedError where it has no surface that can be read."""
         if not prim or not prim.IsA(UsdShade.Material):
-            raise NotCarriedError("is no material")
-        self._note_documents(prim)
+            raise NotCarriedError("is not a material")
+        self._add_document_faults(prim)
         terminals = [name for name in _SURFACES if _is_connected(prim, name)]
         for name in _VOLUMES:
             if _is_connected(prim, name):
@@ -177,7 +179,7 @@ class _Material:
             return Look(prim.GetName(), tuple(layers), f"{self.network.file}<{self.path}>", displacement)
         raise NotCarriedError(f"has no surface shader{' that can be read' if terminals else ''}")
 
-    def _note_documents(self, prim: Usd.Prim) -> None:
+    def _add_document_faults(self, prim: Usd.Prim) -> None:
         """Add the faults of converting MaterialX documents, which the layers made from these store."""
         for layer in dict.fromkeys(spec.layer for spec in prim.GetPrimStack()):
             for line in str(layer.customLayerData.get(NOTES, "")).splitlines():
@@ -190,7 +192,7 @@ class _Material:
             raise NotCarriedError("" if source is None else "is not connected to a shader")
         if depth == _MOST_LAYERS:
             raise NotCarriedError(f"more than {_MOST_LAYERS} shaders are connected in a row")
-        kind = category(source.shader)
+        kind = node_category(source.shader)
         if kind == "dot_surfaceshader":
             return self._read_surface(self._input_attribute(source, "in"), depth + 1)
         if kind == "mix_surfaceshader":
@@ -269,12 +271,12 @@ class _Material:
             return None
         text = f"{value[0]:g}" if isinstance(value, tuple) else str(value)
         if text not in parameter.choices:
-            raise NotCarriedError(f"'{text:.40}' is none of {', '.join(parameter.choices)}")
+            raise NotCarriedError(f"'{text:.40}' is not one of {', '.join(parameter.choices)}")
         return text
 
     def _clip_to_range(self, attribute: Usd.Attribute, value: Any, parameter: Parameter) -> Input:
         if isinstance(value, Bump) and parameter.kind != "normal":
-            raise NotCarriedError("a normal is no value of it")
+            raise NotCarriedError("cannot be a normal")
         if not isinstance(value, float | tuple):
             return value  # type: ignore[no-any-return]
         low, high = parameter.hard
@@ -292,7 +294,7 @@ class _Material:
 
     def _check_normal(self, source: Source, attribute: Usd.Attribute, term: Term) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
-        if category(source.shader) not in _TANGENT_SPACE and not term.tangent:
+        if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
             raise NotCarriedError(
                 "is a normal in world space; only one of a normalmap or a bump, in tangent space, is supported"
             )
@@ -339,7 +341,7 @@ class _Material:
             source = self.network.follow(terminal)
             if not isinstance(source, Source):
                 raise NotCarriedError("" if source is None else "is not connected to a shader")
-            kind = category(source.shader)
+            kind = node_category(source.shader)
             if kind not in ("displacement", *_TANGENT_SPACE):
                 raise NotCarriedError(f"{shader_id(source.shader) or 'no info:id'} is not supported")
             attribute = source.shader.GetPrim().GetAttribute("inputs:displacement")
@@ -374,5 +376,5 @@ def _is_connected(prim: Usd.Prim, name: str) -> bool:
 def _mask_source(term: Term) -> Mask:
     source = term.source()
     if not isinstance(source, float | Texture | Primvar | Formula):
-        raise NotCarriedError("is no float")
+        raise NotCarriedError("is not a float")
     return source

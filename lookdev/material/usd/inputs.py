@@ -92,7 +92,7 @@ def _check_range(
         return None
     if not all(low <= number <= high for number in numbers):
         number_text = ", ".join(f"{number:g}" for number in numbers)
-        network.add_fault(where, f"{number_text} is out of range", f"it must be enclosing [{low:g}, {high:g}]")
+        network.add_fault(where, f"{number_text} is out of range", f"it must be within [{low:g}, {high:g}]")
         return None
     return numbers[0] if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
 
@@ -187,7 +187,7 @@ def _read_formula_input(
             return None
         return "float", View()
     if not attribute:
-        message = f"the expression reads '{name}', which is no input of its node"
+        message = f"the expression reads '{name}', which is not an input of its node"
         network.add_fault(where, message, f"add float inputs:{name}")
         return None
     value_type = attribute.GetTypeName().type

@@ -97,7 +97,7 @@ class Network:
             attribute = prim.GetAttribute(target.name) if prim and not prim.IsA(UsdShade.Shader) else None
             if not attribute:
                 self.add_fault(
-                    path, f"is connected to <{target}>, which is no output of a shader and no interface input"
+                    path, f"is connected to <{target}>, which is neither an output of a shader nor an interface input"
                 )
                 return None
             seen.add(path)

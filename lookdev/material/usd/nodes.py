@@ -109,7 +109,7 @@ def _read_swizzle(node: Node) -> Term:
 def _select_channels(node: Node, term: Term, letters: str) -> Term:
     """Return the channels that the letters ``rgba`` or ``xyzw`` name; the digits 0 and 1 are constants."""
     if not 1 <= len(letters) <= 4 or not set(letters) <= set("rgbaxyzw01"):
-        raise NotCarriedError(f"'{letters:.40}' are no channels")
+        raise NotCarriedError(f"'{letters:.40}' are not channels")
     if letters in ("rgb", "xyz", "xy") and len(letters) == term.width:
         return convert_channels(term, term.width)
     channels = [

@@ -86,12 +86,12 @@ class Reader:
         return term
 
     def _compute(self, source: Source) -> Term:
-        node_category = category(source.shader)
-        if node_category not in self._node_readers:
+        kind = node_category(source.shader)
+        if kind not in self._node_readers:
             identifier = shader_id(source.shader) or "no info:id"
             raise NotCarriedError(f"a node of {identifier} is not supported")
         node = Node(self, source)
-        term = self._node_readers[node_category](node)
+        term = self._node_readers[kind](node)
         node.add_unread_faults()
         return term
 
@@ -199,7 +199,7 @@ class Node:
             return self.reader.read_node(attribute, holder)
         value = self.reader.read_constant(attribute)
         if value is not None and not isinstance(value, tuple):
-            raise NotCarriedError(f"inputs:{name} is no number")
+            raise NotCarriedError(f"inputs:{name} is not a number")
         term = self.reader.read_term(attribute, len(value)) if value else None
         return constant(*default) if term is None else term
 
@@ -230,7 +230,7 @@ class Node:
         attribute = self.attribute(name)
         value = self.reader.read_constant(attribute) if attribute else None
         if value is not None and not isinstance(value, str):
-            raise NotCarriedError(f"inputs:{name} is no text")
+            raise NotCarriedError(f"inputs:{name} is not a text")
         return value or ""
 
     def add_fault(self, name: str, message: str, hint: str = "") -> None:
@@ -245,7 +245,7 @@ class Node:
                 self.add_fault(name, f"is not carried: {self.identifier} is read without it")
 
 
-def category(shader: UsdShade.Shader) -> str:
+def node_category(shader: UsdShade.Shader) -> str:
     """Return the category of a node: its identifier without the prefix and the types of MaterialX."""
     identifier = shader_id(shader)
     words = identifier.removeprefix("ND_").split("_")

@@ -38,11 +38,11 @@ class Term:
     numbers
         The channels of a constant.
     leaf
-        The source, where the value is that of a single source.
+        The source, where the value is a single source.
     alpha
         The fourth channel, beside a width of 3.
     tangent
-        Whether it is a normal in the frame of tangent, bitangent and shading normal.
+        Whether the value is a normal in the frame of tangent, bitangent and shading normal.
     """
 
     text: str
@@ -61,7 +61,7 @@ class Term:
     def source(self) -> Source | Bump:
         """Return the term as the input of a layer; raises NotCarriedError where the expression is too large."""
         if self.numbers is not None:
-            return self.numbers[0] if self.width == 1 else _color(self.numbers)
+            return self.numbers[0] if self.width == 1 else _to_color(self.numbers)
         if self.leaf is not None:
             return self.leaf
         sources: dict[str, Source] = {}
@@ -71,7 +71,7 @@ class Term:
             for name in expression.names:
                 leaf = self.inputs[name]
                 assert not isinstance(leaf, Bump)
-                sources[name], kinds[name] = leaf, _kind(leaf)
+                sources[name], kinds[name] = leaf, _leaf_kind(leaf)
             expression.check(kinds)
         except ExpressionError as error:
             raise NotCarriedError(error.what) from error
@@ -83,7 +83,9 @@ def constant(*numbers: float) -> Term:
     clipped = tuple(min(max(float(number), -LARGEST), LARGEST) for number in numbers)
     if len(clipped) == 4:
         return replace(constant(*clipped[:3]), alpha=constant(clipped[3]))
-    text = _number(clipped[0]) if len(clipped) == 1 else f"[{', '.join(map(_number, _color(clipped)))}]"
+    text = (
+        _format_number(clipped[0]) if len(clipped) == 1 else f"[{', '.join(map(_format_number, _to_color(clipped)))}]"
+    )
     return Term(text, len(clipped), numbers=clipped)
 
 
@@ -99,9 +101,9 @@ def convert_channels(term: Term, width: int) -> Term:
         return constant(*numbers)
     if channels == 1:
         # The leaf stays valid: as a colour, a float is three equal channels.
-        return replace(term, text=f"{_operand(term.text)} + [0, 0, 0]", width=width)
+        return replace(term, text=f"{_parenthesize(term.text)} + [0, 0, 0]", width=width)
     if width == 3 and term.width == 2:
-        return replace(term, text=f"{_operand(term.text)} * [1, 1, 0]", width=3, leaf=None)
+        return replace(term, text=f"{_parenthesize(term.text)} * [1, 1, 0]", width=3, leaf=None)
     return replace(term, width=width, alpha=None)
 
 
@@ -145,7 +147,7 @@ class Terms:
             folded = self._fold(template, operands, varying[0])
             if folded:
                 return folded
-        text = template.format_map({name: _operand(operand.text) for name, operand in operands.items()})
+        text = template.format_map({name: _parenthesize(operand.text) for name, operand in operands.items()})
         if len(text) > LONGEST:
             raise NotCarriedError(f"makes an expression of more than {LONGEST} characters")
         inputs = {name: leaf for operand in operands.values() for name, leaf in operand.inputs.items()}
@@ -170,12 +172,12 @@ class Terms:
         if isinstance(leaf, Coordinates):
             matrix = np.reshape(leaf.transform, (2, 3)) * scale[:2, np.newaxis]
             matrix[:, 2] += bias[:2]
-            return replace(self.leaf_term(Coordinates(leaf.st, _six(matrix.ravel())), 2, hint), tangent=False)
+            return replace(self.leaf_term(Coordinates(leaf.st, _to_transform(matrix.ravel())), 2, hint), tangent=False)
         full_scale, full_bias = np.ones(4), np.zeros(4)
         full_scale[: scale.size], full_bias[: bias.size] = scale, bias
         scaled = np.array(leaf.scale) * full_scale
         biased = np.array(leaf.bias) * full_scale + full_bias
-        return self.leaf_term(replace(leaf, scale=_four(scaled), bias=_four(biased)), width, hint)
+        return self.leaf_term(replace(leaf, scale=_to_scale(scaled), bias=_to_scale(biased)), width, hint)
 
     def channel(self, term: Term, index: int) -> Term:
         """Return one channel of a term; raises NotCarriedError where it has no such channel."""
@@ -194,7 +196,7 @@ class Terms:
             return self.leaf_term(replace(term.leaf, channel=single), 1, f"{self._names[term.leaf]}_{single}")
         if isinstance(term.leaf, Bump):
             raise NotCarriedError("a bump has no value to compute with")
-        return Term(f"{_operand(term.text)}[{index}]", 1, term.inputs)
+        return Term(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
 
     def join_channels(self, *channels: Term) -> Term:
         """Return two to four terms of one channel as one term."""
@@ -208,7 +210,7 @@ class Terms:
 
 
 def _evaluate(template: str, operands: Mapping[str, Term]) -> Term:
-    text = template.format_map({name: _operand(operand.text) for name, operand in operands.items()})
+    text = template.format_map({name: _parenthesize(operand.text) for name, operand in operands.items()})
     try:
         value = np.atleast_1d(parse(text).evaluate({}, {}))
     except ExpressionError as error:
@@ -216,15 +218,15 @@ def _evaluate(template: str, operands: Mapping[str, Term]) -> Term:
     return constant(*value.tolist()[: max(operand.width for operand in operands.values())])
 
 
-def _operand(text: str) -> str:
+def _parenthesize(text: str) -> str:
     return text if _SIMPLE.fullmatch(text) else f"({text})"
 
 
-def _number(number: float) -> str:
+def _format_number(number: float) -> str:
     return f"{number:.17g}" if number >= 0.0 else f"(-{-number:.17g})"
 
 
-def _kind(leaf: Source) -> Kind:
+def _leaf_kind(leaf: Source) -> Kind:
     match leaf:
         case Texture(channel=channel):
             return "color" if channel == "rgb" else "float"
@@ -233,16 +235,16 @@ def _kind(leaf: Source) -> Kind:
     return "color"
 
 
-def _color(numbers: Sequence[float]) -> Color:
+def _to_color(numbers: Sequence[float]) -> Color:
     a, b, c = (*numbers, 0.0, 0.0)[:3]
     return a, b, c
 
 
-def _four(values: Iterable[float]) -> tuple[float, float, float, float]:
+def _to_scale(values: Iterable[float]) -> tuple[float, float, float, float]:
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d
 
 
-def _six(values: Iterable[float]) -> tuple[float, float, float, float, float, float]:
+def _to_transform(values: Iterable[float]) -> tuple[float, float, float, float, float, float]:
     a, b, c, d, e, f = (float(value) for value in values)
     return a, b, c, d, e, f

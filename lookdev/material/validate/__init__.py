@@ -1,1 +1,1 @@
-"""`lookdev validate`: all faults of the looks of a file, and notes on what has no effect."""
+"""`lookdev validate`: all faults of the looks of a file, and notes on elements without effect."""

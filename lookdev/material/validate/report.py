@@ -1,4 +1,4 @@
-"""Findings in the looks of a file, as data and as text."""
+"""Reports of the findings in the looks of a file, as data and as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Literal
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
-_SHOWN_VARIANTS = 4  # combinations of variants that the text names of one finding; the data has all
+_MOST_COMBINATIONS_SHOWN = 4  # of variants that the text lists for one finding; the data has all
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Finding:
     """A fault of a look, or a note on it.
 
     `prim` and `input` are its place; both may be empty. `hint` is what would be right. `variants` has the combinations
-    of variants with the finding; it is empty for all of them.
+    of variants with the finding; it is empty where all combinations have it.
     """
 
     severity: Severity
@@ -39,7 +39,7 @@ class Report:
 
     @property
     def has_errors(self) -> bool:
-        """Whether a look is wrong."""
+        """Whether a finding is an error."""
         return any(finding.severity == "error" for finding in self.findings)
 
     def data(self) -> dict[str, Any]:
@@ -48,31 +48,33 @@ class Report:
 
     def text(self) -> str:
         """Return a summary, then the findings by prim."""
-        counts = [(severity, sum(each.severity == severity for each in self.findings)) for severity in SEVERITIES]
-        found = ", ".join(_number(count, severity) for severity, count in counts if count) or "nothing wrong"
-        looks = f"{_number(self.materials, 'material')}, {_number(self.combinations, 'combination')} of variants"
-        lines = [f"{self.file}: {found} ({looks})"]
-        by_prim = sorted(self.findings, key=lambda each: each.prim)
-        for prim, findings in groupby(by_prim, key=lambda each: each.prim):
+        counts = [(severity, sum(finding.severity == severity for finding in self.findings)) for severity in SEVERITIES]
+        summary = ", ".join(_count_text(count, severity) for severity, count in counts if count) or "nothing wrong"
+        looks = (
+            f"{_count_text(self.materials, 'material')}, {_count_text(self.combinations, 'combination')} of variants"
+        )
+        lines = [f"{self.file}: {summary} ({looks})"]
+        by_prim = sorted(self.findings, key=lambda finding: finding.prim)
+        for prim, findings in groupby(by_prim, key=lambda finding: finding.prim):
             lines += ["", prim or "the file"]
             for finding in findings:
-                lines += _lines(finding)
+                lines += _finding_lines(finding)
         return "\n".join(lines)
 
 
-def _lines(finding: Finding) -> list[str]:
-    what, *more = finding.what.split("\n")  # an expression is shown with a caret on lines of its own
+def _finding_lines(finding: Finding) -> list[str]:
+    first_line, *more = finding.what.split("\n")  # an expression and a caret are on further lines
     head = f"  {finding.severity:<7}  "
     margin = " " * len(head)
-    lines = [head + (f"{finding.input}: " if finding.input else "") + what, *(margin + line for line in more)]
+    lines = [head + (f"{finding.input}: " if finding.input else "") + first_line, *(margin + line for line in more)]
     if finding.hint:
         lines.append(f"{margin}hint: {finding.hint}")
     if finding.variants:
-        shown = " | ".join(finding.variants[:_SHOWN_VARIANTS])
-        rest = len(finding.variants[_SHOWN_VARIANTS:])
-        lines.append(f"{margin}in: {shown}" + (f" and {rest} more" if rest else ""))
+        combinations = " | ".join(finding.variants[:_MOST_COMBINATIONS_SHOWN])
+        rest = len(finding.variants[_MOST_COMBINATIONS_SHOWN:])
+        lines.append(f"{margin}in: {combinations}" + (f" and {rest} more" if rest else ""))
     return lines
 
 
-def _number(count: int, name: str) -> str:
+def _count_text(count: int, name: str) -> str:
     return f"{count} {name}" + ("" if count == 1 else "s")

@@ -27,7 +27,7 @@ from lookdev.brdf.lobes import Directions
 from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.parameters import complete
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.material.translate import TRANSLATIONS, translated
+from lookdev.material.translate import TRANSLATIONS, translate_layer
 
 Floats = NDArray[np.float64]
 Fresnel = Callable[[Floats], Floats]
@@ -101,7 +101,7 @@ def conductor(reflectivity: Floats, edge: Floats) -> Fresnel:
     return fresnel
 
 
-def layered(top: Floats, base: Floats, weight: float = 1.0) -> Floats:
+def layer_over(top: Floats, base: Floats, weight: float = 1.0) -> Floats:
     """MaterialX's `layer`."""
     return weight * top + (1.0 - weight * float(top.mean())) * base
 
@@ -115,8 +115,8 @@ def preview_surface(p: dict[str, Any], degrees: float) -> Floats:
         f90 = 1.0 - metallic + metallic * color
         f0 = (1.0 - metallic) * at_normal * f90 + metallic * f90
         diffuse = (1.0 - metallic) * color
-    base = layered(lobe(p["roughness"], degrees, schlick(f0, f90)), diffuse)
-    return layered(lobe(p["clearcoatRoughness"], degrees, schlick(at_normal, 1.0)), base, p["clearcoat"])
+    base = layer_over(lobe(p["roughness"], degrees, schlick(f0, f90)), diffuse)
+    return layer_over(lobe(p["clearcoatRoughness"], degrees, schlick(at_normal, 1.0)), base, p["clearcoat"])
 
 
 def oren_nayar(roughness: float, degrees: float) -> float:
@@ -151,25 +151,25 @@ def standard_surface(p: dict[str, Any], degrees: float) -> Floats:
         diffuse = p["sheen"] * albedo * np.asarray(p["sheen_color"]) + (1.0 - p["sheen"] * albedo) * diffuse
     reflected = lobe(roughness, degrees, dielectric(p["specular_IOR"]))
     # The tint is that of the reflection; the white part is withheld.
-    own = p["specular"] * specular_color * reflected + (1.0 - p["specular"] * reflected) * diffuse
+    specular = p["specular"] * specular_color * reflected + (1.0 - p["specular"] * reflected) * diffuse
     metal = lobe(roughness, degrees, conductor(p["base"] * base_color, p["specular"] * specular_color))
-    mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * own
+    mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * specular
     attenuated = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
-    return layered(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
+    return layer_over(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
 
 
 def gltf_pbr(p: dict[str, Any], degrees: float) -> Floats:
     color, metallic = np.asarray(p["base_color"]), p["metallic"]
     at_normal = np.minimum(((1.0 - p["ior"]) / (1.0 + p["ior"])) ** 2 * np.asarray(p["specular_color"]), 1.0)
     top = lobe(p["roughness"], degrees, schlick(at_normal * p["specular"], p["specular"]))
-    mixed = metallic * lobe(p["roughness"], degrees, schlick(color, 1.0)) + (1.0 - metallic) * layered(top, color)
-    return layered(lobe(p["clearcoat_roughness"], degrees, dielectric(1.5)), mixed, p["clearcoat"])
+    mixed = metallic * lobe(p["roughness"], degrees, schlick(color, 1.0)) + (1.0 - metallic) * layer_over(top, color)
+    return layer_over(lobe(p["clearcoat_roughness"], degrees, dielectric(1.5)), mixed, p["clearcoat"])
 
 
 def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
     over, weight, metalness = p["coat_weight"], p["specular_weight"], p["base_metalness"]
-    own, coated = p["specular_roughness"], p["coat_roughness"]
-    roughness = (1.0 - over) * own + over * min(1.0, 2.0 * coated**4 + own**4) ** 0.25
+    base_roughness, coated = p["specular_roughness"], p["coat_roughness"]
+    roughness = (1.0 - over) * base_roughness + over * min(1.0, 2.0 * coated**4 + base_roughness**4) ** 0.25
     color, specular_color = np.asarray(p["base_color"]), np.asarray(p["specular_color"])
     under = np.asarray(p["subsurface_color"])
     diffuse = (1.0 - p["subsurface_weight"]) * p["base_weight"] * color + p["subsurface_weight"] * under
@@ -189,7 +189,7 @@ def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
     darker = over * p["coat_darkening"]
     mixed = mixed * (1.0 - darker + darker * (1.0 - inside) / (1.0 - estimate * inside))
     mixed = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
-    return layered(lobe(coated, degrees, dielectric(p["coat_ior"])), mixed, over)
+    return layer_over(lobe(coated, degrees, dielectric(p["coat_ior"])), mixed, over)
 
 
 VIEWS = (0.0, 20.0, 40.0, 60.0, 75.0)
@@ -209,69 +209,69 @@ def _color(rng: Rng) -> tuple[float, ...]:
     return tuple(rng.uniform(0.0, 1.0, 3).tolist())
 
 
-def _often(*usual: float) -> Draw:
-    """Draw one of the usual numbers, or any."""
+def _draw_often(*usual: float) -> Draw:
+    """Return a function that draws one of the usual numbers, or a random one."""
     return lambda rng: float(rng.choice([*usual, rng.uniform()]))
 
 
 _PREVIEW_SURFACE: dict[str, Draw] = {
     "diffuseColor": _color,
     "roughness": _number(),
-    "metallic": _often(0.0, 0.0, 1.0),
-    "clearcoat": _often(0.0),
+    "metallic": _draw_often(0.0, 0.0, 1.0),
+    "clearcoat": _draw_often(0.0),
     "clearcoatRoughness": _number(),
     "ior": _number(1.0, 2.2),
 }
 _STANDARD_SURFACE: dict[str, Draw] = {
     "base": _number(0.5),
     "base_color": _color,
-    "metalness": _often(0.0, 0.0, 1.0),
-    "specular": _often(1.0),
+    "metalness": _draw_often(0.0, 0.0, 1.0),
+    "specular": _draw_often(1.0),
     "specular_roughness": _number(),
     "specular_IOR": _number(1.0, 2.2),
-    "subsurface": _often(0.0, 0.0),
+    "subsurface": _draw_often(0.0, 0.0),
     "subsurface_color": _color,
-    "coat": _often(0.0),
-    "coat_color": lambda rng: (_often(1.0)(rng),) * 3,
+    "coat": _draw_often(0.0),
+    "coat_color": lambda rng: (_draw_often(1.0)(rng),) * 3,
     "coat_roughness": _number(),
     "coat_IOR": _number(1.0, 2.2),
-    "coat_affect_color": _often(0.0),
-    "coat_affect_roughness": _often(0.0),
+    "coat_affect_color": _draw_often(0.0),
+    "coat_affect_roughness": _draw_often(0.0),
 }
 _GLTF_PBR: dict[str, Draw] = {
     "base_color": _color,
-    "metallic": _often(0.0, 0.0, 1.0),
+    "metallic": _draw_often(0.0, 0.0, 1.0),
     "roughness": _number(),
-    "specular": _often(1.0),
+    "specular": _draw_often(1.0),
     "ior": _number(1.0, 2.2),
-    "clearcoat": _often(0.0),
+    "clearcoat": _draw_often(0.0),
     "clearcoat_roughness": _number(),
 }
 _OPEN_PBR_SURFACE: dict[str, Draw] = {
     "base_weight": _number(0.5),
     "base_color": _color,
-    "base_metalness": _often(0.0, 0.0, 1.0),
-    "specular_weight": _often(1.0),
+    "base_metalness": _draw_often(0.0, 0.0, 1.0),
+    "specular_weight": _draw_often(1.0),
     "specular_roughness": _number(),
     "specular_ior": _number(1.0, 2.2),
-    "subsurface_weight": _often(0.0, 0.0),
+    "subsurface_weight": _draw_often(0.0, 0.0),
     "subsurface_color": _color,
-    "coat_weight": _often(0.0),
+    "coat_weight": _draw_often(0.0),
     "coat_roughness": _number(),
     "coat_ior": _number(1.0, 2.2),
-    "coat_darkening": _often(0.0, 1.0),
+    "coat_darkening": _draw_often(0.0, 1.0),
 }
 
 
 def _draw(draws: Mapping[str, Draw], rng: Rng) -> dict[str, Any]:
-    given = {name: draw(rng) for name, draw in draws.items()}
+    values = {name: draw(rng) for name, draw in draws.items()}
     if draws is _PREVIEW_SURFACE and rng.random() < 0.25:
-        given |= {"useSpecularWorkflow": "1", "metallic": 0.0}
+        values |= {"useSpecularWorkflow": "1", "metallic": 0.0}
         # Plastics and metals; not more than all light is reflected.
-        color = given["diffuseColor"]
+        color = values["diffuseColor"]
         plastic = {"specularColor": (_number(0.0, 1.0 - max(color))(rng),) * 3}
-        given |= plastic if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
-    return given
+        values |= plastic if rng.random() < 0.5 else {"specularColor": color, "diffuseColor": (0.0,) * 3}
+    return values
 
 
 @dataclass(frozen=True)
@@ -313,20 +313,20 @@ class Compared:
 
 def compare(name: str, count: int, seed: int) -> list[Compared]:
     """Compare the albedos of random sets."""
-    rng, foreign, known = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
-    found = []
+    rng, foreign, parameters = np.random.default_rng(seed), FOREIGN[name], TRANSLATIONS[name].parameters
+    albedos = []
     for _ in range(count):
-        given = _draw(foreign.draws, rng)
-        whole = {input_name: parameter.default for input_name, parameter in known.items()} | given
-        own = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
-        ours = np.stack([translated_albedo(name, given, angle) for angle in VIEWS])
-        found.append(Compared(given, foreign.metal(whole), own, ours))
-    return found
+        values = _draw(foreign.draws, rng)
+        whole = {input_name: parameter.default for input_name, parameter in parameters.items()} | values
+        reference = np.stack([foreign.albedo(whole, angle) for angle in VIEWS])
+        ours = np.stack([translated_albedo(name, values, angle) for angle in VIEWS])
+        albedos.append(Compared(values, foreign.metal(whole), reference, ours))
+    return albedos
 
 
 def translated_albedo(name: str, inputs: dict[str, Any], degrees: float) -> Floats:
-    """Return the directional albedo, (3,), of the layers that stand for inputs."""
-    stack = translated(StackLayer(name, complete(name, TRANSLATIONS[name].parameters, inputs)))
+    """Return the directional albedo, (3,), of the layers that a model with some inputs translates to."""
+    stack = translate_layer(StackLayer(name, complete(name, TRANSLATIONS[name].parameters, inputs)))
     bsdf, wo = stack_bsdf(stack), view(degrees)
     # A grid for each width of the coats is dense where they peak; the ground is even.
     total = np.zeros(3)

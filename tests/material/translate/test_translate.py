@@ -1,7 +1,6 @@
-"""Every translation has the inputs of its node's definition, and is traced, folded and masked as any layer is.
-from lookdev.scene import Sampling
+"""Every translation has the inputs of its node's definition, and is traced, folded and masked as any other layer.
 
-Directional albedos are compared with the foreign models' own definitions; an error is a part of the light that arrives.
+Directional albedos are compared with the foreign models' own definitions; an error is a fraction of the incident light.
 """
 
 from pathlib import Path
@@ -31,16 +30,16 @@ from lookdev.material.translate import (
     display_color_look,
     foreign_shaders,
     layer_parameters,
-    translated,
+    translate_layer,
 )
 from lookdev.material.translate.fitting import FUNCTIONS
-from lookdev.material.translate.lobes import fit
+from lookdev.material.translate.lobes import load_fit
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.scene import Sampling
 
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
 LIGHT = prepare_light(load_environment(builtin="white"))
-EVERY = pytest.mark.parametrize("each", TRANSLATIONS.values(), ids=lambda each: each.name)
+EVERY = pytest.mark.parametrize("translation", TRANSLATIONS.values(), ids=lambda translation: translation.name)
 COLORS = {"specular_color", "opacity"}
 KINDS = {"float": "float", "color3": "color", "vector3": "normal", "integer": "token", "boolean": "token"}
 
@@ -90,28 +89,28 @@ def random_inputs(translation: Translation, rng: np.random.Generator, count: int
 
 
 @EVERY
-def test_inputs_are_those_of_the_definition(each: Translation) -> None:
-    (identifier,) = each.identifiers
+def test_inputs_are_those_of_the_definition(translation: Translation) -> None:
+    (identifier,) = translation.identifiers
     if not identifier.startswith("ND_"):
         node = Sdr.Registry().GetShaderNodeByIdentifier(identifier)
-        assert sorted(node.GetShaderInputNames()) == sorted(each.parameters)
-        for name, parameter in each.parameters.items():
-            known = node.GetShaderInput(name)
-            default = known.GetDefaultValueAsSdfType()
+        assert sorted(node.GetShaderInputNames()) == sorted(translation.parameters)
+        for name, parameter in translation.parameters.items():
+            definition = node.GetShaderInput(name)
+            default = definition.GetDefaultValueAsSdfType()
             if parameter.kind == "token":
                 assert parameter.default == str(default)
-                assert {option for option, _ in known.GetOptions()} <= set(parameter.choices)
+                assert {option for option, _ in definition.GetOptions()} <= set(parameter.choices)
             else:
                 np.testing.assert_allclose(parameter.default, np.array(default), rtol=1e-6)
         return
     library = mx.createDocument()
     for file in ("usd_preview_surface", "standard_surface", "open_pbr_surface", "gltf_pbr"):
         mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{file}.mtlx"))
-    inputs = {known.getName(): known for known in library.getNodeDef(identifier).getActiveInputs()}
-    assert sorted(inputs) == sorted(each.parameters)
-    for name, known in inputs.items():
-        parameter, default = each.parameters[name], known.getValueString()
-        assert parameter.kind == KINDS[known.getType()], name
+    inputs = {definition.getName(): definition for definition in library.getNodeDef(identifier).getActiveInputs()}
+    assert sorted(inputs) == sorted(translation.parameters)
+    for name, definition in inputs.items():
+        parameter, default = translation.parameters[name], definition.getValueString()
+        assert parameter.kind == KINDS[definition.getType()], name
         if parameter.kind == "token":
             assert parameter.default == {"false": "0", "true": "1"}.get(default, default)
             assert parameter.choices == tuple(str(k) for k in range(len(parameter.choices)))
@@ -119,17 +118,17 @@ def test_inputs_are_those_of_the_definition(each: Translation) -> None:
         if default:
             np.testing.assert_allclose(parameter.default, np.array(default.split(","), np.float64).squeeze())
         for end, attribute in zip(parameter.hard, ("uimin", "uimax"), strict=True):
-            if known.hasAttribute(attribute):
-                assert end == float(known.getAttribute(attribute).split(",")[0]), name
+            if definition.hasAttribute(attribute):
+                assert end == float(definition.getAttribute(attribute).split(",")[0]), name
             elif parameter.kind != "normal":
                 assert np.isinf(end), name
 
 
 @EVERY
-def test_layers_are_within_the_ranges_of_their_models(each: Translation) -> None:
+def test_layers_are_within_the_ranges_of_their_models(translation: Translation) -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
-        for layer in translated(StackLayer(each.name, random_inputs(each, rng, 50))):
+        for layer in translate_layer(StackLayer(translation.name, random_inputs(translation, rng, 50))):
             assert np.all((np.asarray(layer.mask) >= 0.0) & (np.asarray(layer.mask) <= 1.0))
             for name, value in layer.parameters.items():
                 if not isinstance(value, str):
@@ -138,18 +137,22 @@ def test_layers_are_within_the_ranges_of_their_models(each: Translation) -> None
 
 
 @EVERY
-def test_what_varies_is_traced_as_it_is_computed(each: Translation) -> None:
+def test_what_varies_is_traced_as_it_is_computed(translation: Translation) -> None:
     rng = np.random.default_rng(2)
-    numbers = {name: parameter for name, parameter in each.parameters.items() if parameter.kind in ("float", "color")}
+    numbers = {
+        name: parameter for name, parameter in translation.parameters.items() if parameter.kind in ("float", "color")
+    }
     fallbacks = {"float": 0.5, "color": (0.5, 0.5, 0.5)}
     inputs = {name: Primvar(name, fallbacks[parameter.kind]) for name, parameter in numbers.items()}
-    tokens = {name: parameter.choices[-1] for name, parameter in each.parameters.items() if parameter.choices}
+    tokens = {name: parameter.choices[-1] for name, parameter in translation.parameters.items() if parameter.choices}
     values = {name: random_value(parameter, rng, (40,)) for name, parameter in numbers.items()}
-    look = Look("look", (Layer("Layer", each.name, inputs | tokens),))
+    look = Look("look", (Layer("Layer", translation.name, inputs | tokens),))
     stack = look_layers(look, Carried(values))
-    alone = translated(StackLayer(each.name, complete(each.name, each.parameters, tokens) | values))
-    for one, other in zip(stack, alone, strict=True):
-        np.testing.assert_array_equal(one.mask, other.mask)
+    alone = translate_layer(
+        StackLayer(translation.name, complete(translation.name, translation.parameters, tokens) | values)
+    )
+    for layer, other in zip(stack, alone, strict=True):
+        np.testing.assert_array_equal(layer.mask, other.mask)
     f = evaluate(stack_bsdf(stack), np.tile(WO, (40, 1)), np.tile(WI, (40, 1)))
     assert np.all(np.isfinite(f) & (f >= 0.0))
     assert surface(look.layers).osl
@@ -157,10 +160,10 @@ def test_what_varies_is_traced_as_it_is_computed(each: Translation) -> None:
 
 
 @EVERY
-def test_a_constant_look_has_no_more_lobes_than_it_needs(each: Translation) -> None:
-    layer = Layer("Layer", each.name, {})
-    metal = each.name == "gltf_pbr"  # metallic is 1 there
-    ground = [] if metal and each.parameters["roughness"].default == 0.0 else [("pixar", "diffuse")]
+def test_a_constant_look_has_no_more_lobes_than_it_needs(translation: Translation) -> None:
+    layer = Layer("Layer", translation.name, {})
+    metal = translation.name == "gltf_pbr"  # metallic is 1 there
+    ground = [] if metal and translation.parameters["roughness"].default == 0.0 else [("pixar", "diffuse")]
     assert lobes_of(layer) == [*ground, ("disney", "specular")]
     source = surface((layer,))
     assert (source.transmits, source.see_through) == (False, False)
@@ -182,7 +185,7 @@ def test_what_a_foreign_layer_needs_not_is_not_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "inputs", "presence", "kept"),
+    ("model", "inputs", "presence", "coat_mask"),
     [
         ("preview_surface", {"opacity": 0.25}, 0.25, 1.0),
         ("preview_surface", {"opacity": 0.25, "opacityMode": "presence"}, 0.25, 0.25),
@@ -197,11 +200,11 @@ def test_what_a_foreign_layer_needs_not_is_not_read() -> None:
         ("gltf_pbr", {"alpha": 0.25, "alpha_mode": "2"}, 0.25, 0.25),
     ],
 )
-def test_opacity_is_presence(model: str, inputs: dict[str, Any], presence: float, kept: float) -> None:
+def test_opacity_is_presence(model: str, inputs: dict[str, Any], presence: float, coat_mask: float) -> None:
     ground, specular, *_ = TRANSLATIONS[model].layers(complete(model, TRANSLATIONS[model].parameters, inputs))
     assert ground.parameters["presence"] == presence
-    assert specular.mask == pytest.approx(kept)
-    whole = translated(StackLayer(model, complete(model, layer_parameters(model), inputs)))
+    assert specular.mask == pytest.approx(coat_mask)
+    whole = translate_layer(StackLayer(model, complete(model, layer_parameters(model), inputs)))
     assert stack_bsdf(whole).presence == presence
 
 
@@ -228,7 +231,7 @@ def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
     whole, first, second = (
         evaluate(look_bsdf(Look("look", stacked), Carried({})), WO, WI) for stacked in (layers, layers[:1], layers[1:])
     )
-    # What the coats of the upper layer withhold, they withhold from what shows beside it, too.
+    # The coats of the upper layer withhold light also from the layers that are visible beside it.
     np.testing.assert_allclose(whole, 0.25 * second + 0.75 * first, rtol=0.1)
     names = [layer.name for layer in look_layers(Look("look", layers), Carried({}))]
     assert names == [f"{layer} {part}" for layer in "AB" for part in ("ground", "specular", "clearcoat")]
@@ -236,8 +239,8 @@ def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
 
 def test_the_coat_has_a_normal_of_its_own() -> None:
     inputs = {"coat": 1.0, "coat_normal": (0.1, 0, 1)}
-    given = complete("standard_surface", layer_parameters("standard_surface"), inputs)
-    ground, specular, coat = translated(StackLayer("standard_surface", given))
+    parameters = complete("standard_surface", layer_parameters("standard_surface"), inputs)
+    ground, specular, coat = translate_layer(StackLayer("standard_surface", parameters))
     np.testing.assert_array_equal(coat.parameters["normal"], [0.1, 0.0, 1.0])
     for name, layer in (("normal", specular), ("diffuseNormal", ground)):
         np.testing.assert_array_equal(layer.parameters[name], [0.0, 0.0, 1.0])
@@ -260,18 +263,18 @@ def test_the_coat_has_a_normal_of_its_own() -> None:
     ],
 )
 def test_losses_are_listed_where_they_have_an_effect(model: str, inputs: dict[str, Any], lost: set[str]) -> None:
-    found = dict(TRANSLATIONS[model].losses(inputs))
-    assert set(found) == lost
-    assert all(found.values())
+    losses = dict(TRANSLATIONS[model].losses(inputs))
+    assert set(losses) == lost
+    assert all(losses.values())
 
 
 @EVERY
-def test_defaults_lose_nothing(each: Translation) -> None:
-    assert not list(each.losses({name: parameter.default for name, parameter in each.parameters.items()}))
+def test_defaults_lose_nothing(translation: Translation) -> None:
+    assert not list(translation.losses({name: parameter.default for name, parameter in translation.parameters.items()}))
 
 
 def test_identifiers_are_unique() -> None:
-    assert len(foreign_shaders()) == sum(len(each.identifiers) for each in TRANSLATIONS.values())
+    assert len(foreign_shaders()) == sum(len(translation.identifiers) for translation in TRANSLATIONS.values())
     assert foreign_shaders()["UsdPreviewSurface"] == "preview_surface"
 
 
@@ -286,7 +289,9 @@ def test_display_color_is_that_of_a_rough_dielectric() -> None:
     look = display_color_look("part")
     assert lobes_of(*look.layers) == [("pixar", "diffuse"), ("disney", "specular")]
     source = surface(look.layers)
-    assert [(each.attribute, each.fallback) for each in source.attributes] == [("displayColor", (0.18, 0.18, 0.18))]
+    assert [(attribute.attribute, attribute.fallback) for attribute in source.attributes] == [
+        ("displayColor", (0.18, 0.18, 0.18))
+    ]
     assert not source.see_through
     assert surface(display_color_look("part", opacity=True).layers).see_through
 
@@ -294,9 +299,9 @@ def test_display_color_is_that_of_a_rough_dielectric() -> None:
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_fits_are_those_of_the_functions(name: str) -> None:
     x = np.array([0.05, 0.3, 0.8])
-    wanted = [FUNCTIONS[name](float(each)) for each in x]
-    np.testing.assert_allclose(fit(name)(x), wanted, atol=0.004 if name == "edge" else 1e-3)
-    assert np.isfinite(np.asarray(fit(name)(np.linspace(0.0, 1.0, 1001)))).all()
+    expected = [FUNCTIONS[name](float(number)) for number in x]
+    np.testing.assert_allclose(load_fit(name)(x), expected, atol=0.004 if name == "edge" else 1e-3)
+    assert np.isfinite(np.asarray(load_fit(name)(np.linspace(0.0, 1.0, 1001)))).all()
 
 
 def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
