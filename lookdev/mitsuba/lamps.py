@@ -152,7 +152,7 @@ class Controls:
         """Return the controls of no light."""
         return tuple(self._mi.Float(0.0) for _ in self._names)
 
-    def of(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
+    def lamp_controls(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
         """Return the controls of lamps, an argument of `shadow_shares`."""
         return tuple(rows.field(lamp, name) for name in self._names)
 

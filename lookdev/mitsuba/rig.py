@@ -79,7 +79,7 @@ class Rig:
         self.shadowed, self.split = rig.shadowed, rig.split
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
         self.excludes, self.shadow_shares = self._controls.excludes, self._controls.shadow_shares
-        self.controls, self.none = self._controls.of, self._controls.none
+        self.controls, self.none = self._controls.lamp_controls, self._controls.none
         self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
     def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
