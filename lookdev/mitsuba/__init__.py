@@ -1,10 +1,10 @@
 """The second renderer: the models as published in Mitsuba 3 (Jakob et al. 2022), whose kernels Dr.Jit compiles.
 
-A process of its own, ``python -m lookdev.mitsuba``, of the same protocol as `lookdev.cycles`. Of Mitsuba it uses the
-scene that rays meet; shading, lights and the estimator are programs of this package, traced by Dr.Jit.
+``python -m lookdev.mitsuba`` is a worker process with the same protocol as `lookdev.cycles`. Mitsuba intersects rays
+with the scene; shading, lights and the estimator are programs of this package, which Dr.Jit traces.
 
-Imported by a program of a user of Mitsuba, it registers BSDFs for scenes of their own (`lookdev.mitsuba.plugins`), in
-every variant that is set before or after.
+In a program of a user of Mitsuba, importing this package registers BSDFs for the user's scenes
+(`lookdev.mitsuba.plugins`), in every variant that is set before or afterwards.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 
 def _register(old: str | None, new: str | None) -> None:
-    """Register the plug-ins in a variant, if its colours are three channels and its numbers arrays."""
+    """Register the plug-ins in the new variant, if its colours are RGB and its numbers are arrays."""
     import mitsuba
 
     from lookdev.brdf import CONTINUOUS
@@ -23,17 +23,17 @@ def _register(old: str | None, new: str | None) -> None:
     if new is None or new.startswith("scalar") or not new.endswith("_rgb"):
         return
     for name in CONTINUOUS:
-        mitsuba.register_bsdf(f"lookdev_{name.replace('-', '_')}", partial(_of_model, name))
-    mitsuba.register_bsdf("lookdev_look", _of_look)
+        mitsuba.register_bsdf(f"lookdev_{name.replace('-', '_')}", partial(_create_model_bsdf, name))
+    mitsuba.register_bsdf("lookdev_look", _create_look_bsdf)
 
 
-def _of_model(name: str, properties: Any) -> Any:
-    from lookdev.mitsuba.plugins import model_bsdf  # not at the top: the worker needs no plug-ins
+def _create_model_bsdf(name: str, properties: Any) -> Any:
+    from lookdev.mitsuba.plugins import model_bsdf  # imported here, as the worker needs no plug-ins
 
     return model_bsdf(name, properties)
 
 
-def _of_look(properties: Any) -> Any:
+def _create_look_bsdf(properties: Any) -> Any:
     from lookdev.mitsuba.plugins import look_bsdf
 
     return look_bsdf(properties)

@@ -1,6 +1,6 @@
-"""The worker: tasks in on standard input, results out on standard output, one JSON object a line.
+"""The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
 
-The end of the input, also by the death of the parent, ends the process at once.
+The process ends at once when the input ends, also by the death of the parent.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ def _read_requests(requests: Requests) -> None:
 
 
 class _Scenes:
-    """The scenes of the last tasks: those of the next ones are mostly the same."""
+    """The scenes of the latest tasks: the next tasks mostly have the same."""
 
     def __init__(self, answers: Answers, requests: Requests) -> None:
         self._answers = answers
         self._requests = requests
-        self.shown: MitsubaScene | None = None
-        self.derived: SlopeScene | None = None
+        self.scene: MitsubaScene | None = None
+        self.slope_scene: SlopeScene | None = None
 
     def render(self, task: FrameTask) -> None:
-        """Render a frame and answer it."""
+        """Render a frame, and send the answer."""
         from lookdev.cache import take_notes
         from lookdev.mitsuba.load import load_mitsuba
         from lookdev.mitsuba.render import MitsubaScene
 
-        def progress(samples: int, of: int, relmse: float | None) -> None:
+        def progress(samples: int, planned: int, relmse: float | None) -> None:
             self._requests.check(task.digest)
-            self._answers.progress(task.digest, samples, of, relmse)
+            self._answers.progress(task.digest, samples, planned, relmse)
 
-        if self.shown is None:
-            gc.freeze()  # what was imported stays: collections, one a frame, need not look through it
-        if self.shown is None or not (self.shown.fits(task.scene) or self.shown.take(task.scene)):
-            self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
-        frame = self.shown.render(task, progress)
+        if self.scene is None:
+            gc.freeze()  # imported objects stay: the collection after each frame need not traverse them
+        if self.scene is None or not (self.scene.matches(task.scene) or self.scene.update(task.scene)):
+            self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
+        frame = self.scene.render(task, progress)
         self._answers.done(
             task.digest,
             save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names),
@@ -64,16 +64,18 @@ class _Scenes:
             notes=take_notes(),
         )
 
-    def derive(self, task: SlopeTask) -> None:
-        """Render a picture with derivatives and answer it; its relMSE is not estimated."""
+    def render_slopes(self, task: SlopeTask) -> None:
+        """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
         from lookdev.mitsuba.load import load_mitsuba
         from lookdev.mitsuba.slopes import SlopeScene
 
-        started = time.perf_counter()
-        if self.derived is None or self.derived.task != task.scene:
-            self.derived = SlopeScene(load_mitsuba(task.scene.device), task.scene)
-        halves = self.derived.render(task, lambda done, of: self._answers.progress(task.digest, done, of, None))
-        seconds = time.perf_counter() - started
+        start = time.perf_counter()
+        if self.slope_scene is None or self.slope_scene.task != task.scene:
+            self.slope_scene = SlopeScene(load_mitsuba(task.scene.device), task.scene)
+        halves = self.slope_scene.render(
+            task, lambda finished, planned: self._answers.progress(task.digest, finished, planned, None)
+        )
+        seconds = time.perf_counter() - start
         arrays = save_named({"slopes": halves})
         self._answers.done(task.digest, arrays, samples=2 * task.samples, seconds=seconds, relmse=0.0)
 
@@ -105,14 +107,14 @@ def _serve(answers: Answers) -> None:
                 case FrameTask():
                     scenes.render(task)
                 case SlopeTask():
-                    scenes.derive(task)
+                    scenes.render_slopes(task)
                 case _:
                     raise WorkerError("this worker takes no scenes ahead of their frames")
         except Cancelled as error:
             answers.failed(getattr(task, "digest", ""), error)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scenes = _Scenes(answers, requests)
-            traceback.print_exc()  # Dr.Jit's errors are about those before them
+            traceback.print_exc()  # Dr.Jit's errors refer to earlier ones
             answers.failed(getattr(task, "digest", ""), error)
 
 

@@ -1,4 +1,4 @@
-"""A dome light on Dr.Jit's arrays: the look-up and the sampling of `lookdev/shaders/dome.osl.h`, by the same tables."""
+"""A dome light on Dr.Jit's arrays: look-up and sampling as in `lookdev/shaders/dome.osl.h`, from the same tables."""
 
 from __future__ import annotations
 
@@ -11,32 +11,31 @@ import numpy as np
 from lookdev.light.dome import Dome, bins, slots
 from lookdev.light.dome.files import read_exr
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.files import file_array, padded
-from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.files import file_array, pad_to_rgba
+from lookdev.mitsuba.frozen import device_array
 
 
 class DomeLight:
     """The map of a dome light in a variant's arrays.
 
-    Directions are by its own axes. A map that is the same all around needs no tables, unless it is `local`: then
-    `sampled` is false.
+    Directions are in its own axes. `sampled` is false for a constant map that is not `local`: it needs no tables.
     """
 
     def __init__(self, mi: Any, dome: Dome, *, local: bool = False) -> None:
         self._mi = mi
         self.number = mi.Float
         self.sampled = dome.slots_file is not None and not (dome.constant and not local)
-        self._texels = file_array(mi.Float, dome.radiance_file, lambda path: padded(read_exr(path, "RGB")))
+        self._texels = file_array(mi.Float, dome.radiance_file, lambda path: pad_to_rgba(read_exr(path, "RGB")))
         self._width, self._height = dome.width, dome.height
         if self.sampled:
             assert dome.points_file and dome.slots_file and dome.bins_file  # noqa: PT018
             self._points = file_array(mi.Float, dome.points_file, lambda path: read_exr(path, "RGBA"))
             self._slots = file_array(mi.UInt32, dome.slots_file, lambda path: np.load(path).view(np.uint32))
             self._bins = file_array(mi.Float, dome.bins_file, np.load)
-            self._cells, self._first = held(mi.UInt32, bins.CELLS), held(mi.UInt32, bins.FIRST)
+            self._cells, self._first = device_array(mi.UInt32, bins.CELLS), device_array(mi.UInt32, bins.FIRST)
 
     def radiance(self, w: Any, active: Any) -> Any:
-        """Return the radiance from directions, bilinear, periodic around, clamped at the poles."""
+        """Return the radiance from directions: bilinear, periodic in azimuth, clamped at the poles."""
         mi = self._mi
         x = 0.5 - dr.atan2(w.y, w.x) / (2.0 * math.pi)
         y = dr.atan2(dr.sqrt(w.x * w.x + w.y * w.y), w.z) / math.pi
@@ -48,8 +47,8 @@ class DomeLight:
         bottom = dr.minimum(top + 1, self._height - 1)
 
         def texel(row: Any, column: Any) -> Any:
-            found = dr.gather(mi.Vector4f, self._texels.array, row * self._width + column, active)
-            return mi.Color3f(found.x, found.y, found.z)
+            rgba = dr.gather(mi.Vector4f, self._texels.array, row * self._width + column, active)
+            return mi.Color3f(rgba.x, rgba.y, rgba.z)
 
         above = dr.lerp(texel(top, left), texel(top, right), s)
         below = dr.lerp(texel(bottom, left), texel(bottom, right), s)
@@ -71,7 +70,7 @@ class DomeLight:
 
     @property
     def all_around(self) -> NormalBin:
-        """The bin of directions from everywhere, for places that have no normal."""
+        """The bin of all directions, for positions without a normal."""
         mi = self._mi
         numbers = dr.gather(mi.Vector2f, self._bins.array, mi.UInt32(bins.COUNT))
         return NormalBin(self, mi.UInt32(bins.COUNT), None, numbers.x, numbers.y)
@@ -80,7 +79,7 @@ class DomeLight:
 class NormalBin:
     """A bin of normals: its number and axis, 1 / integral, and M / sum(g) (`lookdev.light.dome.slots`).
 
-    That of directions from everywhere has no axis.
+    The bin of all directions has no axis.
     """
 
     def __init__(self, light: DomeLight, number: Any, axis: Any | None, scale: Any, share: Any) -> None:
@@ -91,20 +90,20 @@ class NormalBin:
         self._share = share
 
     def pdf(self, w: Any, radiance: Any) -> Any:
-        """Return the pdf q over solid angle, by which directions are weighed."""
-        return self.scale * self._widened(w) * dr.mean(radiance)
+        """Return the pdf q over solid angle, for the weights of directions."""
+        return self.scale * self._widened_cosine(w) * dr.mean(radiance)
 
-    def numbered(self, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Return a direction, its radiance, and q / p, 0 where there is none, of a sample's number.
+    def draw_numbered(self, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Return the direction of a numbered sample, its radiance, and q / p; q / p is 0 where there is no direction.
 
-        Reversed bits: consecutive numbers are far apart on the curve of the points.
+        The bits of the number are reversed, so that consecutive samples are far apart on the curve of the points.
         """
         kind = self._light.number
-        u = sobol.unit(kind, sobol.hashed(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
-        return self._sample(sobol.reverse(number) >> (33 - slots.SLOTS.bit_length()), u, active)
+        u = sobol.unit_float(kind, sobol.hash_integers(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
+        return self._sample(sobol.reverse_bits(number) >> (33 - slots.SLOTS.bit_length()), u, active)
 
-    def placed(self, u1: Any, u2: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Return the same of two uniform numbers."""
+    def draw_uniform(self, u1: Any, u2: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Return a direction, its radiance, and q / p, as `draw_numbered`, from two uniform numbers."""
         slot = dr.minimum(dr.uint32_array_t(self._light.number)(u1 * slots.SLOTS), slots.SLOTS - 1)
         return self._sample(slot, u2, active)
 
@@ -117,20 +116,20 @@ class NormalBin:
         count = dr.select(single, 1, code)
         times = dr.select(single, code - slots.MOST_POINTS + 1, 1)
         point = (packed >> slots.CODE_BITS) + dr.minimum(mi.UInt32(mi.Float(count) * u), dr.maximum(count, 1) - 1)
-        found = dr.gather(mi.Vector4f, light._points.array, point, active)
-        s, c = dr.sincos(found.x)
-        horizontal = dr.safe_sqrt(1.0 - found.y * found.y)
-        w = mi.Vector3f(horizontal * c, horizontal * s, found.y)
-        red = dr.floor(found.w / 4096.0)
-        green = found.w - 4096.0 * red
-        color = mi.Color3f(red, green, dr.maximum(4095.0 - red - green, 0.0)) * (3.0 / 4095.0 * found.z)
-        ratio = self._share * mi.Float(count) / mi.Float(times) * self._widened(w)
+        values = dr.gather(mi.Vector4f, light._points.array, point, active)
+        s, c = dr.sincos(values.x)
+        horizontal = dr.safe_sqrt(1.0 - values.y * values.y)
+        w = mi.Vector3f(horizontal * c, horizontal * s, values.y)
+        red = dr.floor(values.w / 4096.0)
+        green = values.w - 4096.0 * red
+        color = mi.Color3f(red, green, dr.maximum(4095.0 - red - green, 0.0)) * (3.0 / 4095.0 * values.z)
+        ratio = self._share * mi.Float(count) / mi.Float(times) * self._widened_cosine(w)
         return w, color, dr.select(code > 0, ratio, 0.0)
 
-    def _widened(self, w: Any) -> Any:
+    def _widened_cosine(self, w: Any) -> Any:
         if self._axis is None:
             return 1.0
         cosine = dr.dot(w, self._axis)
         near, far = math.cos(bins.RADIUS), math.sin(bins.RADIUS)
-        turned = near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine)
-        return dr.select(cosine > near, 1.0, dr.maximum(turned, 0.0))
+        rotated = near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine)
+        return dr.select(cosine > near, 1.0, dr.maximum(rotated, 0.0))

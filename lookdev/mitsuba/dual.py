@@ -1,4 +1,4 @@
-"""A colour or a number, and its derivatives by the inputs that are searched: of a frame, a list of it alone."""
+"""Lists of a colour or number and its derivatives by the inputs of a fit; for a frame, the list has no derivatives."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ Dual = list[Any]
 
 
 def product(a: Dual, b: Dual) -> Dual:
-    """Return the product of two."""
+    """Return the product of two duals."""
     return [a[0] * b[0], *(da * b[0] + a[0] * db for da, db in zip(a[1:], b[1:], strict=True))]
 
 
-def summed(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    """Return the sums of what two lists have."""
+def sum_of(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    """Return the sums of the elements of two lists."""
     return [x + y for x, y in zip(a, b, strict=True)]
 
 
-def less(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    """Return the differences of what two lists have."""
+def difference(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    """Return the differences of the elements of two lists."""
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
 def where(mask: Any, a: Sequence[Any]) -> list[Any]:
-    """Return what a list has, 0 but where a mask is true."""
-    return [dr.select(mask, each, 0.0) for each in a]
+    """Return the elements of a list where a mask is true, and 0 elsewhere."""
+    return [dr.select(mask, element, 0.0) for element in a]
 
 
-def size(a: Dual) -> Any:
-    """Return by which paths are chosen: the colour's mean, no derivative."""
+def path_weight(a: Dual) -> Any:
+    """Return the weight by which paths are selected: the mean of the colour, without derivatives."""
     return dr.mean(a[0])

@@ -1,4 +1,4 @@
-"""Files in a variant's arrays: each is read once for all scenes that are held, as the next one is while it is made."""
+"""Files in a variant's arrays: each is read once for all scenes in memory, also for the next one during its setup."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from numpy.typing import NDArray
 
 from lookdev.cache import Content
 from lookdev.errors import RenderError
-from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.frozen import device_array
 
 
 @dataclass(frozen=True, eq=False)
 class FileArray:
-    """The numbers of a file, flat, and their shape."""
+    """The numbers of a file, as a flat array, and their shape."""
 
     array: Any
     shape: tuple[int, ...]
 
 
-_read: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
+_arrays: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
 
 
 def file_array(kind: Any, file: Content, read: Callable[[Path], NDArray[Any]]) -> FileArray:
-    """Return the numbers of a file as an array of a kind, which `read` returns unless some scene holds them."""
-    found = _read.get((kind, file))
-    if found is None:
+    """Return the numbers of a file as an array of a kind; calls `read` unless a scene in memory has the array."""
+    stored = _arrays.get((kind, file))
+    if stored is None:
         numbers = read(file.path)
-        found = _read[kind, file] = FileArray(held(kind, numbers), numbers.shape)
-    return found
+        stored = _arrays[kind, file] = FileArray(device_array(kind, numbers), numbers.shape)
+    return stored
 
 
 def read_image(path: Path) -> NDArray[np.float32]:
     """Read the linear RGBA of `lookdev.material.textures`, or the RGB of a light's texture, row 0 at the top."""
-    import OpenImageIO as oiio  # not at the top: looks without textures start sooner
+    import OpenImageIO as oiio  # imported here, as looks without textures start sooner
 
     image = oiio.ImageInput.open(str(path))
     if image is None:
@@ -47,11 +47,11 @@ def read_image(path: Path) -> NDArray[np.float32]:
         pixels = np.asarray(image.read_image(format=oiio.FLOAT), np.float32)
     finally:
         image.close()
-    return padded(pixels)
+    return pad_to_rgba(pixels)
 
 
-def padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return pixels of four channels, which are gathered at once."""
+def pad_to_rgba(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return pixels with four channels, which Dr.Jit gathers at once."""
     if pixels.shape[2] == 4:
         return pixels
     wide = np.ones((*pixels.shape[:2], 4), np.float32)

@@ -1,4 +1,4 @@
-"""What a frozen kernel reads besides its arguments."""
+"""The arrays that a frozen kernel reads besides its arguments."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from lookdev.mitsuba.programs import Program
 
 
 @contextmanager
-def nothing_freed() -> Iterator[None]:
-    """Let Python collect no garbage meanwhile: freeing memory that NumPy made ends a process that records a kernel."""
+def pause_garbage_collection() -> Iterator[None]:
+    """Pause garbage collection in the block: freeing NumPy's memory while a kernel is recorded ends the process."""
     gc.collect()
     gc.disable()
     try:
@@ -25,38 +25,38 @@ def nothing_freed() -> Iterator[None]:
         gc.enable()
 
 
-def held(kind: Any, values: ArrayLike) -> Any:
-    """Return numbers, flat, as an array of a kind, `mi.Float` or `mi.UInt32`, in memory of Dr.Jit's own.
+def device_array(kind: Any, values: ArrayLike) -> Any:
+    """Return numbers as a flat array of a kind, `mi.Float` or `mi.UInt32`, in memory that Dr.Jit allocates.
 
-    It takes NumPy's memory as it is, and gathers four numbers at once where that happens to be aligned: the kernel of
-    a scene would be another one from time to time, and be compiled.
+    Otherwise Dr.Jit uses NumPy's memory, and gathers four numbers at once where that happens to be aligned: the kernel
+    of a scene would vary from run to run, and be compiled again.
     """
     width = {dr.VarType.Float32: np.float32, dr.VarType.UInt32: np.uint32}[dr.type_v(kind)]
-    given = kind(np.ascontiguousarray(values, width).ravel())
-    own = dr.empty(kind, len(given))
-    dr.scatter(own, given, dr.arange(dr.uint32_array_t(kind), len(given)))
-    dr.eval(own)
-    return own
+    source = kind(np.ascontiguousarray(values, width).ravel())
+    copy = dr.empty(kind, len(source))
+    dr.scatter(copy, source, dr.arange(dr.uint32_array_t(kind), len(source)))
+    dr.eval(copy)
+    return copy
 
 
-def held_arrays(root: object) -> list[Any]:
-    """Return the arrays of Dr.Jit and the scenes of Mitsuba that the objects of this package hold, each once."""
-    found: list[Any] = []
-    seen: set[int] = set()
-    left = [root]
-    while left:
-        value = left.pop()
-        if id(value) in seen:
+def collect_arrays(root: object) -> list[Any]:
+    """Return the arrays of Dr.Jit and the scenes of Mitsuba that objects of this package refer to, each once."""
+    arrays: list[Any] = []
+    visited: set[int] = set()
+    pending = [root]
+    while pending:
+        value = pending.pop()
+        if id(value) in visited:
             continue
-        seen.add(id(value))
+        visited.add(id(value))
         if dr.is_array_v(value) or type(value).__name__ == "Scene":
-            found.append(value)
+            arrays.append(value)
         elif isinstance(value, Program):
-            left += (*value.constants, *value.tables)  # its operations are thousands
+            pending += (*value.constants, *value.tables)  # without its thousands of operations
         elif isinstance(value, list | tuple | set):
-            left += value
+            pending += value
         elif isinstance(value, Mapping):
-            left += value.values()
+            pending += value.values()
         elif type(value).__module__.startswith("lookdev.mitsuba") and hasattr(value, "__dict__"):
-            left += vars(value).values()
-    return found
+            pending += vars(value).values()
+    return arrays

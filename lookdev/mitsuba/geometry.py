@@ -1,4 +1,4 @@
-"""An asset as triangles that rays meet, and what shading interpolates over them."""
+"""An asset as triangles that rays hit, and the attributes that shading interpolates over them."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError, RenderError
 from lookdev.mitsuba.copies import Body, Copies, bodies_of
-from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.frozen import device_array
 from lookdev.scene.shading import LIFT
 
 Floats = NDArray[np.float64]
 
 MOST_TRIANGLES = 40_000_000
-"""Of which each mesh is made once: more would take above 10 GB."""
+"""The most triangles of the meshes, each counted once: more would take above 10 GB."""
 
-_MOST_PLACED = 1 << 32  # triangles of all instances, which are numbered
+_MOST_INSTANCED = 1 << 32  # triangles of all instances, limited by their numbers
 
 
 class Geometry:
-    """Triangles in metres about the asset's centre, in a variant's arrays, which wear nothing yet (`dress`).
+    """Triangles in metres about the asset's centre, in a variant's arrays; `assign_looks` gives them looks.
 
-    Triangles are numbered: those of the meshes that are placed once, which are one mesh of Mitsuba's, and then those of
-    each instance of the others. A row has the numbers of a triangle that do not depend on the instance.
+    Triangles are numbered: first those of all meshes with a single instance, which are one mesh of Mitsuba's, then
+    those of each instance of the others. A row has the data of a triangle that all instances share.
     """
 
     def __init__(self, mi: Any, asset: Asset) -> None:
@@ -40,74 +40,76 @@ class Geometry:
         self._bodies = bodies_of(asset, self.center)
         split = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
         count = sum(len(faces) for _, faces in split.values())
-        placed = sum(len(split[each.mesh][1]) for each in asset.instances)
-        if count > MOST_TRIANGLES or placed > _MOST_PLACED:
+        instanced = sum(len(split[instance.mesh][1]) for instance in asset.instances)
+        if count > MOST_TRIANGLES or instanced > _MOST_INSTANCED:
             raise RenderError(
-                f"{asset.name}: {count} triangles, {placed} in all instances; at most {MOST_TRIANGLES}, and "
-                f"{_MOST_PLACED} in all instances, can be shown by backend 'mitsuba': 'exact' would be right"
+                f"{asset.name}: {count} triangles, {instanced} in all instances; at most {MOST_TRIANGLES}, and "
+                f"{_MOST_INSTANCED} in all instances, can be shown by backend 'mitsuba': 'exact' would be right"
             )
         meshes = [asset.meshes[body.mesh] for body in self._bodies]
         starts = np.cumsum([0, *(len(mesh.corner_points) for mesh in meshes)])
-        points = [_placed(asset.meshes[body.mesh].points, body.matrix) for body in self._bodies]
+        points = [_transform_points(asset.meshes[body.mesh].points, body.matrix) for body in self._bodies]
         first = np.cumsum([0, *map(len, points)])
-        vertices, corners, slots, hands, of_body = [], [], [], [], []
+        vertices, corners, slots, hands, body_of_row = [], [], [], [], []
         for number, (body, mesh) in enumerate(zip(self._bodies, meshes, strict=True)):
             triangles, faces = split[body.mesh]
             vertices.append(mesh.corner_points[triangles] + first[number])
             corners.append(triangles + starts[number])
             slots.append(mesh.face_slots[faces])
             hands.append(np.full(len(faces), np.sign(np.linalg.det(body.matrix[:3, :3]))))
-            of_body.append(np.full(len(faces), number))
+            body_of_row.append(np.full(len(faces), number))
         position = np.concatenate(points).astype(np.float32)
         index = np.concatenate(vertices)
         sides = position[index].astype(np.float64)
         facets = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-        kept = _lengths(facets) > 0.0
-        index, sides, facets = index[kept], sides[kept], facets[kept]
-        self._facets = held(mi.Float, _unit(facets))
-        self._corners = held(mi.UInt32, np.concatenate(corners)[kept])
-        self._slots = np.concatenate(slots)[kept]
-        self._hands = held(mi.Float, np.concatenate(hands)[kept])
-        self._of_body = np.concatenate(of_body)[kept]
-        self._first_instance = held(mi.UInt32, np.array([body.instances[0] for body in self._bodies])[self._of_body])
-        self._lifts = held(mi.Float, LIFT * _lengths(sides).max(axis=-1))
-        self._position = held(mi.Float, position)
-        self._index = held(mi.UInt32, index)
-        # Of any length: normals are interpolated in the mesh's own space, which may be stretched where it is placed.
+        has_area = _lengths(facets) > 0.0
+        index, sides, facets = index[has_area], sides[has_area], facets[has_area]
+        self._facets = device_array(mi.Float, _unit(facets))
+        self._corners = device_array(mi.UInt32, np.concatenate(corners)[has_area])
+        self._slots = np.concatenate(slots)[has_area]
+        self._hands = device_array(mi.Float, np.concatenate(hands)[has_area])
+        self._body_of_row = np.concatenate(body_of_row)[has_area]
+        self._first_instance = device_array(
+            mi.UInt32, np.array([body.instances[0] for body in self._bodies])[self._body_of_row]
+        )
+        self._lifts = device_array(mi.Float, LIFT * _lengths(sides).max(axis=-1))
+        self._position = device_array(mi.Float, position)
+        self._index = device_array(mi.UInt32, index)
+        # Not normalised: normals are interpolated in the space of the mesh, which its matrix may stretch.
         self._normals = self._over_corners(
             lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
-        self._carried: dict[AttributeBinding, Any] = {}
+        self._attributes: dict[AttributeBinding, Any] = {}
         self._vertices, self._first = index, first
-        self._copies = Copies.of(mi, self._bodies, self._of_body, asset, self.center)
+        self._copies = Copies.from_bodies(mi, self._bodies, self._body_of_row, asset, self.center)
         self.scene = self._scene(np.ones(len(index), np.bool_), numbered=True)
-        self._casting: dict[tuple[int, ...], Any] = {}
+        self._shadow_scenes: dict[tuple[int, ...], Any] = {}
 
-    def dress(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
-        """Set the numbers of the slots' looks, and those of their groups, of which a light may spare some."""
-        self._worn = held(self._mi.UInt32, np.asarray(looks)[self._slots])
+    def assign_looks(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
+        """Set the look of each slot, and the group of each slot, which shadows of some lights may exclude."""
+        self._look_of_row = device_array(self._mi.UInt32, np.asarray(looks)[self._slots])
         self._groups = np.asarray(groups)[self._slots] if groups else self._slots
-        self._casting = {(): self.scene}
+        self._shadow_scenes = {(): self.scene}
 
-    def _scene(self, kept: NDArray[np.bool_], *, numbered: bool = False) -> Any:
-        """Return Mitsuba's scene of the triangles of some rows; `numbered`: by its instances, copies are found."""
-        mi, shown = self._mi, {}
-        alone = self._of_body < len(self._bodies) - self._copies.bodies
-        if (kept & alone).any():
-            shown["asset"] = self._mesh(self._vertices[kept & alone], 0, len(self._position) // 3)
+    def _scene(self, rows: NDArray[np.bool_], *, numbered: bool = False) -> Any:
+        """Return Mitsuba's scene of the triangles of some rows; with `numbered`, copies are identified in it."""
+        mi, shapes = self._mi, {}
+        single = self._body_of_row < len(self._bodies) - self._copies.bodies
+        if (rows & single).any():
+            shapes["asset"] = self._mesh(self._vertices[rows & single], 0, len(self._position) // 3)
         for number in range(len(self._bodies) - self._copies.bodies, len(self._bodies)):
-            mine = kept & (self._of_body == number)
-            if not mine.any():
+            body_rows = rows & (self._body_of_row == number)
+            if not body_rows.any():
                 continue
             first, last = self._first[number : number + 2]
-            group = mi.load_dict({"type": "shapegroup", "mesh": self._mesh(self._vertices[mine], first, last)})
-            shown[f"group{number}"] = group
-            for each in self._bodies[number].instances:
-                matrix = mi.ScalarTransform4f(self._copies.matrices[each])
-                shown[f"instance{each}"] = mi.load_dict({"type": "instance", "group": group, "to_world": matrix})
-        scene = mi.load_dict({"type": "scene", **shown})
+            group = mi.load_dict({"type": "shapegroup", "mesh": self._mesh(self._vertices[body_rows], first, last)})
+            shapes[f"group{number}"] = group
+            for instance in self._bodies[number].instances:
+                matrix = mi.ScalarTransform4f(self._copies.matrices[instance])
+                shapes[f"instance{instance}"] = mi.load_dict({"type": "instance", "group": group, "to_world": matrix})
+        scene = mi.load_dict({"type": "scene", **shapes})
         if numbered:
-            self._copies.find(shown)
+            self._copies.find_instances(shapes)
         return scene
 
     def _mesh(self, index: NDArray[Any], first: int, last: int) -> Any:
@@ -115,55 +117,57 @@ class Geometry:
         mesh = mi.Mesh("asset", last - first, len(index))
         parameters = mi.traverse(mesh)
         whole = 3 * (last - first) == len(self._position)
-        points = self._position if whole else held(mi.Float, np.asarray(self._position)[3 * first : 3 * last])
+        points = self._position if whole else device_array(mi.Float, np.asarray(self._position)[3 * first : 3 * last])
         parameters["vertex_positions"] = points
         parameters["faces"] = mi.UInt32((index - first).astype(np.uint32).ravel())
         parameters.update()
         return mesh
 
-    def casting(self, spared: tuple[int, ...]) -> Any:
-        """Return the scene of the parts that cast shadows of lights that spare some groups."""
-        if spared not in self._casting:
-            self._casting[spared] = self._scene(~np.isin(self._groups, spared))
-        return self._casting[spared]
+    def shadow_scene(self, excluded: tuple[int, ...]) -> Any:
+        """Return the scene of the parts that cast shadows of a light that excludes some groups."""
+        if excluded not in self._shadow_scenes:
+            self._shadow_scenes[excluded] = self._scene(~np.isin(self._groups, excluded))
+        return self._shadow_scenes[excluded]
 
     def attribute(self, binding: AttributeBinding) -> Any:
-        """Return an attribute of all corners, with 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
-        if binding not in self._carried:
+        """Return an attribute of all corners, 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
+        if binding not in self._attributes:
             width = {"uv": 2, "float": 1}.get(binding.kind, 3)
-            self._carried[binding] = self._over_corners(lambda body, mesh: self._read(binding, body, mesh), width)
-        return self._carried[binding]
+            self._attributes[binding] = self._over_corners(
+                lambda body, mesh: self._read_attribute(binding, body, mesh), width
+            )
+        return self._attributes[binding]
 
-    def _read(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> NDArray[Any]:
+    def _read_attribute(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> NDArray[Any]:
         if binding.attribute == TANGENT:
             (tangents,) = tangents_of([mesh])
             return tangents @ body.matrix[:3, :3].T
         if binding.attribute == HANDEDNESS:
             return handedness(mesh)
-        found = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
-        if found is not None:
-            return found
+        values = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
+        if values is not None:
+            return values
         if binding.fallback is None:
             raise AssetError(f"{mesh.name}: no UV set '{binding.attribute}'; it has: {', '.join(mesh.uvs)}")
         return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
 
     def _over_corners(self, read: Callable[[Body, Mesh], NDArray[Any]], width: int) -> Any:
         rows = [read(body, self.asset.meshes[body.mesh]) for body in self._bodies]
-        return held(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
+        return device_array(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
 
-    def worn(self, triangle: Any) -> Any:
+    def look_of(self, triangle: Any) -> Any:
         """Return the number of the look of a triangle."""
-        return dr.gather(self._mi.UInt32, self._worn, self._copies.row(triangle))
+        return dr.gather(self._mi.UInt32, self._look_of_row, self._copies.row(triangle))
 
     def first_hit(self, ray: Any, active: Any = True) -> tuple[Any, Any, Any, Any]:
-        """Return triangles, 0 where none is hit, barycentric coordinates, which rays hit any, and how far."""
-        found = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
-        hit = found.is_valid()
-        return dr.select(hit, self.met(found), 0), found.prim_uv, hit, found.t
+        """Return the triangles that rays hit (0 for none), barycentric coordinates, hit masks, and distances."""
+        intersection = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        hit = intersection.is_valid()
+        return dr.select(hit, self.triangle_of(intersection), 0), intersection.prim_uv, hit, intersection.t
 
-    def met(self, found: Any) -> Any:
-        """Return the triangles of what rays have met in `scene`."""
-        return self._copies.met(found)
+    def triangle_of(self, intersection: Any) -> Any:
+        """Return the numbers of the triangles that rays have hit in `scene`."""
+        return self._copies.triangle_of(intersection)
 
     def instance(self, triangle: Any) -> Any:
         """Return the number of the instance that has a triangle."""
@@ -172,7 +176,7 @@ class Geometry:
         )
 
     def first_uv(self) -> Any:
-        """Return the first UV set of each mesh, of all corners; 0 where there is none."""
+        """Return the first UV set of each mesh, at all corners; 0 where a mesh has none."""
 
         def read(body: Body, mesh: Mesh) -> NDArray[Any]:
             return next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2), np.float32))
@@ -180,17 +184,17 @@ class Geometry:
         return self._over_corners(read, 2)
 
     def at(self, triangle: Any, uv: Any, active: Any) -> Hit:
-        """Return what is interpolated at barycentric coordinates of triangles."""
+        """Return the interpolated attributes at barycentric coordinates of triangles."""
         return Hit(self, triangle, uv, active)
 
 
 class Hit:
-    """Places of triangles."""
+    """Interpolated attributes at positions on triangles."""
 
     def __init__(self, geometry: Geometry, triangle: Any, uv: Any, active: Any) -> None:
         self._geometry = geometry
         self._copies = geometry._copies
-        self._copy = self._copies.number(triangle)
+        self._copy = self._copies.copy_of(triangle)
         self._triangle = self._copies.row(triangle, self._copy)
         self._weights = (1.0 - uv.x - uv.y, uv.x, uv.y)
         self._active = active
@@ -217,7 +221,7 @@ class Hit:
 
     @property
     def lift(self) -> Any:
-        """How far above its facet a ray leaves, as `lookdev.scene.shading.LIFT`."""
+        """The distance above the facet at which a ray starts, by `lookdev.scene.shading.LIFT`."""
         lift = dr.gather(self._geometry._mi.Float, self._geometry._lifts, self._triangle, self._active)
         return self._copies.lift(self._copy, lift)
 
@@ -240,7 +244,7 @@ class Hit:
         )
 
 
-def _placed(points: NDArray[np.float32], matrix: Floats) -> Floats:
+def _transform_points(points: NDArray[np.float32], matrix: Floats) -> Floats:
     return np.asarray(points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
 
 
@@ -249,5 +253,5 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _lengths(vectors: Floats) -> Floats:
-    # Of vectors of three a fifth of the time that `np.linalg.norm` takes.
+    # For vectors of three numbers, this takes a fifth of the time of `np.linalg.norm`.
     return np.asarray(np.sqrt(np.einsum("...i,...i", vectors, vectors)))

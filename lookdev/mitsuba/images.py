@@ -1,4 +1,4 @@
-"""Look-ups of images on Dr.Jit's arrays: bilinear, wrapped and tiled as `lookdev/shaders/texture.h` does it."""
+"""Look-ups of images on Dr.Jit's arrays: bilinear, wrapped and tiled as in `lookdev/shaders/texture.h`."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ class Images:
         self._tiles = {number: file_array(mi.Float, file, read_image) for number, file in binding.files.items()}
 
     def texels(self, uv: Any, active: Any) -> tuple[Any, Any, Any, Any]:
-        """Return the four channels at coordinates of the UV set; without a tile there, all are 0."""
+        """Return the four channels at coordinates of the UV set; all are 0 where there is no tile."""
         binding = self._binding
         m = binding.transform
         s, t = (m[k] * uv.x + m[k + 1] * uv.y + m[k + 2] for k in (0, 3))
         if 0 in self._tiles:
             texels = bilinear(self._mi, self._tiles[0], s, t, binding.wrap_s, binding.wrap_t, active)
-            signs = _slope(s, binding.wrap_s), _slope(t, binding.wrap_t)
+            signs = _wrap_slope(s, binding.wrap_s), _wrap_slope(t, binding.wrap_t)
         else:
             # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1).
             i, j = dr.floor(s), dr.floor(t)
             texels, signs = self._mi.Vector4f(0.0), (1.0, 1.0)
             for number, tile in self._tiles.items():
-                here = (i == (number - 1001) % 10) & (j == (number - 1001) // 10)
-                found = bilinear(self._mi, tile, s - i, t - j, "clamp", "clamp", active & here)
-                texels = dr.select(here, found, texels)
+                in_tile = (i == (number - 1001) % 10) & (j == (number - 1001) // 10)
+                texel = bilinear(self._mi, tile, s - i, t - j, "clamp", "clamp", active & in_tile)
+                texels = dr.select(in_tile, texel, texels)
         if binding.slopes:
             return texels.x * signs[0], texels.y * signs[1], texels.z, texels.w
         return texels.x, texels.y, texels.z, texels.w
@@ -46,32 +46,32 @@ def bilinear(mi: Any, image: FileArray, s: Any, t: Any, wrap_s: str, wrap_t: str
     i, j = dr.floor(x), dr.floor(y)
     total = mi.Vector4f(0.0)
     for dy, weight_y in ((0, 1.0 - (y - j)), (1, y - j)):
-        row, inside_y = _wrapped(mi, j + dy, height, wrap_t)
+        row, inside_y = _wrap(mi, j + dy, height, wrap_t)
         for dx, weight_x in ((0, 1.0 - (x - i)), (1, x - i)):
-            column, inside_x = _wrapped(mi, i + dx, width, wrap_s)
+            column, inside_x = _wrap(mi, i + dx, width, wrap_s)
             inside = active & inside_x & inside_y
             total += weight_x * weight_y * dr.gather(mi.Vector4f, texels, row * width + column, inside)
     return total
 
 
-def _wrapped(mi: Any, place: Any, size: int, wrap: str) -> tuple[Any, Any]:
-    """Return the texel of a whole number along an axis, and whether there is one."""
+def _wrap(mi: Any, position: Any, size: int, wrap: str) -> tuple[Any, Any]:
+    """Return the texel at an integer position along an axis, and whether there is one."""
     match wrap:
         case "repeat":
-            place = place - size * dr.floor(place / size)
+            position = position - size * dr.floor(position / size)
         case "mirror":
-            place = place - 2 * size * dr.floor(place / (2 * size))
-            place = dr.minimum(place, 2 * size - 1 - place)
+            position = position - 2 * size * dr.floor(position / (2 * size))
+            position = dr.minimum(position, 2 * size - 1 - position)
         case "clamp":
             pass
         case _:
-            return mi.UInt32(dr.clip(place, 0, size - 1)), (place >= 0.0) & (place <= size - 1.0)
-    return mi.UInt32(dr.clip(place, 0, size - 1)), True
+            return mi.UInt32(dr.clip(position, 0, size - 1)), (position >= 0.0) & (position <= size - 1.0)
+    return mi.UInt32(dr.clip(position, 0, size - 1)), True
 
 
-def _slope(place: Any, wrap: str) -> Any:
-    """Return the derivative of an axis' wrapping: -1 in mirrored copies, 0 beyond a clamped edge."""
+def _wrap_slope(position: Any, wrap: str) -> Any:
+    """Return the derivative of wrapping along an axis: -1 in mirrored copies, 0 beyond a clamped edge."""
     if wrap == "mirror":
-        half = 0.5 * dr.floor(place)
+        half = 0.5 * dr.floor(position)
         return dr.select(half != dr.floor(half), -1.0, 1.0)
-    return dr.select((place < 0.0) | (place > 1.0), 0.0, 1.0) if wrap == "clamp" else 1.0
+    return dr.select((position < 0.0) | (position > 1.0), 0.0, 1.0) if wrap == "clamp" else 1.0

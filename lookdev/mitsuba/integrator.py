@@ -1,8 +1,9 @@
 """The estimator: all samples of some pixels in one kernel.
 
 At each hit, directions are drawn from the BSDF and from the light, weighted by the balance heuristic (Veach and Guibas
-1995). Of the BSDF's directions that hit the asset again, one is continued, chosen in proportion to its throughput, as
-in `lookdev/shaders/surface.osl`. Directions of all samples of a pixel are one set of low-discrepancy points.
+1995). One of the BSDF's directions that hit the asset again continues the path, with a probability proportional to its
+throughput, as in `lookdev/shaders/surface.osl`. The directions of all samples of a pixel are one set of low-discrepancy
+points.
 """
 
 from __future__ import annotations
@@ -16,32 +17,33 @@ import drjit as dr
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.dual import Dual, less, product, size, summed, where
+from lookdev.mitsuba.dual import Dual, difference, path_weight, product, sum_of, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
 from lookdev.mitsuba.view import Rectangle, View
 
-LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
-_NEGLIGIBLE = 1e-20  # of the BSDF: as in the shader
+# Russian roulette begins below this throughput: with 1, dielectrics had five times the error in equal time.
+LOW_THROUGHPUT = 0.1
+_NEGLIGIBLE = 1e-20  # BSDF times cosine: as in the shader
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Directions from the BSDF and from the light, at the first hit and at later ones."""
+    """The numbers of directions from the BSDF and from the light, at the first hit and at later ones."""
 
     brdf: int
     light: int
     brdf_onward: int = 1
     light_onward: int = 1
-    resampled: bool = False  # of those from the light one is traced
+    resampled: bool = False  # whether only one of the directions from the light is traced
 
 
 class Estimator:
-    """A scene: geometry, looks and lights.
+    """Estimates the radiance and the coverage of pixels of a scene: geometry, looks and lights.
 
-    Besides the beauty it records parts of it: what the first hit reflects by each of some `groups` of lobes, and, if
-    `direct`, of lights; and what comes from each of the groups of lights that are kept apart.
+    Besides the beauty it records parts of it: the light that each of the `groups` of lobes reflects at the first hit;
+    with `direct`, the light that reaches the first hit from lights; and the light of each recorded group of lights.
     """
 
     def __init__(
@@ -66,114 +68,126 @@ class Estimator:
         self._groups, self._direct = groups, direct
 
     def pixels(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> list[Any]:
-        """Return the channels of radiance, coverage, and the channels of each part, of samples of pixels.
+        """Return the channels of radiance, the coverage, and the channels of each part, of samples of pixels.
 
-        `lane` are the numbers of the samples, from 0 on. Results are not yet evaluated.
-
-        `first` is the number of the first of the pixels in a rectangle, whose samples follow each other, and `shift`
-        the logarithm of the samples of each: inputs of the kernel.
+        `lane` has the numbers of the samples, from 0. The samples of a pixel are consecutive, and so are the pixels of
+        the rectangle. `first`, the number of the first pixel in the rectangle, and `shift`, the logarithm of the
+        samples per pixel, are inputs of the kernel. The results are not evaluated yet.
         """
-        triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
-        shown = hit & ~hidden
-        (radiance, *parts), (cover,) = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
-        radiance += before[0]
-        if self._light.shown:
+        triangle, uv, ray, hit, visible_light, hidden, index, scramble = self._first_hits(
+            view, rectangle, lane, seed, first, shift
+        )
+        visible_hit = hit & ~hidden
+        (radiance, *parts), (cover,) = self._trace_paths(triangle, uv, -ray.d, visible_hit, view.turns, index, scramble)
+        radiance += visible_light[0]
+        if self._light.visible:
             cover = dr.select(hit & hidden, 1.0, cover)
-            # What the camera sees of lights came from there, by no lobe.
+            # Light that the camera sees directly is not reflected by any lobe.
             lobes = len(self._groups)
-            parts = [*parts[:lobes], *summed(parts[lobes:], [before[0]] * self._direct + before[1:])]
+            parts = [*parts[:lobes], *sum_of(parts[lobes:], [visible_light[0]] * self._direct + visible_light[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
-    def _seen(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> tuple[Any, ...]:
-        """Return what samples of pixels see; arguments as of `pixels`.
+    def _first_hits(
+        self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any
+    ) -> tuple[Any, ...]:
+        """Return the first hits of samples of pixels; arguments as of `pixels`.
 
-        Triangle, place on it, ray, whether it is hit, what lights send along the ray (`Lights.before`), whether they
-        hide the hit, the number of the sample in its pixel, and the scramble of that.
+        These are: triangle, coordinates on it, ray, whether a triangle is hit, the light that the camera sees directly
+        (`Lights.camera_radiance`), whether that hides the hit, the number of the sample in its pixel, and its scramble.
         """
         mi = self._mi
         number = first + (lane >> shift)
         row = number // rectangle.width
         pixel = (rectangle.top + row) * view.width + rectangle.left + number - row * rectangle.width
         index = lane & ((mi.UInt32(1) << shift) - 1)
-        place = sobol.hashed(sobol.hashed(seed) ^ pixel)
-        triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
-        before, hidden = [mi.Color3f(0.0)], mi.Bool(False)
-        if self._light.shown:
-            before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
-        return triangle, uv, ray, hit, before, hidden, index, place
+        scramble = sobol.hash_integers(sobol.hash_integers(seed) ^ pixel)
+        triangle, uv, ray, hit, distance = view.first_hits(mi, self._geometry, pixel, index, scramble)
+        visible_light, hidden = [mi.Color3f(0.0)], mi.Bool(False)
+        if self._light.visible:
+            visible_light, hidden = self._light.camera_radiance(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
+        return triangle, uv, ray, hit, visible_light, hidden, index, scramble
 
     @dr.syntax
-    def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, place: Any) -> Any:
-        """Return what comes back from triangles along directions, as `_recorded`, and how much is covered.
+    def _trace_paths(
+        self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, scramble: Any
+    ) -> Any:
+        """Return the light that triangles send to `viewer`, as `_reflect` returns it, and the coverage.
 
-        What loops only read is no state of theirs: else Dr.Jit traces their bodies again without it.
+        Variables that loops only read are excluded from their state: otherwise Dr.Jit traces the bodies twice.
         """
         mi = self._mi
-        found, throughput = self._dark(), self._constant(1.0)
+        total, throughput = self._no_light(), self._constant(1.0)
         depth = mi.UInt32(0)
         active = mi.Bool(active)
         whole = [dr.select(active, mi.Float(1.0), 0.0), *(mi.Float(0.0) for _ in throughput[1:])]
-        # Of looks that can be seen through: how much of the background is, and whether a path has only passed them.
-        seen = [mi.Float(0.0) for _ in throughput if self._looks.see_through]
+        # Where looks can be seen through: the visible share of the background, and whether a path is straight so far.
+        seen_background = [mi.Float(0.0) for _ in throughput if self._looks.see_through]
         through = [mi.Bool(active)] * self._looks.see_through
-        # Of a path after its first reflection: what of its throughput is of each group, by channels.
+        # The share of each group of lobes in the throughput, by channel, after the first reflection.
         shares = [mi.Color3f(0.0) for _ in self._groups]
-        while dr.hint(active, exclude=[index, place, turns]):
+        while dr.hint(active, exclude=[index, scramble, turns]):
             surface = self._surface(triangle, uv, viewer, active)
-            seed = sobol.hashed(place + depth)
+            seed = sobol.hash_integers(scramble + depth)
             first = depth == 0
-            drawn = dr.select(first, mi.UInt32(self._counts.brdf), mi.UInt32(self._counts.brdf_onward))
-            lit = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
-            lighting = self._light.at(surface, turns, lit, self._looks.transmits)
+            brdf_count = dr.select(first, mi.UInt32(self._counts.brdf), mi.UInt32(self._counts.brdf_onward))
+            light_count = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
+            lighting = self._light.at(surface, turns, light_count, self._looks.transmits)
             onward = depth < self._bounces
             straight = through[0] if self._looks.see_through else first
             record = Record(throughput, straight, shares)
 
-            path, here, passed = self._follow(surface, lighting, record, active, onward, seed ^ index)
-            found = summed(found, here)
-            seen = summed(seen, [dr.mean(each) for each in product(throughput, passed)] if passed else [])
-            share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_through, chosen_shares = path
+            path, reflected, background = self._follow(surface, lighting, record, active, onward, seed ^ index)
+            total = sum_of(total, reflected)
+            seen_background = sum_of(
+                seen_background, [dr.mean(element) for element in product(throughput, background)] if background else []
+            )
+            share, next_weight, next_triangle, next_uv, next_viewer, next_through, next_shares = path
 
             # Directions of the BSDF.
             k = mi.UInt32(0)
-            while dr.hint(active & (k < drawn), exclude=[index, drawn, seed, onward, straight, active]):
-                number = index * drawn + k
+            while dr.hint(active & (k < brdf_count), exclude=[index, brdf_count, seed, onward, straight, active]):
+                number = index * brdf_count + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
                 wi = surface.draw(u1, u2, active)
                 responses, pdf = surface.respond(wi, active, self._light.split, self._groups)
                 w = surface.to_world(wi)
-                met = active & self._agree(surface, wi, w) & _matters(responses) & (pdf > 0.0)
-                density = mi.Float(drawn) * pdf
-                blocked, occluder, other, other_uv = self._trace(surface, w, met)
+                valid = active & self._is_on_side(surface, wi, w) & _contributes(responses) & (pdf > 0.0)
+                density = mi.Float(brdf_count) * pdf
+                blocked, occluder, hit_triangle, hit_uv = self._trace(surface, w, valid)
                 occluders = self._occluders(surface, w, occluder, blocked)
-                arriving = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
-                found = summed(found, self._recorded(record, responses, arriving, met))
-                # Weighted reservoir: each hit is kept with probability proportional to its luminance.
-                weight = where(met & blocked & onward, [each.value / density for each in responses])
-                share += size(weight)
-                kept = (size(weight) > 0.0) & (
-                    sobol.unit(mi.Float, sobol.hashed(seed ^ (number + 1) * 0x3504F333)) * share < size(weight)
+                arriving = lighting.arriving(w, density, 1.0, occluders, valid, straight=False)
+                total = sum_of(total, self._reflect(record, responses, arriving, valid))
+                # Weighted reservoir sampling: a hit is selected with a probability proportional to its weight.
+                weight = where(valid & blocked & onward, [response.value / density for response in responses])
+                share += path_weight(weight)
+                accepted = (path_weight(weight) > 0.0) & (
+                    sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ (number + 1) * 0x3504F333)) * share
+                    < path_weight(weight)
                 )
-                chosen = dr.select(kept, [each / size(weight) for each in weight], chosen)
-                chosen_triangle = dr.select(kept, other, chosen_triangle)
-                chosen_uv = dr.select(kept, other_uv, chosen_uv)
-                chosen_ray = dr.select(kept, -w, chosen_ray)
-                chosen_through = [each & ~kept for each in chosen_through]
-                chosen_shares = dr.select(kept & straight, responses[0].shares(), chosen_shares)
+                next_weight = dr.select(accepted, [element / path_weight(weight) for element in weight], next_weight)
+                next_triangle = dr.select(accepted, hit_triangle, next_triangle)
+                next_uv = dr.select(accepted, hit_uv, next_uv)
+                next_viewer = dr.select(accepted, -w, next_viewer)
+                next_through = [flag & ~accepted for flag in next_through]
+                next_shares = dr.select(accepted & straight, responses[0].shares(), next_shares)
                 k += 1
 
-            found = summed(found, self._from_light(surface, lighting, record, index, drawn, lit, seed, active))
+            total = sum_of(
+                total, self._sample_light(surface, lighting, record, index, brdf_count, light_count, seed, active)
+            )
 
-            throughput = product(throughput, [each * share for each in chosen])
-            # Russian roulette: paths of little throughput end, and others stand for them.
-            survival = dr.minimum(size(throughput) / LITTLE, 1.0)
-            lucky = sobol.unit(mi.Float, sobol.hashed(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
-            throughput = where(lucky, [each / survival for each in throughput])
-            active &= onward & lucky & (share > 0.0)
-            triangle, uv, viewer, through = chosen_triangle, chosen_uv, chosen_ray, chosen_through
-            shares = chosen_shares
+            throughput = product(throughput, [element * share for element in next_weight])
+            # Russian roulette: a path of low throughput ends, or goes on with a larger weight.
+            survival = dr.minimum(path_weight(throughput) / LOW_THROUGHPUT, 1.0)
+            survives = (
+                sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
+            )
+            throughput = where(survives, [element / survival for element in throughput])
+            active &= onward & survives & (share > 0.0)
+            triangle, uv, viewer, through = next_triangle, next_uv, next_viewer, next_through
+            shares = next_shares
             depth += 1
-        return found, less(whole, seen) if seen else whole
+        return total, difference(whole, seen_background) if seen_background else whole
 
     def _surface(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
         return Surface(self._looks, triangle, uv, viewer, active)
@@ -181,96 +195,96 @@ class Estimator:
     def _constant(self, value: float) -> Dual:
         return [self._mi.Color3f(value)]
 
-    def _from_light(self, surface: Surface, *arguments: Any) -> list[Any]:
-        """Return what directions drawn from the light find, as `_recorded`."""
+    def _sample_light(self, surface: Surface, *arguments: Any) -> list[Any]:
+        """Return the reflected light of directions drawn from the light, as `_reflect` returns it."""
         if not self._light.sampled:
-            return self._dark()
-        found = self._one_of_light if self._counts.resampled else self._all_of_light
-        return found(surface, *arguments)  # type: ignore[no-any-return]
+            return self._no_light()
+        estimate = self._resample_light if self._counts.resampled else self._sample_light_fully
+        return estimate(surface, *arguments)  # type: ignore[no-any-return]
 
     @dr.syntax
-    def _all_of_light(
+    def _sample_light_fully(
         self,
         surface: Surface,
         lighting: Lighting,
         record: Record,
         index: Any,
-        drawn: Any,
-        lit: Any,
+        brdf_count: Any,
+        light_count: Any,
         seed: Any,
         active: Any,
     ) -> Any:
-        total, j = self._dark(), self._mi.UInt32(0)
-        while dr.hint(active & (j < lit), exclude=[index, drawn, lit, seed, active]):
-            one = self._drawn(surface, lighting, index, j, drawn, seed, active)
-            total = summed(total, self._shown(surface, record, one, self._mi.Float(1.0)))
+        total, j = self._no_light(), self._mi.UInt32(0)
+        while dr.hint(active & (j < light_count), exclude=[index, brdf_count, light_count, seed, active]):
+            sample = self._draw_from_light(surface, lighting, index, j, brdf_count, seed, active)
+            total = sum_of(total, self._reflect_drawn(surface, record, sample, self._mi.Float(1.0)))
             j += 1
         return total
 
     @dr.syntax
-    def _one_of_light(
+    def _resample_light(
         self,
         surface: Surface,
         lighting: Lighting,
         record: Record,
         index: Any,
-        drawn: Any,
-        lit: Any,
+        brdf_count: Any,
+        light_count: Any,
         seed: Any,
         active: Any,
     ) -> Any:
-        """Trace one of the directions, chosen in proportion to what it brings unless it is occluded.
+        """Return the light of one direction, selected in proportion to its unoccluded contribution, for all of them.
 
-        For glossy surfaces, whose lobes most directions of the light miss (Talbot et al. 2005, "Importance Resampling
+        For glossy surfaces, whose lobes most directions from the light miss (Talbot et al. 2005, "Importance Resampling
         for Global Illumination").
         """
         mi = self._mi
-        j, chosen = mi.UInt32(0), mi.UInt32(0)
-        sum_, own = mi.Float(0.0), mi.Float(0.0)
-        while dr.hint(active & (j < lit), exclude=[index, drawn, lit, seed, active]):
-            brought = self._drawn(surface, lighting, index, j, drawn, seed, active)[-1]
-            sum_ += brought
-            lot = sobol.unit(mi.Float, sobol.hashed(seed ^ (index * lit + j + 1) * 0x85EBCA77))
-            kept = (brought > 0.0) & (lot * sum_ < brought)
-            chosen = dr.select(kept, j, chosen)
-            own = dr.select(kept, brought, own)
+        j, selected = mi.UInt32(0), mi.UInt32(0)
+        sum_, selected_weight = mi.Float(0.0), mi.Float(0.0)
+        while dr.hint(active & (j < light_count), exclude=[index, brdf_count, light_count, seed, active]):
+            weight = self._draw_from_light(surface, lighting, index, j, brdf_count, seed, active)[-1]
+            sum_ += weight
+            random = sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ (index * light_count + j + 1) * 0x85EBCA77))
+            accepted = (weight > 0.0) & (random * sum_ < weight)
+            selected = dr.select(accepted, j, selected)
+            selected_weight = dr.select(accepted, weight, selected_weight)
             j += 1
-        one = self._drawn(surface, lighting, index, chosen, drawn, seed, active & (sum_ > 0.0))
-        return self._shown(surface, record, one, sum_ / own)
+        sample = self._draw_from_light(surface, lighting, index, selected, brdf_count, seed, active & (sum_ > 0.0))
+        return self._reflect_drawn(surface, record, sample, sum_ / selected_weight)
 
-    def _drawn(
-        self, surface: Surface, lighting: Lighting, index: Any, j: Any, drawn: Any, seed: Any, active: Any
+    def _draw_from_light(
+        self, surface: Surface, lighting: Lighting, index: Any, j: Any, brdf_count: Any, seed: Any, active: Any
     ) -> tuple[Any, ...]:
-        """Return a direction of the light: responses, light over density, distance, controls, whether met, its gain."""
-        w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
+        """Return a direction from the light, responses, radiance / density, distance, controls, mask, contribution."""
+        w, radiance, distance, density, controls = lighting.draw(index, j, seed, active)
         wi = surface.to_local(w)
         responses, pdf = surface.respond(wi, active, self._light.split, self._groups)
-        met = active & self._agree(surface, wi, w) & _matters(responses)
-        met &= dr.max(sent) > 0.0
-        weight = sent / (self._mi.Float(drawn) * pdf + density)
-        brought = dr.select(met, dr.mean(responses[0].value * weight), 0.0)
-        return w, responses, weight, distance, controls, met, brought
+        valid = active & self._is_on_side(surface, wi, w) & _contributes(responses)
+        valid &= dr.max(radiance) > 0.0
+        weight = radiance / (self._mi.Float(brdf_count) * pdf + density)
+        contribution = dr.select(valid, dr.mean(responses[0].value * weight), 0.0)
+        return w, responses, weight, distance, controls, valid, contribution
 
-    def _shown(self, surface: Surface, record: Record, drawn: tuple[Any, ...], times: Any) -> list[Any]:
-        """Return what a direction of `_drawn` finds, as `_recorded`."""
-        w, responses, weight, distance, controls, met, _ = drawn
-        specular, diffuse = self._passed(surface, w, distance, controls, met)
-        weight = weight * dr.select(met, times, 0.0)
+    def _reflect_drawn(self, surface: Surface, record: Record, sample: tuple[Any, ...], factor: Any) -> list[Any]:
+        """Return the reflected light of a direction of `_draw_from_light`, as `_reflect` returns it."""
+        w, responses, weight, distance, controls, valid, _ = sample
+        specular, diffuse = self._unoccluded_shares(surface, w, distance, controls, valid)
+        weight = weight * dr.select(valid, factor, 0.0)
         arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
-        return self._recorded(record, responses, arriving, met)
+        return self._reflect(record, responses, arriving, valid)
 
-    def _dark(self) -> list[Any]:
-        """Return no light, and no part of it, as `_recorded`."""
+    def _no_light(self) -> list[Any]:
+        """Return zero light and zero parts, as `_reflect` returns them."""
         return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
-    def _recorded(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Any) -> list[Any]:
-        """Return what is reflected of light, and each part: by lobes of groups, of lights directly, of their groups."""
+    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Any) -> list[Any]:
+        """Return the reflected light and its parts: by groups of lobes, direct, and by groups of lights."""
         (throughput, *_), (response, *_) = record.throughput, responses
-        whole, *of_lights = where(active, [throughput * response.to(each) for each in arriving])
-        by_lobes = [throughput * each for each in response.parts_to(arriving[0])]
+        whole, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
+        by_lobes = [throughput * part for part in response.parts_to(arriving[0])]
         of_lobes = [
-            dr.select(active, dr.select(record.straight, here, share * whole), 0.0)
-            for here, share in zip(by_lobes, record.shares, strict=True)
+            dr.select(active, dr.select(record.straight, part, share * whole), 0.0)
+            for part, share in zip(by_lobes, record.shares, strict=True)
         ]
         direct = [dr.select(record.straight, whole, 0.0)] * self._direct
         return [whole, *of_lobes, *direct, *of_lights]
@@ -278,60 +292,60 @@ class Estimator:
     def _follow(
         self, surface: Surface, lighting: Lighting, record: Record, active: Any, onward: Any, seed: Any
     ) -> tuple[Any, Any, Any]:
-        """Follow single directions: no direction of the light is ever one of them.
+        """Follow the single directions of the BSDF, which sampling the light never draws.
 
-        Where the surface is absent, a path goes straight on, from the camera to a black background. Returns a path
-        onward: the sum of weights, its own weight over that, triangle, coordinates, direction back, whether it is still
-        straight from the camera, and the shares of groups. Then the light that comes back, as `_recorded`, and how much
-        of the background is seen, if looks can be seen through.
+        Where the surface is absent, a path goes straight on; from the camera, the background is black. Returns the path
+        to continue (the sum of weights, its own weight over that sum, triangle, coordinates, direction back, whether it
+        is still straight from the camera, the shares of groups), the reflected light, as `_reflect` returns it, and the
+        visible share of the background if looks can be seen through.
         """
         mi, see_through = self._mi, self._looks.see_through
-        found, share = self._dark(), mi.Float(0.0)
-        passed = self._constant(0.0) if see_through else []
-        chosen = (
+        total, share = self._no_light(), mi.Float(0.0)
+        background = self._constant(0.0) if see_through else []
+        next_path = (
             self._constant(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
         )  # fmt: skip
-        chosen_through = [mi.Bool(False)] * see_through
-        chosen_shares = [mi.Color3f(each) for each in record.shares]
-        for number, (w, responses, passes) in enumerate(self._singles(surface)):
-            weight = [each.value for each in responses]
-            met = active & (dr.max(weight[0]) > 0.0)
-            blocked, occluder, triangle, uv = self._trace(surface, w, met)
+        next_through = [mi.Bool(False)] * see_through
+        next_shares = [mi.Color3f(initial) for initial in record.shares]
+        for number, (w, responses, passes) in enumerate(self._single_directions(surface)):
+            weight = [response.value for response in responses]
+            valid = active & (dr.max(weight[0]) > 0.0)
+            blocked, occluder, triangle, uv = self._trace(surface, w, valid)
             occluders = self._occluders(surface, w, occluder, blocked)
-            unseen = record.straight & passes
-            lit = met & ~unseen
-            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
-            found = summed(found, self._recorded(record, responses, arriving, lit))
+            straight_on = record.straight & passes
+            reflecting = valid & ~straight_on
+            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, reflecting, straight=passes)
+            total = sum_of(total, self._reflect(record, responses, arriving, reflecting))
             if see_through:
-                passed = summed(passed, where(met & ~blocked & unseen, weight))
-            followed = dr.select(met & blocked & onward, size(weight), 0.0)
-            share += followed
-            lot = sobol.unit(mi.Float, sobol.hashed(seed + (number + 1) * 0x1B873593))
-            kept = (followed > 0.0) & (lot * share < followed)
-            chosen = dr.select(kept, ([each / followed for each in weight], triangle, uv, -w), chosen)
-            chosen_through = [dr.select(kept, unseen, each) for each in chosen_through]
-            chosen_shares = dr.select(kept & record.straight & ~unseen, responses[0].shares(), chosen_shares)
-        return (share, *chosen, chosen_through, chosen_shares), found, passed
+                background = sum_of(background, where(valid & ~blocked & straight_on, weight))
+            next_size = dr.select(valid & blocked & onward, path_weight(weight), 0.0)
+            share += next_size
+            random = sobol.unit_float(mi.Float, sobol.hash_integers(seed + (number + 1) * 0x1B873593))
+            accepted = (next_size > 0.0) & (random * share < next_size)
+            next_path = dr.select(accepted, ([element / next_size for element in weight], triangle, uv, -w), next_path)
+            next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]
+            next_shares = dr.select(accepted & record.straight & ~straight_on, responses[0].shares(), next_shares)
+        return (share, *next_path, next_through, next_shares), total, background
 
-    def _singles(self, surface: Surface) -> list[tuple[Any, list[Response], bool]]:
-        """Return directions of the world, the responses to light from there, and whether they pass the surface."""
+    def _single_directions(self, surface: Surface) -> list[tuple[Any, list[Response], bool]]:
+        """Return the single directions in world space, the responses to them, and whether they pass the surface."""
         black = self._mi.Color3f(0.0)
-        found: list[tuple[Any, list[Response], bool]] = []
+        singles: list[tuple[Any, list[Response], bool]] = []
         for number in range(self._looks.deltas):
             wi, value, group = surface.delta(number)
             w = surface.to_world(wi)
-            value = where(self._agree(surface, wi, w), value)
+            value = where(self._is_on_side(surface, wi, w), value)
             groups = [group == LOBE_GROUPS.index(name) for name in self._groups]
-            parts = [(each, black) for each in (dr.select(here, value[0], 0.0) for here in groups)]
-            found.append((w, [Response((each, black), parts, False) for each in value], False))
+            parts = [(part, black) for part in (dr.select(in_group, value[0], 0.0) for in_group in groups)]
+            singles.append((w, [Response((factor, black), parts, False) for factor in value], False))
         if self._looks.see_through:
             parts = [(black, black)] * len(self._groups)
-            absent = [Response((each, black), parts, False) for each in surface.absence()]
-            found.append((-surface.viewer, absent, True))
-        return found
+            absent = [Response((factor, black), parts, False) for factor in surface.absence()]
+            singles.append((-surface.viewer, absent, True))
+        return singles
 
-    def _agree(self, surface: Surface, wi: Any, w: Any) -> Any:
-        """Return where shading normal and facet agree on which side a direction is, and the looks let it be there."""
+    def _is_on_side(self, surface: Surface, wi: Any, w: Any) -> Any:
+        """Return where a direction is on the same side of shading normal and facet, and on one that the looks allow."""
         height = dr.dot(w, surface.facet)
         if self._looks.transmits:
             return wi.z * height > 0.0
@@ -342,57 +356,61 @@ class Estimator:
         return self._mi.Ray3f(self._mi.Point3f(surface.point + side * surface.facet), w)
 
     def _trace(self, surface: Surface, w: Any, active: Any) -> tuple[Any, Any, Any, Any]:
-        """Return which directions meet the asset, and how far, the triangles and their coordinates there."""
+        """Return which directions hit the asset, the distances, and the triangles and coordinates of the hits."""
         if not self._shadows:
             return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
-        found = self._geometry.scene.ray_intersect_preliminary(self._ray(surface, w), coherent=False, active=active)
-        hit = found.is_valid()
-        return hit, dr.select(hit, found.t, FAR), self._geometry.met(found), found.prim_uv
+        intersection = self._geometry.scene.ray_intersect_preliminary(
+            self._ray(surface, w), coherent=False, active=active
+        )
+        hit = intersection.is_valid()
+        return hit, dr.select(hit, intersection.t, FAR), self._geometry.triangle_of(intersection), intersection.prim_uv
 
     def _occluders(self, surface: Surface, w: Any, occluder: Any, blocked: Any) -> list[Any]:
-        """Return how far occluders are, by what lights spare, where the first hit of any is known."""
-        found = []
-        for which, spared in enumerate(self._light.spared):
+        """Return the distances of occluders for each set of `shadow_excluded`; `occluder` is that of any part."""
+        distances = []
+        for number, excluded in enumerate(self._light.shadow_excluded):
             far = self._mi.Float(FAR)
-            found.append(self._occluder(which, surface, w, far, blocked) if spared else occluder)
-        return found
+            distances.append(self._occluder(number, surface, w, far, blocked) if excluded else occluder)
+        return distances
 
-    def _passed(self, surface: Surface, w: Any, distance: Any, controls: tuple[Any, ...], active: Any) -> Arriving:
-        """Return the shares of lights at a distance that pass what occludes them."""
+    def _unoccluded_shares(
+        self, surface: Surface, w: Any, distance: Any, controls: tuple[Any, ...], active: Any
+    ) -> Arriving:
+        """Return the shares of lights at a distance that occluders transmit."""
         occluders = [
-            self._occluder(which, surface, w, distance, active & self._light.spares(controls, which))
-            for which in range(len(self._light.spared))
+            self._occluder(number, surface, w, distance, active & self._light.excludes(controls, number))
+            for number in range(len(self._light.shadow_excluded))
         ]
-        return self._light.let(controls, distance, occluders)
+        return self._light.shadow_shares(controls, distance, occluders)
 
-    def _occluder(self, which: int, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
-        """Return how far the first occluder of the lights is that spare a set of parts; `FAR` if beyond a distance."""
+    def _occluder(self, number: int, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
+        """Return the distance of the first occluder for a set of `shadow_excluded`; `FAR` beyond `distance`."""
         mi = self._mi
         if not self._shadows:
             return mi.Float(FAR)
         ray = self._ray(surface, w)
         ray.maxt = distance
-        scene = self._geometry.casting(self._light.spared[which])
-        if not self._light.shadowed and len(self._light.spared) == 1:
+        scene = self._geometry.shadow_scene(self._light.shadow_excluded[number])
+        if not self._light.shadowed and len(self._light.shadow_excluded) == 1:
             return dr.select(scene.ray_test(ray, coherent=False, active=active), mi.Float(0.0), FAR)
-        found = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-        return dr.select(found.is_valid(), found.t, FAR)
+        intersection = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return dr.select(intersection.is_valid(), intersection.t, FAR)
 
 
 class Record:
-    """A path where it has come to: throughput, whether straight from the camera, else what of it is of each group.
+    """A path at a hit: throughput, whether it is straight from the camera, and if not, the shares of groups of lobes.
 
-    It is no dataclass: those are state of Dr.Jit's loops, which a record does not change in.
+    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a record.
     """
 
     def __init__(self, throughput: Any, straight: Any, shares: list[Any]) -> None:
         self.throughput, self.straight, self.shares = throughput, straight, shares
 
 
-def _matters(responses: list[Response]) -> Any:
-    """Return where light from a direction is reflected, or changes with an input."""
+def _contributes(responses: list[Response]) -> Any:
+    """Return where the light of a direction is reflected, or has a derivative."""
     first, *slopes = responses
-    found = dr.max(first.value) > _NEGLIGIBLE
-    for each in slopes:
-        found |= dr.max(dr.abs(each.value)) > _NEGLIGIBLE
-    return found
+    contributes = dr.max(first.value) > _NEGLIGIBLE
+    for slope in slopes:
+        contributes |= dr.max(dr.abs(slope.value)) > _NEGLIGIBLE
+    return contributes

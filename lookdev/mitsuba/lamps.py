@@ -1,4 +1,4 @@
-"""Lights of a rig on Dr.Jit's arrays: rows of numbers, and functions of them (`lookdev.codegen.program.lamps`)."""
+"""Lights of a rig on Dr.Jit's arrays: rows of numbers, and programs on them (`lookdev.codegen.program.lamps`)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.mitsuba.files import file_array, read_image
-from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.images import bilinear
-from lookdev.mitsuba.programs import Place, Program
+from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.surface import Arriving
 
 _NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
@@ -21,42 +21,42 @@ _SPLIT = ("diffuse", "specular")
 
 
 class Rows:
-    """Lights of a rig: `rows` (n, fields + 1) as `CodedRig.rows`, and the numbers of their groups behind them.
+    """Lights of a rig: `rows` (n, fields + 1) as in `CodedRig.rows`, with the numbers of the lights' groups appended.
 
-    All places and vectors are of the rig's frame. `linked` (looks, n) are the looks that each
-    lights, None: each lights all.
+    All points and vectors are in the rig's frame. `links` (looks, n) says which looks each light reaches; None means
+    all.
     """
 
-    def __init__(self, mi: Any, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
+    def __init__(self, mi: Any, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> None:
         self._mi = mi
         self.count = len(rows)
-        self._rows = held(mi.Float, rows)
-        self._linked = None if linked is None else held(mi.Float, linked)
+        self._rows = device_array(mi.Float, rows)
+        self._links = None if links is None else device_array(mi.Float, links)
 
     def field(self, lamp: Any, name: str) -> Any:
-        """Return a number of lamps, by their own numbers."""
+        """Return a field of lamps, by their numbers."""
         return dr.gather(self._mi.Float, self._rows, lamp * len(_NUMBERS) + _NUMBERS[name])
 
     def turns(self, lamp: Any) -> Any:
-        """Return whether lamps turn with the rig."""
+        """Return where lamps turn with the rig."""
         return self.field(lamp, "turns") > 0.0
 
-    def linked(self, lamp: Any, look: Any) -> Any:
-        """Return 1 where a look is lit by lamps, else 0."""
-        if self._linked is None:
+    def link_of(self, lamp: Any, look: Any) -> Any:
+        """Return 1 where lamps reach a look, else 0."""
+        if self._links is None:
             return 1.0
-        return dr.gather(self._mi.Float, self._linked, look * self.count + lamp)
+        return dr.gather(self._mi.Float, self._links, look * self.count + lamp)
 
-    def local(self, lamp: Any, place: Any) -> Any:
-        """Return places in the frame of lamps."""
-        return self.inside(lamp, place - self._vector(lamp, "x", "y", "z"))
+    def to_local_point(self, lamp: Any, point: Any) -> Any:
+        """Return points in the frame of lamps."""
+        return self.to_local(lamp, point - self._vector(lamp, "x", "y", "z"))
 
-    def inside(self, lamp: Any, v: Any) -> Any:
-        """Return vectors by the axes of lamps."""
+    def to_local(self, lamp: Any, v: Any) -> Any:
+        """Return vectors in the axes of lamps."""
         return self._mi.Vector3f(*(dr.dot(v, self._axis(lamp, axis)) for axis in "xyz"))
 
-    def outside(self, lamp: Any, v: Any) -> Any:
-        """Return vectors by the axes of the rig, from those by the axes of lamps."""
+    def to_rig(self, lamp: Any, v: Any) -> Any:
+        """Return vectors in the axes of the rig, from vectors in the axes of lamps."""
         return v.x * self._axis(lamp, "x") + v.y * self._axis(lamp, "y") + v.z * self._axis(lamp, "z")
 
     def color(self, lamp: Any) -> Any:
@@ -69,79 +69,79 @@ class Rows:
     def _axis(self, lamp: Any, axis: str) -> Any:
         return self._vector(lamp, *(f"{axis}{i}" for i in range(3)))
 
-    def called(self, program: Program, lamp: Any, name: str, **given: Any) -> tuple[Any, ...]:
-        """Return an output of a program whose symbols are the fields of lamps, and what is given besides."""
+    def evaluate(self, program: Program, lamp: Any, name: str, **inputs: Any) -> tuple[Any, ...]:
+        """Return an output of a program whose symbols are fields of lamps and the `inputs`."""
 
-        def value(wanted: str) -> Any:
-            vector, _, index = wanted.partition("[")
+        def value(symbol: str) -> Any:
+            vector, _, index = symbol.partition("[")
             if index:
-                return given[vector][int(index[:-1])]
-            return given[wanted] if wanted in given else self.field(lamp, wanted)
+                return inputs[vector][int(index[:-1])]
+            return inputs[symbol] if symbol in inputs else self.field(lamp, symbol)
 
-        return Place(program, value).values(name)
+        return Evaluation(program, value).values(name)
 
 
 class Lamps(Rows):
-    """The lamps of one kind of a rig; those with a texture are each a kind of their own."""
+    """The lamps of one kind in a rig; each lamp with a texture is a kind of its own."""
 
     def __init__(
-        self, mi: Any, rig: CodedRig, kind: str, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None
+        self, mi: Any, rig: CodedRig, kind: str, rows: NDArray[np.float32], links: NDArray[np.bool_] | None
     ) -> None:
-        super().__init__(mi, rows, linked)
-        shapings = [each.shaping for each in rig.emissions if each.shaping]
-        steps = max((each.profile.steps for each in shapings if each.profile), default=0)
+        super().__init__(mi, rows, links)
+        shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
+        steps = max((shaping.profile.steps for shaping in shapings if shaping.profile), default=0)
         operations, outputs = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
-        self._program = Program(operations, outputs, mi.Float, (), [held(mi.Float, rig.tables())])
+        self._program = Program(operations, outputs, mi.Float, (), [device_array(mi.Float, rig.tables())])
         self._image = None
         if kind == "picture":
-            (light,) = (each for each in rig.pictures if rig.pictures.index(each) == rows[0, _NUMBERS["picture"]])
-            assert light.texture, "it is a picture"
+            (light,) = (lamp for lamp in rig.pictures if rig.pictures.index(lamp) == rows[0, _NUMBERS["picture"]])
+            assert light.texture, "a picture has a texture"
             self._image = file_array(mi.Float, light.texture, read_image)
 
     def weight(self, lamp: Any, p: Any, n: Any) -> Any:
         """Return `lookdev.light.lamps.weight` times the mean radiance."""
-        return self.called(self._program, lamp, "weight", p=p, n=n)[0]
+        return self.evaluate(self._program, lamp, "weight", p=p, n=n)[0]
 
     def meet(self, lamp: Any, p: Any, w: Any) -> tuple[Any, Any]:
-        """Return the distance along directions, `FAR` where a lamp is missed, and the density of its samples."""
-        distance, pdf = self.called(self._program, lamp, "meet", p=p, w=w)
+        """Return the distance along directions, `FAR` where they miss the lamp, and the density of its samples."""
+        distance, pdf = self.evaluate(self._program, lamp, "meet", p=p, w=w)
         return distance, pdf
 
     def draw(self, lamp: Any, p: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
-        """Draw directions to lamps; return them, distances and densities."""
-        x, y, z, distance, pdf = self.called(self._program, lamp, "draw", p=p, u1=u1, u2=u2)
+        """Return sampled directions to lamps, distances and densities."""
+        x, y, z, distance, pdf = self.evaluate(self._program, lamp, "draw", p=p, u1=u1, u2=u2)
         return self._mi.Vector3f(x, y, z), distance, pdf
 
-    def sent(self, lamp: Any, p: Any, w: Any) -> Any:
-        """Return the radiance that lamps send to places along -w, which meets them."""
-        sent = self._mi.Color3f(*self.called(self._program, lamp, "sent", p=p, w=w))
+    def radiance(self, lamp: Any, p: Any, w: Any) -> Any:
+        """Return the radiance that lamps send to points along -w; w has to hit them."""
+        radiance = self._mi.Color3f(*self.evaluate(self._program, lamp, "sent", p=p, w=w))
         if self._image is not None:
-            s, t = self.called(self._program, lamp, "place", p=p, w=w)
-            # As a place sees it, x is to the left.
+            s, t = self.evaluate(self._program, lamp, "place", p=p, w=w)
+            # Seen from the point, x of the lamp is to the left.
             texel = bilinear(self._mi, self._image, 1.0 - s, t, "clamp", "clamp", self._mi.Bool(True))
-            sent *= self._mi.Color3f(texel.x, texel.y, texel.z)
-        return sent
+            radiance *= self._mi.Color3f(texel.x, texel.y, texel.z)
+        return radiance
 
 
-def kinds_of(mi: Any, rig: CodedRig, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> list[Lamps]:
-    """Return the lamps of a rig by kinds, from their rows and links, in the rig's order."""
-    found = []
+def lamps_by_kind(mi: Any, rig: CodedRig, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> list[Lamps]:
+    """Return the lamps of a rig by kind, from their rows and links, in the rig's order."""
+    kinds = []
     for kind in rig.kinds:
         of_kind = np.flatnonzero(rows[:, 0] == list(SHAPES).index(kind))
-        found += [(kind, each) for each in (np.split(of_kind, len(of_kind)) if kind == "picture" else [of_kind])]
-    return [Lamps(mi, rig, kind, rows[n], None if linked is None else linked[:, n]) for kind, n in found]
+        kinds += [(kind, lamps) for lamps in (np.split(of_kind, len(of_kind)) if kind == "picture" else [of_kind])]
+    return [Lamps(mi, rig, kind, rows[n], None if links is None else links[:, n]) for kind, n in kinds]
 
 
 class Controls:
-    """What lights let through: shadows of parts, of a colour or an end, and factors of diffuse and specular light.
+    """Shadow controls of lights (excluded parts, colour, end), and their factors of diffuse and specular light.
 
-    The light of the first `groups` of lights is kept apart.
+    The light of the first `groups` groups of lights is recorded separately.
     """
 
     def __init__(self, mi: Any, rig: CodedRig, groups: int) -> None:
         self._mi = mi
         self.groups = groups
-        self.spared = rig.spared or ((),)
+        self.shadow_excluded = rig.spared or ((),)
         self.shadowed, self.split = rig.shadowed, rig.split
         self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * rig.shadowed), *(_SPLIT * rig.split))
         self._names += ("group",) * bool(groups)
@@ -149,44 +149,48 @@ class Controls:
         self._program = Program(operations, outputs, mi.Float)
 
     def none(self) -> tuple[Any, ...]:
-        """Return numbers of no light."""
+        """Return the controls of no light."""
         return tuple(self._mi.Float(0.0) for _ in self._names)
 
-    def of(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
-        """Return the numbers of lamps that `let` takes."""
+    def lamp_controls(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
+        """Return the controls of lamps, an argument of `shadow_shares`."""
         return tuple(rows.field(lamp, name) for name in self._names)
 
     def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
-        """Return light, and what of it is of each group that is kept apart."""
+        """Return light, and the part of it from each recorded group."""
         specular, diffuse = arriving
-        of_each = [controls[-1] == number for number in range(self.groups)]
-        return [arriving, *((dr.select(here, specular, 0.0), dr.select(here, diffuse, 0.0)) for here in of_each)]
+        masks = [controls[-1] == number for number in range(self.groups)]
+        return [
+            arriving,
+            *((dr.select(in_group, specular, 0.0), dr.select(in_group, diffuse, 0.0)) for in_group in masks),
+        ]
 
-    def spares(self, controls: tuple[Any, ...], which: int) -> Any:
-        """Return whether lights spare a set of parts, by its number in `spared`."""
-        return controls[0] == which if len(self.spared) > 1 else self._mi.Bool(True)
+    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
+        """Return whether lights exclude a set of parts, by its number in `shadow_excluded`."""
+        return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
-    def let(
+    def shadow_shares(
         self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
     ) -> tuple[Any, Any]:
-        """Return the shares that reach specular and diffuse lobes; `straight`: the light is not reflected.
+        """Return the shares of light that reach specular and diffuse lobes; `straight` light is not reflected.
 
-        The distance is that of the light; occluders are by the sets of parts that they spare.
+        `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
+        `shadow_excluded`.
         """
         mi = self._mi
-        named = dict(zip(self._names, controls, strict=True))
+        values = dict(zip(self._names, controls, strict=True))
         occluder = occluders[0]
-        for which in range(1, len(self.spared)):
-            occluder = dr.select(named["spares"] == which, occluders[which], occluder)
+        for number in range(1, len(self.shadow_excluded)):
+            occluder = dr.select(values["spares"] == number, occluders[number], occluder)
         occluded = distance > occluder
-        passed = mi.Color3f(0.0)
+        transmitted = mi.Color3f(0.0)
         if self.shadowed:
 
             def value(name: str) -> Any:
-                return dr.select(occluded, occluder, 0.0) if name == "distance" else named[name]
+                return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
 
-            passed = mi.Color3f(*Place(self._program, value).values("passed"))
-        share = dr.select(occluded, passed, mi.Color3f(1.0))
+            transmitted = mi.Color3f(*Evaluation(self._program, value).values("passed"))
+        share = dr.select(occluded, transmitted, mi.Color3f(1.0))
         if straight or not self.split:
             return share, share
-        return share * named["specular"], share * named["diffuse"]
+        return share * values["specular"], share * values["diffuse"]

@@ -1,7 +1,7 @@
-"""The lights of a scene as the estimator meets them: one dome, or a rig of lamps and domes (`lookdev.mitsuba.rig`).
+"""The interface of the estimator to a scene's lights: one dome, or a rig of lamps and domes (`lookdev.mitsuba.rig`).
 
-Places are about the geometry's centre, directions of the world. `turns` are two angles in radians: of the lights that
-turn with the rig, and of those that stay.
+Points are about the geometry's centre, directions in world space. `turns` are two angles in radians: that of lights
+that turn with the rig, and that of the others.
 """
 
 from __future__ import annotations
@@ -19,70 +19,70 @@ from lookdev.mitsuba.surface import Arriving, Surface
 
 
 class Lighting(Protocol):
-    """Light at places of a surface, of which a number of directions is drawn."""
+    """The light at points of a surface, from which a number of directions is drawn."""
 
     def arriving(
         self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
     ) -> list[Arriving]:
-        """Return the sum over lights of radiance over density, as far as it passes what occludes them, `by_group`.
+        """Return the sum over lights of unoccluded radiance over density, as `Lights.by_group`.
 
-        A density is `own_density`, plus that of the directions drawn of the light if `weighed` is 1. Occluders are the
-        distances to what is met first of the parts that cast shadows, for each set of `Lights.spared`. Light that is
-        not reflected comes `straight`.
+        A density is `own_density`, plus the density of directions drawn from the light if `weighed` is 1. `occluders`
+        has the distance of the first part that casts shadows, for each set of `Lights.shadow_excluded`. Light that is
+        `straight` is not reflected.
         """
 
     def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
-        """Draw direction `number` of sample `index`: return it, radiance, distance, density of all drawn, controls.
+        """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
 
-        The radiance is corrected by the ratio of that density to the one it was drawn with.
+        The radiance is multiplied by the ratio of that density to the one with which the direction was drawn.
         """
 
 
 class Lights(Protocol):
-    """All lights of a scene; `sampled`: directions are drawn of them."""
+    """All lights of a scene. `sampled` says whether directions are drawn from them."""
 
     sampled: bool
-    spared: Sequence[tuple[int, ...]]  # the sets of groups of parts that cast no shadow of some light
-    shadowed: bool  # what passes an occluder depends on how far it is
-    split: bool  # diffuse lobes reflect other light than specular ones
-    shown: bool  # the camera sees some
-    groups: int  # of how many groups of lights the light is kept apart
+    shadow_excluded: Sequence[tuple[int, ...]]  # the sets of groups of parts that the shadows of some light exclude
+    shadowed: bool  # the light that passes an occluder depends on its distance
+    split: bool  # diffuse and specular lobes reflect different light
+    visible: bool  # the camera sees some lights
+    groups: int  # the number of groups of lights whose light is recorded separately
 
-    def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
-        """Return the lighting of a surface, of which `lit` directions are drawn, on `both_sides` of it or in front."""
+    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+        """Return the lighting of a surface; `count` directions are drawn from it, on `both_sides` or in front."""
 
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
-        """Return the radiance of what the camera sees of lights nearer than a distance, of all and of each group that
-        is kept apart, and where there is any.
-        """
+    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+        """Return the radiance of visible lights nearer than a distance (all, then by group), and where one is hit."""
 
     def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
-        """Return light of a light, and what of it is of each group that is kept apart."""
+        """Return the light of a light, and the part of it from each recorded group."""
 
-    def spares(self, controls: tuple[Any, ...], which: int) -> Any:
-        """Return whether a light spares a set of parts, by the set's number."""
+    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
+        """Return whether the shadow of a light excludes a set of parts, by the set's number."""
 
-    def let(self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False) -> Arriving:
-        """Return the shares of a light at a distance that pass occluders, for specular and diffuse lobes."""
+    def shadow_shares(
+        self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
+    ) -> Arriving:
+        """Return the shares of a light at a distance that occluders transmit, for specular and diffuse lobes."""
 
 
-def divided(count: Any) -> tuple[Any, Any]:
-    """Divide a number of directions among front and back, as the shader does."""
+def split_count(count: Any) -> tuple[Any, Any]:
+    """Return the numbers of directions in front and behind, as in the shader."""
     return count - count // 2, count // 2
 
 
-def turned(v: Any, angle: Any) -> Any:
-    """Return vectors turned about z, counter-clockwise seen from above."""
+def rotate_z(v: Any, angle: Any) -> Any:
+    """Return vectors rotated about z, counter-clockwise seen from above."""
     s, c = dr.sincos(angle)
     return type(v)(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
 
 class OneDome:
-    """A dome in the world's axes. Directions of all samples are stratified over its slots."""
+    """A dome in world axes. The directions of all samples are stratified over its slots."""
 
     sampled: bool
-    spared: Sequence[tuple[int, ...]] = ((),)
-    shadowed = split = shown = False
+    shadow_excluded: Sequence[tuple[int, ...]] = ((),)
+    shadowed = split = visible = False
     groups = 0
 
     def __init__(self, mi: Any, dome: Dome) -> None:
@@ -90,54 +90,58 @@ class OneDome:
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 
-    def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
-        return _OfOneDome(self._mi, self._dome, surface, turns.x, lit, both_sides and self.sampled)
+    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+        return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
 
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
         return [self._mi.Color3f(0.0)], self._mi.Bool(False)
 
     def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
         return [arriving]
 
-    def spares(self, controls: tuple[Any, ...], which: int) -> Any:
+    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
         return self._mi.Bool(True)
 
-    def let(self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False) -> Arriving:
+    def shadow_shares(
+        self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
+    ) -> Arriving:
         share = self._mi.Color3f(dr.select(distance > occluders[0], self._mi.Float(0.0), 1.0))
         return share, share
 
 
-class _OfOneDome:
-    def __init__(self, mi: Any, dome: DomeLight, surface: Surface, turn: Any, lit: Any, both_sides: bool) -> None:
+class _DomeLighting:
+    def __init__(
+        self, mi: Any, dome: DomeLight, surface: Surface, turn: Any, drawn_count: Any, both_sides: bool
+    ) -> None:
         self._mi, self._dome, self._turn = mi, dome, turn
         self._bins: list[tuple[Any, NormalBin]] = []
         if dome.sampled:
-            counts = divided(lit) if both_sides else (lit,)
+            counts = split_count(drawn_count) if both_sides else (drawn_count,)
             normals = (surface.normal, -surface.normal)
-            self._bins = [(count, dome.bin(turned(n, -turn))) for count, n in zip(counts, normals, strict=False)]
+            self._bins = [(count, dome.bin(rotate_z(n, -turn))) for count, n in zip(counts, normals, strict=False)]
 
     def arriving(
         self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
     ) -> list[Arriving]:
         active = active & (occluders[0] >= FAR)
-        local = turned(w, -self._turn)
+        local = rotate_z(w, -self._turn)
         radiance = self._dome.radiance(local, active)
         density = own_density + weighed * self._density(local, radiance)
-        found = dr.select(active, radiance / density, 0.0)
-        return [(found, found)]
+        arriving_light = dr.select(active, radiance / density, 0.0)
+        return [(arriving_light, arriving_light)]
 
     def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
-        start = sobol.hashed(seed ^ 0x2545F491)
+        start = sobol.hash_integers(seed ^ 0x2545F491)
         front, bin = self._bins[0]
         back = number >= front
-        drawn = bin.numbered(start ^ (index * front + number), seed, active)
+        sample = bin.draw_numbered(start ^ (index * front + number), seed, active)
         if len(self._bins) > 1:
             behind, other = self._bins[1]
-            far = other.numbered(start ^ (index * behind + number - front), seed + 1, active)
-            drawn = dr.select(back, far, drawn)
-        local, radiance, ratio = drawn
+            back_sample = other.draw_numbered(start ^ (index * behind + number - front), seed + 1, active)
+            sample = dr.select(back, back_sample, sample)
+        local, radiance, ratio = sample
         density = self._density(local, radiance)
-        return turned(local, self._turn), ratio * radiance, self._mi.Float(INFINITE), density, ()
+        return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE), density, ()
 
     def _density(self, local: Any, radiance: Any) -> Any:
         total = self._mi.Float(0.0)

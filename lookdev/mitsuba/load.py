@@ -1,4 +1,4 @@
-"""Mitsuba with a variant set: it, and Dr.Jit, are imported once the device is known."""
+"""Loads Mitsuba in the variant of a device; Mitsuba and Dr.Jit are imported only then."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from lookdev.errors import RenderError
 from lookdev.rendering.llvm import VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
-"""By device; colours are linear Rec.709, numbers float32."""
+"""The variants by device; colours are linear Rec.709, numbers float32."""
 
 
 @cache
 def load_mitsuba(device: str) -> Any:
-    """Return Mitsuba, in the variant of a device; raises RenderError where that cannot be."""
+    """Return Mitsuba in the variant of a device; raises RenderError where the device cannot be used."""
     check_device(device)
     if device == "cpu":
         os.environ[VARIABLE] = find_llvm()

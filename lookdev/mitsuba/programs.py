@@ -1,4 +1,4 @@
-"""Programs of looks, run on Dr.Jit's arrays: traced, hence compiled, where these are symbolic or not yet evaluated."""
+"""Programs of looks, run on Dr.Jit's arrays: traced and compiled where the arrays are symbolic or not evaluated yet."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import drjit as dr
 from lookdev.codegen import Operation
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
-"""Symbols that change between the directions of one place."""
+"""Symbols that vary between the directions at one point."""
 
 
 def _expm1(x: Any) -> Any:
@@ -50,12 +50,12 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "logical_not": lambda a: ~a,
     "where": dr.select,
 }
-"""By NumPy's names: what `lookdev.codegen.trace` traces."""
+"""The operations that `lookdev.codegen.trace` traces, by their names in NumPy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Operations and outputs of a `ProgramSource`, its constants and tables as arrays of `number`, Dr.Jit's floats."""
+    """A `ProgramSource`, with its constants and tables as arrays of `number`, a float type of Dr.Jit."""
 
     operations: Sequence[Operation]
     outputs: Mapping[str, tuple[int, ...]]
@@ -71,50 +71,50 @@ class Program:
             if operation.name in VARYING or varying.intersection(operation.operands):
                 varying.add(number)
         object.__setattr__(self, "varying", frozenset(varying))
-        needs = {name: _reached(self.operations, roots) for name, roots in self.outputs.items()}
+        needs = {name: _dependencies(self.operations, roots) for name, roots in self.outputs.items()}
         object.__setattr__(self, "needs", needs)
 
 
-def _reached(operations: Sequence[Operation], roots: Sequence[int]) -> tuple[int, ...]:
+def _dependencies(operations: Sequence[Operation], roots: Sequence[int]) -> tuple[int, ...]:
     reached: set[int] = set()
-    left = list(roots)
-    while left:
-        if (number := left.pop()) not in reached:
+    pending = list(roots)
+    while pending:
+        if (number := pending.pop()) not in reached:
             reached.add(number)
-            left += operations[number].operands
+            pending += operations[number].operands
     return tuple(sorted(reached))
 
 
-class Place:
-    """Places of a surface, and what a program has computed there; `symbol` returns the value of a symbol by name."""
+class Evaluation:
+    """A program at points of a surface, with the values computed so far; `symbol` returns a symbol's value by name."""
 
     def __init__(self, program: Program, symbol: Callable[[str], Any]) -> None:
         self._program = program
         self._symbol = symbol
-        self._known: dict[int, Any] = {}
+        self._values: dict[int, Any] = {}
 
     def has(self, name: str) -> bool:
-        """Return whether the program has an output."""
+        """Return whether the program has an output of this name."""
         return name in self._program.needs
 
-    def values(self, name: str, **given: Any) -> tuple[Any, ...]:
-        """Return an output's elements; `given` are the values of symbols that vary from direction to direction."""
+    def values(self, name: str, **inputs: Any) -> tuple[Any, ...]:
+        """Return the elements of an output; `inputs` are the values of symbols that vary between directions."""
         program = self._program
         local: dict[int, Any] = {}
         for number in program.needs[name]:
-            store = local if number in program.varying else self._known
+            store = local if number in program.varying else self._values
             if number not in store:
-                store[number] = self._value(program.operations[number], local, given)
-        return tuple(local[n] if n in local else self._known[n] for n in program.outputs[name])
+                store[number] = self._compute(program.operations[number], local, inputs)
+        return tuple(local[n] if n in local else self._values[n] for n in program.outputs[name])
 
     def prepare(self, *names: str) -> None:
-        """Compute what outputs depend on besides what varies."""
+        """Compute those values that outputs need and that do not vary between directions."""
         for name in names:
             for number in self._program.needs[name]:
-                if number not in self._program.varying and number not in self._known:
-                    self._known[number] = self._value(self._program.operations[number], {}, {})
+                if number not in self._program.varying and number not in self._values:
+                    self._values[number] = self._compute(self._program.operations[number], {}, {})
 
-    def _value(self, operation: Operation, local: Mapping[int, Any], given: Mapping[str, Any]) -> Any:
+    def _compute(self, operation: Operation, local: Mapping[int, Any], inputs: Mapping[str, Any]) -> Any:
         program = self._program
         match operation.op:
             case "constant":
@@ -124,8 +124,8 @@ class Place:
             case "uniform":
                 return program.constants[operation.place]
             case "symbol":
-                return given[operation.name] if operation.name in given else self._symbol(operation.name)
-        operands = [local[n] if n in local else self._known[n] for n in operation.operands]
+                return inputs[operation.name] if operation.name in inputs else self._symbol(operation.name)
+        operands = [local[n] if n in local else self._values[n] for n in operation.operands]
         if operation.op != "look_up":
             return OPERATIONS[operation.op](*operands)
         whole = dr.uint32_array_t(program.number)

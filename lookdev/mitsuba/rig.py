@@ -1,4 +1,4 @@
-"""Lamps and domes of a rig as the estimator meets them (`lookdev.mitsuba.lights`)."""
+"""Rigs of lamps and domes, behind the interface of `lookdev.mitsuba.lights`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from lookdev.light.lamps import FIELDS, CodedRig, Stand
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.lamps import Controls, Lamps, Rows, kinds_of
-from lookdev.mitsuba.lights import Lighting, Lights, OneDome, divided, turned
+from lookdev.mitsuba.lamps import Controls, Lamps, Rows, lamps_by_kind
+from lookdev.mitsuba.lights import Lighting, Lights, OneDome, rotate_z, split_count
 from lookdev.mitsuba.programs import Program
 from lookdev.mitsuba.surface import Arriving, Surface
 
@@ -26,22 +26,22 @@ from lookdev.mitsuba.surface import Arriving, Surface
 def lights_of(
     mi: Any,
     lights: Sequence[Light],
-    lit: Sequence[Sequence[int]],
+    links: Sequence[Sequence[int]],
     center: Any,
     pivot: tuple[float, float],
     groups: Sequence[int] = (),
 ) -> Lights:
     """Return the lights of a scene about a centre, which turn about the vertical through `pivot`.
 
-    `lit` are the numbers of the lights of each look; (): each has all. `groups` are the numbers of the lights' groups:
-    the light of all but the last is kept apart.
+    `links` has the numbers of the lights of each look; () means all lights for each. `groups` has the number of each
+    light's group; the light of all groups but the last is recorded separately.
     """
-    alone = None if lit else coded(lights)
-    return OneDome(mi, alone) if isinstance(alone, Dome) else Rig(mi, lights, lit, center, pivot, groups)
+    single = None if links else coded(lights)
+    return OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, lights, links, center, pivot, groups)
 
 
 class Rig:
-    """Lamps and domes. A light is chosen for each direction in proportion to an estimate of its irradiance."""
+    """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
 
     sampled = True
 
@@ -49,161 +49,163 @@ class Rig:
         self,
         mi: Any,
         lights: Sequence[Light],
-        lit: Sequence[Sequence[int]],
+        links: Sequence[Sequence[int]],
         center: Any,
         pivot: tuple[float, float],
         groups: Sequence[int] = (),
     ) -> None:
         self._mi = mi
         rig = CodedRig.of(lights)
-        x, y, z = (float(each) for each in center)
-        numbers = rig.rows(Stand((x, y, z), pivot))
-        self.offset = mi.Vector3f(*(float(each) for each in numbers[:3]))
-        order = [n for kind in (False, True) for n, each in enumerate(lights) if (each.map_dome is not None) is kind]
+        x, y, z = (float(coordinate) for coordinate in center)
+        values = rig.rows(Stand((x, y, z), pivot))
+        self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
+        order = [
+            n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
+        ]
         grouped = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
-        rows = np.column_stack((numbers[3:].reshape(-1, len(FIELDS)), grouped))
-        linked = np.array([[n in each for n in order] for each in lit], np.bool_) if lit else None
+        rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), grouped))
+        link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
-        def links(which: slice) -> NDArray[np.bool_] | None:
-            return None if linked is None else linked[:, which]
+        def links_of(part: slice) -> NDArray[np.bool_] | None:
+            return None if link_table is None else link_table[:, part]
 
         count = len(rig.lamps)
-        self.lamps = kinds_of(mi, rig, rows[:count], links(slice(count)))
+        self.lamps = lamps_by_kind(mi, rig, rows[:count], links_of(slice(count)))
         self.domes = [
-            _PlacedDome(mi, dome, rows[n : n + 1], links(slice(n, n + 1))) for n, dome in enumerate(rig.domes, count)
+            _RigDome(mi, dome, rows[n : n + 1], links_of(slice(n, n + 1))) for n, dome in enumerate(rig.domes, count)
         ]
         self._controls = Controls(mi, rig, max(groups, default=0))
-        self.spared: Sequence[tuple[int, ...]] = self._controls.spared
+        self.shadow_excluded: Sequence[tuple[int, ...]] = self._controls.shadow_excluded
         self.shadowed, self.split = rig.shadowed, rig.split
-        self.shown = any(each.emission.camera for each in rig.lamps)
-        self.spares, self.let = self._controls.spares, self._controls.let
-        self.controls, self.none = self._controls.of, self._controls.none
+        self.visible = any(lamp.emission.camera for lamp in rig.lamps)
+        self.excludes, self.shadow_shares = self._controls.excludes, self._controls.shadow_shares
+        self.controls, self.none = self._controls.lamp_controls, self._controls.none
         self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
-    def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
-        return _OfRig(self._mi, self, surface, turns, lit, both_sides)
+    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+        return _RigLighting(self._mi, self, surface, turns, count, both_sides)
 
     @dr.syntax
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
         mi = self._mi
         radiance, hidden = self.dark(), mi.Bool(False)
-        here = _Here(mi, self, start, turns)
+        frames = _LightFrames(mi, self, start, turns)
         for lamps in self.lamps:
             lamp = mi.UInt32(0)
             while lamp < lamps.count:
-                p, local = here.seen(lamps, lamp, w)
-                away, _ = lamps.meet(lamp, p, local)
-                met = (lamps.field(lamp, "camera") > 0.0) & (away < distance)
-                sent = dr.select(met, lamps.sent(lamp, p, local), 0.0)
-                radiance = _sums(radiance, self.by_group(self.controls(lamps, lamp), (sent, sent)))
-                hidden |= met
+                p, local = frames.to_frame(lamps, lamp, w)
+                hit_distance, _ = lamps.meet(lamp, p, local)
+                visible = (lamps.field(lamp, "camera") > 0.0) & (hit_distance < distance)
+                seen = dr.select(visible, lamps.radiance(lamp, p, local), 0.0)
+                radiance = _add_arriving(radiance, self.by_group(self.controls(lamps, lamp), (seen, seen)))
+                hidden |= visible
                 lamp += 1
-        return [each[0] for each in radiance], hidden
+        return [light[0] for light in radiance], hidden
 
     def dark(self) -> list[Arriving]:
-        """Return no light, `by_group`."""
+        """Return zero light, as `by_group`."""
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
-class _PlacedDome(Rows):
-    """A dome of a rig: its map, its axes, its colour, and whether it turns. A local one has a middle and a radius."""
+class _RigDome(Rows):
+    """A dome of a rig: its map, axes, colour, and whether it turns. A local dome has a centre and a radius."""
 
-    def __init__(self, mi: Any, dome: Light, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
-        super().__init__(mi, rows, linked)
-        assert dome.map_dome is not None, "it shows a map"
-        self.local_one = not dome.far
-        self.map = DomeLight(mi, dome.map_dome, local=self.local_one)
+    def __init__(self, mi: Any, dome: Light, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> None:
+        super().__init__(mi, rows, links)
+        assert dome.map_dome is not None, "a dome has a map"
+        self.is_local = not dome.far
+        self.map = DomeLight(mi, dome.map_dome, local=self.is_local)
         self.first = mi.UInt32(0)
         self.radiance_factor = self.color(self.first)
         if dome.constant:
-            # The row has the map's radiance, too.
+            # The colour of the row includes the map's radiance.
             self.radiance_factor /= dr.maximum(mi.Color3f(*dome.map_dome.table[0, 0].tolist()), 1e-30)
         self.mean = self.field(self.first, "mean")
         self._program = Program(*ball_operations(), mi.Float)
 
-    def ball(self, name: str, **given: Any) -> tuple[Any, ...]:
+    def ball(self, name: str, **inputs: Any) -> tuple[Any, ...]:
         """Return an output of `ball_operations`."""
-        return self.called(self._program, self.first, name, **given)
+        return self.evaluate(self._program, self.first, name, **inputs)
 
 
-class _Here:
-    """Places about the geometry's centre, in the frames of lights."""
+class _LightFrames:
+    """A point about the geometry's centre, in the frames of lights."""
 
-    def __init__(self, mi: Any, rig: Rig, place: Any, turns: Any) -> None:
+    def __init__(self, mi: Any, rig: Rig, point: Any, turns: Any) -> None:
         self._mi, self._turns = mi, turns
-        from_axis = mi.Vector3f(place) + rig.offset
-        self._moving, self._still = turned(from_axis, -turns.x), turned(from_axis, -turns.y)
+        from_axis = mi.Vector3f(point) + rig.offset
+        self._in_turning, self._in_fixed = rotate_z(from_axis, -turns.x), rotate_z(from_axis, -turns.y)
 
     def turn(self, lights: Rows, lamp: Any) -> Any:
-        """Return the angle by which lights are turned."""
+        """Return the angle by which lights are rotated."""
         return dr.select(lights.turns(lamp), self._turns.x, self._turns.y)
 
-    def place(self, lights: Rows, lamp: Any) -> Any:
-        """Return the places in the frame of lights."""
-        return lights.local(lamp, dr.select(lights.turns(lamp), self._moving, self._still))
+    def point(self, lights: Rows, lamp: Any) -> Any:
+        """Return the point in the frame of lights."""
+        return lights.to_local_point(lamp, dr.select(lights.turns(lamp), self._in_turning, self._in_fixed))
 
     def into(self, lights: Rows, lamp: Any, v: Any) -> Any:
-        """Return vectors of the world by the axes of lights."""
-        return lights.inside(lamp, turned(v, -self.turn(lights, lamp)))
+        """Return world vectors in the axes of lights."""
+        return lights.to_local(lamp, rotate_z(v, -self.turn(lights, lamp)))
 
     def out_of(self, lights: Rows, lamp: Any, v: Any) -> Any:
-        """Return vectors of the world from those by the axes of lights."""
-        return turned(lights.outside(lamp, v), self.turn(lights, lamp))
+        """Return world vectors, from vectors in the axes of lights."""
+        return rotate_z(lights.to_rig(lamp, v), self.turn(lights, lamp))
 
-    def seen(self, lights: Rows, lamp: Any, v: Any) -> tuple[Any, Any]:
-        """Return the places, and vectors of the world, by the axes of lights."""
-        return self.place(lights, lamp), self.into(lights, lamp, v)
+    def to_frame(self, lights: Rows, lamp: Any, v: Any) -> tuple[Any, Any]:
+        """Return the point, and world vectors, in the frame of lights."""
+        return self.point(lights, lamp), self.into(lights, lamp, v)
 
 
-class _OfRig:
-    def __init__(self, mi: Any, rig: Rig, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> None:
+class _RigLighting:
+    def __init__(self, mi: Any, rig: Rig, surface: Surface, turns: Any, count: Any, both_sides: bool) -> None:
         self._mi, self._rig = mi, rig
         self._surface = surface
-        self._here = _Here(mi, rig, surface.point, turns)
+        self._frames = _LightFrames(mi, rig, surface.point, turns)
         self._sides = [surface.normal, -surface.normal][: 1 + both_sides]
-        self._counts = divided(lit) if both_sides else (lit,)
-        self._bins = [self._bins_of(dome) for dome in rig.domes]
-        self._places = [self._here.place(dome, dome.first) if dome.local_one else None for dome in rig.domes]
+        self._counts = split_count(count) if both_sides else (count,)
+        self._bins = [self._side_bins(dome) for dome in rig.domes]
+        self._dome_points = [self._frames.point(dome, dome.first) if dome.is_local else None for dome in rig.domes]
         self._shares = [
-            dome.ball("share", p=place)[0] if dome.local_one else mi.Float(1.0)
-            for dome, place in zip(rig.domes, self._places, strict=True)
+            dome.ball("share", p=point)[0] if dome.is_local else mi.Float(1.0)
+            for dome, point in zip(rig.domes, self._dome_points, strict=True)
         ]
-        self._sums = [self._sum(side) for side in range(len(self._sides))]
+        self._side_sums = [self._sum(side) for side in range(len(self._sides))]
 
-    def _bins_of(self, dome: _PlacedDome) -> list[NormalBin]:
-        if dome.local_one:
+    def _side_bins(self, dome: _RigDome) -> list[NormalBin]:
+        if dome.is_local:
             return [dome.map.all_around] * len(self._sides)
         if not dome.map.sampled:
             return []
-        return [dome.map.bin(self._here.into(dome, dome.first, n)) for n in self._sides]
+        return [dome.map.bin(self._frames.into(dome, dome.first, n)) for n in self._sides]
 
     def _dome_weight(self, number: int, side: int) -> Any:
         dome = self._rig.domes[number]
         weight = dome.mean * math.pi
         if dome.map.sampled:
             scale = self._bins[number][side].scale
-            # A quarter of the integral is a surface's irradiance, on the average.
-            around = 0.25 * self._shares[number] if dome.local_one else 1.0
+            # The mean irradiance of a surface, over its orientations, is a quarter of the integral.
+            around = 0.25 * self._shares[number] if dome.is_local else 1.0
             weight = dr.select(scale > 0.0, around * dome.mean / scale, 0.0)
-        return weight * dome.linked(dome.first, self._surface.source)
+        return weight * dome.link_of(dome.first, self._surface.source)
 
     def _lamp_weight(self, lamps: Lamps, lamp: Any, n: Any) -> Any:
-        p, local = self._here.seen(lamps, lamp, n)
-        return lamps.weight(lamp, p, local) * lamps.linked(lamp, self._surface.source)
+        p, local = self._frames.to_frame(lamps, lamp, n)
+        return lamps.weight(lamp, p, local) * lamps.link_of(lamp, self._surface.source)
 
     @dr.syntax
     def _sum(self, side: int) -> Any:
-        """Return the sum of all lights' estimates of irradiance on a side."""
+        """Return the sum of the estimated irradiances of all lights on a side."""
         mi = self._mi
         total = mi.Float(0.0)
         for number in range(len(self._rig.domes)):
             total += self._dome_weight(number, side)
         for lamps in self._rig.lamps:
-            total += self._sum_of(lamps, side)
+            total += self._sum_of_lamps(lamps, side)
         return total
 
     @dr.syntax
-    def _sum_of(self, lamps: Lamps, side: int) -> Any:
+    def _sum_of_lamps(self, lamps: Lamps, side: int) -> Any:
         total = self._mi.Float(0.0)
         lamp = self._mi.UInt32(0)
         while lamp < lamps.count:
@@ -211,21 +213,21 @@ class _OfRig:
             lamp += 1
         return total
 
-    def _drawn(self, weight_of: Any) -> Any:
-        """Return the number of directions that are drawn of a light, by a function of its weight on a side."""
+    def _drawn_count(self, weight_of: Any) -> Any:
+        """Return the mean number of directions drawn from a light, whose weight on a side `weight_of` returns."""
         total = self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._sums, strict=True)):
+        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
             share = weight_of(side) / sum_
             total += self._mi.Float(count) * dr.select(sum_ > 0.0, share, 0.0)
         return total
 
-    def _density_of_lamp(self, lamps: Lamps, lamp: Any, pdf: Any) -> Any:
-        return self._drawn(lambda side: self._lamp_weight(lamps, lamp, self._sides[side])) * pdf
+    def _lamp_density(self, lamps: Lamps, lamp: Any, pdf: Any) -> Any:
+        return self._drawn_count(lambda side: self._lamp_weight(lamps, lamp, self._sides[side])) * pdf
 
-    def _density_of_dome(self, number: int, local: Any, w: Any, radiance: Any) -> Any:
-        """Return the density of directions of a dome: `local` by its axes, w of the world."""
+    def _dome_density(self, number: int, local: Any, w: Any, radiance: Any) -> Any:
+        """Return the density of directions drawn from a dome: `local` in its axes, w in world space."""
         dome, total = self._rig.domes[number], self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._sums, strict=True)):
+        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
             share = dr.select(sum_ > 0.0, self._dome_weight(number, side) / sum_, 0.0)
             if dome.map.sampled:
                 pdf = self._bins[number][side].pdf(local, radiance)
@@ -240,52 +242,52 @@ class _OfRig:
     ) -> list[Arriving]:
         total = self._rig.dark()
         for number in range(len(self._rig.domes)):
-            found = self._of_dome_arriving(number, w, own_density, weighed, occluders, active, straight)
-            total = _sums(total, found)
+            light = self._arriving_from_dome(number, w, own_density, weighed, occluders, active, straight)
+            total = _add_arriving(total, light)
         for lamps in self._rig.lamps:
-            found = self._of_lamps_arriving(lamps, w, own_density, weighed, occluders, active, straight)
-            total = _sums(total, found)
+            light = self._arriving_from_lamps(lamps, w, own_density, weighed, occluders, active, straight)
+            total = _add_arriving(total, light)
         return total
 
-    def _of_dome_arriving(
+    def _arriving_from_dome(
         self, number: int, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
     ) -> list[Arriving]:
         dome = self._rig.domes[number]
-        local = self._here.into(dome, dome.first, w)
+        local = self._frames.into(dome, dome.first, w)
         distance, radiance_seen, density_seen = self._along_dome(number, local, w, active)
         density = own_density + (density_seen if weighed else 0.0)
-        found = dr.select(active, radiance_seen / density, 0.0) * dome.linked(dome.first, self._surface.source)
+        light = dr.select(active, radiance_seen / density, 0.0) * dome.link_of(dome.first, self._surface.source)
         controls = self._rig.controls(dome, dome.first)
-        shares = self._rig.let(controls, distance, occluders, straight)
-        return self._rig.by_group(controls, (found * shares[0], found * shares[1]))
+        shares = self._rig.shadow_shares(controls, distance, occluders, straight)
+        return self._rig.by_group(controls, (light * shares[0], light * shares[1]))
 
     def _along_dome(self, number: int, local: Any, w: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Return the distance of a dome's map along directions, its radiance, and the density of those drawn."""
-        dome, onto, distance, around = self._rig.domes[number], local, self._mi.Float(INFINITE), 1.0
-        if dome.local_one:
-            place = self._places[number]
-            inside, distance, around = dome.ball("meet", p=place, w=local)
-            onto = (place + distance * local) / dome.field(dome.first, "b")
+        """Return the distance of a dome along directions, its radiance, and the density of directions drawn from it."""
+        dome, map_direction, distance, density_factor = self._rig.domes[number], local, self._mi.Float(INFINITE), 1.0
+        if dome.is_local:
+            point = self._dome_points[number]
+            inside, distance, density_factor = dome.ball("meet", p=point, w=local)
+            map_direction = (point + distance * local) / dome.field(dome.first, "b")
             active = active & (inside > 0.0)
-        mapped = dr.select(active, dome.map.radiance(onto, active), 0.0)
-        density = self._density_of_dome(number, onto, w, mapped) * around
-        return distance, mapped * self._shares[number] * dome.radiance_factor, density
+        map_radiance = dr.select(active, dome.map.radiance(map_direction, active), 0.0)
+        density = self._dome_density(number, map_direction, w, map_radiance) * density_factor
+        return distance, map_radiance * self._shares[number] * dome.radiance_factor, density
 
     @dr.syntax
-    def _of_lamps_arriving(
+    def _arriving_from_lamps(
         self, lamps: Lamps, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
     ) -> list[Arriving]:
         total = self._rig.dark()
         lamp = self._mi.UInt32(0)
         while dr.hint(active & (lamp < lamps.count), exclude=[w, own_density, weighed, occluders, active, straight]):
-            p, local = self._here.seen(lamps, lamp, w)
+            p, local = self._frames.to_frame(lamps, lamp, w)
             distance, pdf = lamps.meet(lamp, p, local)
-            density = own_density + weighed * self._density_of_lamp(lamps, lamp, pdf)
-            found = dr.select(distance < FAR, lamps.sent(lamp, p, local) / density, 0.0)
-            found *= lamps.linked(lamp, self._surface.source)
+            density = own_density + weighed * self._lamp_density(lamps, lamp, pdf)
+            light = dr.select(distance < FAR, lamps.radiance(lamp, p, local) / density, 0.0)
+            light *= lamps.link_of(lamp, self._surface.source)
             controls = self._rig.controls(lamps, lamp)
-            shares = self._rig.let(controls, distance, occluders, straight)
-            total = _sums(total, self._rig.by_group(controls, (found * shares[0], found * shares[1])))
+            shares = self._rig.shadow_shares(controls, distance, occluders, straight)
+            total = _add_arriving(total, self._rig.by_group(controls, (light * shares[0], light * shares[1])))
             lamp += 1
         return total
 
@@ -294,72 +296,80 @@ class _OfRig:
         front = self._counts[0]
         back = (number >= front) if len(self._sides) > 1 else mi.Bool(False)
         behind = self._counts[-1]
-        own = dr.select(back, index * behind + number - front, index * front + number)
-        u1, u2 = sobol.points(mi.Float, own, sobol.hashed(seed + 0x1B873593 + dr.select(back, mi.UInt32(1), 0)))
-        wanted = u1 * dr.select(back, self._sums[-1], self._sums[0])
-        # The light whose interval of the sum has the number: then where in it, for its own direction.
-        before = mi.Float(0.0)
+        sample = dr.select(back, index * behind + number - front, index * front + number)
+        u1, u2 = sobol.points(
+            mi.Float, sample, sobol.hash_integers(seed + 0x1B873593 + dr.select(back, mi.UInt32(1), 0))
+        )
+        target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
+        # The light whose interval of the sum contains the target; the position in the interval samples that light.
+        end = mi.Float(0.0)
         none = self._rig.none()
-        drawn = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE), mi.Float(0.0), none)
-        for place, dome in enumerate(self._rig.domes):
-            weight = dr.select(back, self._dome_weight(place, len(self._sides) - 1), self._dome_weight(place, 0))
-            here = (wanted >= before) & (wanted < before + weight)
-            within = dr.clip((wanted - before) / weight, 0.0, 0.99999994)
-            drawn = dr.select(here, self._draw_of_dome(place, dome, back, within, u2, active & here), drawn)
-            before += weight
+        result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE), mi.Float(0.0), none)
+        for number_of_dome, dome in enumerate(self._rig.domes):
+            weight = dr.select(
+                back, self._dome_weight(number_of_dome, len(self._sides) - 1), self._dome_weight(number_of_dome, 0)
+            )
+            selected = (target >= end) & (target < end + weight)
+            position = dr.clip((target - end) / weight, 0.0, 0.99999994)
+            result = dr.select(
+                selected, self._draw_from_dome(number_of_dome, dome, back, position, u2, active & selected), result
+            )
+            end += weight
         for lamps in self._rig.lamps:
-            chosen, start, weight, before = self._choose(lamps, wanted, before, back, active)
-            here = active & (weight > 0.0)
-            within = dr.clip((wanted - start) / weight, 0.0, 0.99999994)
-            drawn = dr.select(here, self._draw_of_lamp(lamps, chosen, within, u2), drawn)
-        return drawn
+            lamp, start, weight, end = self._choose(lamps, target, end, back, active)
+            selected = active & (weight > 0.0)
+            position = dr.clip((target - start) / weight, 0.0, 0.99999994)
+            result = dr.select(selected, self._draw_from_lamp(lamps, lamp, position, u2), result)
+        return result
 
     @dr.syntax
-    def _choose(self, lamps: Lamps, wanted: Any, before: Any, back: Any, active: Any) -> tuple[Any, Any, Any, Any]:
-        """Return the lamp whose interval has a number, its start and length, 0 if none has, and the end of all."""
+    def _choose(self, lamps: Lamps, target: Any, begin: Any, back: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """Return the lamp whose interval contains a number, its start and length (0 for none), and the end of all."""
         mi = self._mi
-        chosen, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)
-        end = mi.Float(before)
+        selected, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)
+        end = mi.Float(begin)
         lamp = mi.UInt32(0)
-        while dr.hint(active & (lamp < lamps.count), exclude=[wanted, back, active]):
+        while dr.hint(active & (lamp < lamps.count), exclude=[target, back, active]):
             side = dr.select(back, -self._surface.normal, self._surface.normal)
             weight = self._lamp_weight(lamps, lamp, side)
-            here = (wanted >= end) & (wanted < end + weight)
-            chosen = dr.select(here, lamp, chosen)
-            start = dr.select(here, end, start)
-            length = dr.select(here, weight, length)
+            inside = (target >= end) & (target < end + weight)
+            selected = dr.select(inside, lamp, selected)
+            start = dr.select(inside, end, start)
+            length = dr.select(inside, weight, length)
             end += weight
             lamp += 1
-        return chosen, start, length, end
+        return selected, start, length, end
 
-    def _draw_of_lamp(self, lamps: Lamps, lamp: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
-        p = self._here.place(lamps, lamp)
+    def _draw_from_lamp(self, lamps: Lamps, lamp: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+        p = self._frames.point(lamps, lamp)
         local, distance, pdf = lamps.draw(lamp, p, u1, u2)
-        radiance = dr.select(distance < FAR, lamps.sent(lamp, p, local), 0.0)
-        w, density = self._here.out_of(lamps, lamp, local), self._density_of_lamp(lamps, lamp, pdf)
+        radiance = dr.select(distance < FAR, lamps.radiance(lamp, p, local), 0.0)
+        w, density = self._frames.out_of(lamps, lamp, local), self._lamp_density(lamps, lamp, pdf)
         return w, radiance, distance, density, self._rig.controls(lamps, lamp)
 
-    def _draw_of_dome(
-        self, place: int, dome: _PlacedDome, back: Any, u1: Any, u2: Any, active: Any
+    def _draw_from_dome(
+        self, number: int, dome: _RigDome, back: Any, u1: Any, u2: Any, active: Any
     ) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
         mi, controls = self._mi, self._rig.controls(dome, dome.first)
         if not dome.map.sampled:
-            # In proportion to the cosine.
+            # Density proportional to the cosine.
             radius, (s, c) = dr.sqrt(u1), dr.sincos(2.0 * math.pi * u2)
             height = dr.safe_sqrt(1.0 - u1) * dr.select(back, -1.0, 1.0)
             w = self._surface.to_world(mi.Vector3f(radius * c, radius * s, height))
-            distance, radiance, density = self._along_dome(place, self._here.into(dome, dome.first, w), w, active)
+            distance, radiance, density = self._along_dome(number, self._frames.into(dome, dome.first, w), w, active)
             return w, radiance, distance, density, controls
-        front, behind = self._bins[place][0], self._bins[place][-1]
-        onto, mapped, ratio = dr.select(back, behind.placed(u1, u2, active), front.placed(u1, u2, active))
-        local, distance, around = onto, mi.Float(INFINITE), 1.0
-        if dome.local_one:
-            local = mi.Vector3f(*dome.ball("draw", p=self._places[place], onto=onto))
-            _, distance, around = dome.ball("meet", p=self._places[place], w=local)
-        w = self._here.out_of(dome, dome.first, local)
-        density = self._density_of_dome(place, onto, w, mapped) * around
-        return w, ratio * mapped * self._shares[place] * dome.radiance_factor, distance, density, controls
+        front, behind = self._bins[number][0], self._bins[number][-1]
+        map_direction, map_radiance, ratio = dr.select(
+            back, behind.draw_uniform(u1, u2, active), front.draw_uniform(u1, u2, active)
+        )
+        local, distance, density_factor = map_direction, mi.Float(INFINITE), 1.0
+        if dome.is_local:
+            local = mi.Vector3f(*dome.ball("draw", p=self._dome_points[number], onto=map_direction))
+            _, distance, density_factor = dome.ball("meet", p=self._dome_points[number], w=local)
+        w = self._frames.out_of(dome, dome.first, local)
+        density = self._dome_density(number, map_direction, w, map_radiance) * density_factor
+        return w, ratio * map_radiance * self._shares[number] * dome.radiance_factor, distance, density, controls
 
 
-def _sums(one: list[Arriving], other: list[Arriving]) -> list[Arriving]:
-    return [(a + c, b + d) for (a, b), (c, d) in zip(one, other, strict=True)]
+def _add_arriving(first: list[Arriving], second: list[Arriving]) -> list[Arriving]:
+    return [(a + c, b + d) for (a, b), (c, d) in zip(first, second, strict=True)]

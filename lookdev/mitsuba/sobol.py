@@ -11,39 +11,39 @@ from typing import Any
 import drjit as dr
 
 
-def reverse(x: Any) -> Any:
+def reverse_bits(x: Any) -> Any:
     """Reverse the bits of 32-bit integers."""
     return dr.brev(x)
 
 
-def hashed(x: Any) -> Any:
-    """Return Wellons' "lowbias32" of integers."""
+def hash_integers(x: Any) -> Any:
+    """Return hashed integers, by Wellons' "lowbias32"."""
     x = (x ^ (x >> 16)) * 0x7FEB352D
     x = (x ^ (x >> 15)) * 0x846CA68B
     return x ^ (x >> 16)
 
 
-def unit(kind: type, x: Any) -> Any:
-    """Return 24 bits of integers as numbers in [0, 1)."""
+def unit_float(kind: type, x: Any) -> Any:
+    """Return the upper 24 bits of integers as numbers in [0, 1)."""
     return kind(x >> 8) * (1.0 / 16777216.0)
 
 
 def points(kind: type, index: Any, seed: Any) -> tuple[Any, Any]:
-    """Return the point of an index of the sequence that a seed scrambles: two numbers in [0, 1)."""
-    i = reverse(_laine_karras(reverse(index), seed))
+    """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1)."""
+    i = reverse_bits(_laine_karras(reverse_bits(index), seed))
     p = i ^ (i >> 16)
     p ^= (p >> 8) & 0x00FF00FF
     p ^= (p >> 4) & 0x0F0F0F0F
     p ^= (p >> 2) & 0x33333333
     p ^= (p >> 1) & 0x55555555
     return (
-        unit(kind, reverse(_laine_karras(i, hashed(seed + 1)))),
-        unit(kind, reverse(_laine_karras(p, hashed(seed + 2)))),
+        unit_float(kind, reverse_bits(_laine_karras(i, hash_integers(seed + 1)))),
+        unit_float(kind, reverse_bits(_laine_karras(p, hash_integers(seed + 2)))),
     )
 
 
 def _laine_karras(x: Any, seed: Any) -> Any:
-    """Permute at random: a bit is flipped depending on the bits below it only."""
+    """Permute at random: whether a bit is flipped depends on the bits below it only."""
     x = (x ^ (x * 0x3D20ADEA)) + seed
     x *= (seed >> 16) | 1
     x ^= x * 0x05526C56

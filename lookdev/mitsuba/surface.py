@@ -1,4 +1,4 @@
-"""What a ray has hit: the shading frame, and the look's program there, of whichever look the triangle wears."""
+"""Surfaces at the hits of rays: the shading frame, and the program of the triangle's look."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 
 from lookdev.codegen import ProgramSource
 from lookdev.mitsuba.dual import Dual
-from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
-from lookdev.mitsuba.programs import Place, Program
+from lookdev.mitsuba.programs import Evaluation, Program
 
 Arriving = tuple[Any, Any]
-"""Two colours: what specular and what diffuse lobes reflect of."""
+"""The light that arrives, as two colours: for specular lobes and for diffuse lobes."""
 
 
 class Looks:
-    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which looks of one text share.
+    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which serve for other values, too.
 
-    `inputs` are attributes, by their parameters, that have one value at all places.
+    `inputs` are values of attributes that are equal everywhere, by the attributes' parameters.
     """
 
     def __init__(
@@ -32,12 +32,12 @@ class Looks:
         self.mi = mi
         self.inputs = inputs or {}
         self.geometry = geometry
-        # Looks that are lit by different lights may have one program.
-        alike = {source.digest: source for source in sources}
-        self._numbers = held(mi.UInt32, [list(alike).index(source.digest) for source in sources])
-        sources = self.sources = list(alike.values())
+        # Looks that different lights reach may have the same program.
+        distinct = {source.digest: source for source in sources}
+        self._numbers = device_array(mi.UInt32, [list(distinct).index(source.digest) for source in sources])
+        sources = self.sources = list(distinct.values())
         self.programs = [_program(mi, source) for source in sources]
-        self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
+        self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
         self.see_through = any(source.see_through for source in sources)
         self.deltas = max(source.deltas for source in sources)
@@ -46,45 +46,47 @@ class Looks:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
-    def take(self, sources: Sequence[ProgramSource]) -> bool:
-        """Take the constants of other sources, which kernels read anew; return whether they differ in no more.
+    def update(self, sources: Sequence[ProgramSource]) -> bool:
+        """Set the constants to those of other sources, and return True, if the sources differ in constants alone.
 
-        Where they do, nothing changes.
+        Otherwise nothing changes, and False is returned.
         """
-        alike = {source.digest: source for source in sources}
-        numbers = [list(alike).index(source.digest) for source in sources]
-        if numbers != self._numbers.numpy().tolist() or len(alike) != len(self.sources):
+        distinct = {source.digest: source for source in sources}
+        numbers = [list(distinct).index(source.digest) for source in sources]
+        if numbers != self._numbers.numpy().tolist() or len(distinct) != len(self.sources):
             return False
-        made = list(alike.values())
-        if any(_text(one) != _text(other) for one, other in zip(made, self.sources, strict=True)):
+        updated = list(distinct.values())
+        if any(
+            _without_constants(new) != _without_constants(old) for new, old in zip(updated, self.sources, strict=True)
+        ):
             return False
-        for source, program in zip(made, self.programs, strict=True):
+        for source, program in zip(updated, self.programs, strict=True):
             for array, value in zip(program.constants, source.constants, strict=True):
                 array *= 0.0
                 array += value
                 dr.make_opaque(array)
-        self.sources = made
+        self.sources = updated
         return True
 
     def program_of(self, triangle: Any) -> Any:
         """Return the number of the program of triangles."""
-        return dr.gather(self.mi.UInt32, self._numbers, self.geometry.worn(triangle))
+        return dr.gather(self.mi.UInt32, self._numbers, self.geometry.look_of(triangle))
 
 
-def _text(source: ProgramSource) -> ProgramSource:
+def _without_constants(source: ProgramSource) -> ProgramSource:
     return replace(source, name="", digest="", constants=(0.0,) * len(source.constants))
 
 
 def _program(mi: Any, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
-    tables = [held(mi.Float, np.load(each.path)) for each in source.tables]
+    tables = [device_array(mi.Float, np.load(table.path)) for table in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
 
 
 class Response:
-    """What a surface makes of light from a direction: BSDF times cosine, and the diffuse part of that, if `split`.
+    """The response to light from a direction: BSDF times cosine, and its diffuse part if `split`.
 
-    `parts` are the same of groups of lobes.
+    `parts` has the same pairs for groups of lobes.
     """
 
     def __init__(self, whole: tuple[Any, Any], parts: list[tuple[Any, Any]], split: bool) -> None:
@@ -92,15 +94,15 @@ class Response:
         self._parts, self._split = parts, split
 
     def to(self, arriving: Arriving) -> Any:
-        """Return what is reflected of light."""
+        """Return the reflected light."""
         return self._reflected((self.value, self.diffuse), arriving)
 
     def parts_to(self, arriving: Arriving) -> list[Any]:
-        """Return what each group of lobes reflects."""
+        """Return the light that each group of lobes reflects."""
         return [self._reflected(part, arriving) for part in self._parts]
 
     def shares(self) -> list[Any]:
-        """Return the parts of the groups in the value, by channels."""
+        """Return the shares of the groups in the value, by channel."""
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
@@ -113,29 +115,29 @@ class Response:
 
 
 class Surface:
-    """Places of triangles seen from `viewer`; the axes are those of `lookdev.scene.shading`, vectors of the world.
+    """Points of triangles, seen from `viewer`; its axes are those of `lookdev.scene.shading`, in world space.
 
-    It is no dataclass: those are state of Dr.Jit's loops, which a surface does not change in.
+    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a surface.
     """
 
     def __init__(self, looks: Looks, triangle: Any, uv: Any, viewer: Any, active: Any) -> None:
         mi, hit = looks.mi, looks.geometry.at(triangle, uv, active)
         self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
         self.point, self.lift = hit.point, hit.lift
-        self._alone: Place | None = None
+        self._single: Evaluation | None = None
         if len(looks.programs) == 1:
             symbols = _Symbols(looks, 0, hit, viewer)
-            place = self._alone = Place(looks.programs[0], symbols)
-            axes = _axes(mi, place)
+            evaluation = self._single = Evaluation(looks.programs[0], symbols)
+            axes = _axes(mi, evaluation)
             self.wo = symbols.wo = _local(axes, viewer)
-            # Loops over directions read from outside what does not depend on them.
-            place.prepare("value", "pdf", "wi")
+            # Values that do not depend on directions are computed here, outside the loops over directions.
+            evaluation.prepare("value", "pdf", "wi")
         else:
 
             def axes_of(number: int) -> Callable[..., Any]:
                 def axes(triangle: Any, uv: Any, viewer: Any, *, active: Any) -> Any:
-                    here = looks.geometry.at(triangle, uv, active)
-                    return _axes(mi, Place(looks.programs[number], _Symbols(looks, number, here, viewer)))
+                    hit_there = looks.geometry.at(triangle, uv, active)
+                    return _axes(mi, Evaluation(looks.programs[number], _Symbols(looks, number, hit_there, viewer)))
 
                 return axes
 
@@ -152,101 +154,104 @@ class Surface:
 
     @property
     def source(self) -> Any:
-        """The number of what is worn: of the source, which is lit by lights of its own."""
-        return self.looks.geometry.worn(self.triangle)
+        """The number of the source of the triangle's slot, by which lights are linked."""
+        return self.looks.geometry.look_of(self.triangle)
 
     def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[list[Response], Any]:
-        """Return the response to light from local directions, with its derivatives, and the pdf of `draw` there.
+        """Return the response to light from local directions, with its derivatives, and the pdf of `draw` for these.
 
-        The diffuse parts are wanted if light is `split`, and what lobes of some `groups` reflect.
+        The response has diffuse parts if light is `split`, and the parts of the `groups` of lobes.
         """
         mi = self.looks.mi
 
-        def respond(place: Place, wi: Any) -> tuple[Any, ...]:
-            given = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
-            value, pdf = mi.Color3f(*place.values("value", **given)), mi.Float(place.values("pdf", **given)[0])
-            diffuse = mi.Color3f(*place.values("diffuse", **given)) if split else mi.Color3f(0.0)
-            found = [value, diffuse]
+        def respond(evaluation: Evaluation, wi: Any) -> tuple[Any, ...]:
+            directions = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
+            value = mi.Color3f(*evaluation.values("value", **directions))
+            pdf = mi.Float(evaluation.values("pdf", **directions)[0])
+            diffuse = mi.Color3f(*evaluation.values("diffuse", **directions)) if split else mi.Color3f(0.0)
+            values = [value, diffuse]
             for group in groups:
-                part = place.values(f"of_{group}", **given) if place.has(f"of_{group}") else (0.0,) * 6
-                found += [mi.Color3f(*part[:3]), mi.Color3f(*part[3:])]
-            return pdf, *found
+                part = evaluation.values(f"of_{group}", **directions) if evaluation.has(f"of_{group}") else (0.0,) * 6
+                values += [mi.Color3f(*part[:3]), mi.Color3f(*part[3:])]
+            return pdf, *values
 
-        pdf, value, diffuse, *parts = self._called(respond, wi, active=active)
+        pdf, value, diffuse, *parts = self._call_programs(respond, wi, active=active)
         return [Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split)], pdf
 
     def draw(self, u1: Any, u2: Any, active: Any) -> Any:
-        """Draw local directions."""
+        """Return local directions, sampled from the BSDF."""
         mi = self.looks.mi
-        return self._called(lambda place, u1, u2: mi.Vector3f(*place.values("wi", u1=u1, u2=u2)), u1, u2, active=active)
+        return self._call_programs(
+            lambda evaluation, u1, u2: mi.Vector3f(*evaluation.values("wi", u1=u1, u2=u2)), u1, u2, active=active
+        )
 
     def presence(self) -> Any:
         mi = self.looks.mi
 
-        def presence(place: Place) -> Any:
-            return mi.Float(place.values("presence")[0]) if place.has("presence") else mi.Float(1.0)
+        def presence(evaluation: Evaluation) -> Any:
+            return mi.Float(evaluation.values("presence")[0]) if evaluation.has("presence") else mi.Float(1.0)
 
-        return self._called(presence, active=self.active)
+        return self._call_programs(presence, active=self.active)
 
     def absence(self) -> Dual:
-        """Return what light from behind is multiplied by, with derivatives."""
+        """Return the factor of light that passes straight through the surface, with derivatives."""
         return [self.looks.mi.Color3f(1.0 - self.presence())]
 
     def delta(self, number: int) -> tuple[Any, Dual, Any]:
-        """Return a single direction, local, what light from there is multiplied by, 0 for none, and its group."""
+        """Return a single direction (local), the factor of light from there (0 for none), and its group of lobes."""
         mi = self.looks.mi
 
-        def delta(place: Place) -> tuple[Any, Any, Any]:
-            if not place.has(f"delta{number}"):
+        def delta(evaluation: Evaluation) -> tuple[Any, Any, Any]:
+            if not evaluation.has(f"delta{number}"):
                 return mi.Vector3f(0.0), mi.Color3f(0.0), mi.Float(0.0)
-            found = place.values(f"delta{number}")
-            return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:6]), mi.Float(found[6])
+            values = evaluation.values(f"delta{number}")
+            return mi.Vector3f(*values[:3]), mi.Color3f(*values[3:6]), mi.Float(values[6])
 
-        wi, value, group = self._called(delta, active=self.active)
+        wi, value, group = self._call_programs(delta, active=self.active)
         return wi, [value], group
 
     def guide(self) -> tuple[Any, Any]:
-        """Return albedo and normal, of the world, for a denoiser."""
+        """Return the albedo and the normal in world space, which guide a denoiser."""
         mi = self.looks.mi
 
-        def guide(place: Place) -> tuple[Any, Any]:
-            return mi.Color3f(*place.values("albedo")), mi.Vector3f(*place.values("bent"))
+        def guide(evaluation: Evaluation) -> tuple[Any, Any]:
+            return mi.Color3f(*evaluation.values("albedo")), mi.Vector3f(*evaluation.values("bent"))
 
-        albedo, bent = self._called(guide, active=self.active)
+        albedo, bent = self._call_programs(guide, active=self.active)
         if self.looks.see_through:
             albedo *= self.presence()
         return albedo, self.to_world(bent)
 
-    def _called(self, function: Callable[..., Any], *arguments: Any, active: Any) -> Any:
-        """Call a function of the place of each look, where triangles wear it."""
-        if self._alone is not None:
-            return function(self._alone, *arguments)
+    def _call_programs(self, function: Callable[..., Any], *arguments: Any, active: Any) -> Any:
+        """Call a function with the evaluation of each look's program, on the triangles with that look."""
+        if self._single is not None:
+            return function(self._single, *arguments)
         looks = self.looks
 
-        def of(number: int) -> Callable[..., Any]:
+        def call_of(number: int) -> Callable[..., Any]:
             def call(triangle: Any, uv: Any, viewer: Any, wo: Any, *arguments: Any, active: Any) -> Any:
                 symbols = _Symbols(looks, number, looks.geometry.at(triangle, uv, active), viewer)
                 symbols.wo = wo
-                return function(Place(looks.programs[number], symbols), *arguments)
+                return function(Evaluation(looks.programs[number], symbols), *arguments)
 
             return call
 
-        calls = [of(number) for number in range(len(looks.programs))]
-        worn = looks.program_of(self.triangle)
-        return dr.switch(worn, calls, self.triangle, self.uv, self.viewer, self.wo, *arguments, active=active)
+        calls = [call_of(number) for number in range(len(looks.programs))]
+        program = looks.program_of(self.triangle)
+        return dr.switch(program, calls, self.triangle, self.uv, self.viewer, self.wo, *arguments, active=active)
 
 
 class _Symbols:
-    """The values of a program's symbols at places."""
+    """The values of a program's symbols at points of a surface."""
 
     def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Any) -> None:
         self.wo: Any = None
         self._hit = hit
         self._viewer = viewer
         self._images = looks.images[number]
-        self._bindings = {each.parameter: each for each in looks.sources[number].attributes}
-        self._uvs = {each.name: each.uv for each in looks.sources[number].look_ups}
-        self._known: dict[str, Any] = {"viewer": viewer, **looks.inputs}
+        self._bindings = {binding.parameter: binding for binding in looks.sources[number].attributes}
+        self._uvs = {image.name: image.uv for image in looks.sources[number].look_ups}
+        self._values: dict[str, Any] = {"viewer": viewer, **looks.inputs}
 
     def __call__(self, name: str) -> Any:
         if name.startswith("wo_"):
@@ -263,11 +268,11 @@ class _Symbols:
         return self._hit.hand if name == "hand" else self._vector(name)
 
     def _vector(self, name: str) -> Any:
-        if name not in self._known:
-            self._known[name] = self._found(name)
-        return self._known[name]
+        if name not in self._values:
+            self._values[name] = self._read(name)
+        return self._values[name]
 
-    def _found(self, name: str) -> Any:
+    def _read(self, name: str) -> Any:
         if name in self._images:
             return self._images[name].texels(self._vector(self._uvs[name]), self._hit._active)
         if name == "mesh_normal":
@@ -277,9 +282,9 @@ class _Symbols:
         return self._hit.attribute(self._bindings["shading_tangent" if name == "mesh_tangent" else name])
 
 
-def _axes(mi: Any, place: Place) -> tuple[Any, Any, Any, Any]:
+def _axes(mi: Any, evaluation: Evaluation) -> tuple[Any, Any, Any, Any]:
     tangent, bitangent, normal, facet = (
-        mi.Vector3f(*place.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
+        mi.Vector3f(*evaluation.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
     )
     return tangent, bitangent, normal, facet
 

@@ -1,4 +1,4 @@
-"""What the samples of a frame's pixels see: camera and pose, and parts of the frame, as inputs of a kernel."""
+"""The camera of a pose, and the parts of a frame, as inputs of a kernel; and the first hits of its rays."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lookdev.scene import Camera, Pose
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera about the centre of the geometry, and the turns of the lights in radians, as inputs of a kernel.
+    """A camera about the centre of the geometry, and the rotations of the lights in radians, as inputs of a kernel.
 
-    The first turn is that of lights that turn with the rig, the second that of those that stay.
+    The first of `turns` rotates lights that turn with the rig, the second those that do not.
     """
 
     origin: Any
@@ -34,7 +34,7 @@ class View:
 
     @classmethod
     def of(cls, mi: Any, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Any) -> View:
-        """Of a pose: the camera orbits, the light turns, the asset stays (`lookdev.scene.Pose`).
+        """Return the view of a pose: the camera orbits, the lights turn, the asset is fixed (`lookdev.scene.Pose`).
 
         `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
         """
@@ -42,35 +42,41 @@ class View:
         right, up, back = orbited.frame
         width, height = resolution
         across, along = camera.reach * right, camera.reach * up
-        shifted = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
-        vectors = (orbited.position - center, across, along * height / width, shifted)
+        shifted_back = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
+        vectors = (orbited.position - center, across, along * height / width, shifted_back)
         opaque = [dr.opaque(mi.Float, float(x)) for vector in vectors for x in vector]
-        angles = (math.radians(each) for each in (pose.lighting - pose.element, -pose.element))
-        turns = mi.Vector2f(*(dr.opaque(mi.Float, each) for each in angles))
+        angles = (math.radians(angle) for angle in (pose.lighting - pose.element, -pose.element))
+        turns = mi.Vector2f(*(dr.opaque(mi.Float, angle) for angle in angles))
         lens = camera.lens
         aperture, focus = (lens.aperture, lens.focus) if lens else (0.0, 1.0)
         origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
         return cls(origin, right, up, back, turns, width, height, aperture, focus, camera.clip[0])
 
     def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
-        """Return the rays through places of the film, in pixels from the upper left corner; u and v are on the lens."""
+        """Return the rays through positions on the film, in pixels from the upper left; u and v sample the lens."""
         sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
         direction = sx * self.right + sy * self.up - self.back
         origin = mi.Point3f(self.origin)
         if self.aperture > 0.0:
             radius = 0.5 * self.aperture * dr.sqrt(u)
             s, c = dr.sincos(2.0 * math.pi * v)
-            within = radius * c * dr.normalize(self.right) + radius * s * dr.normalize(self.up)
-            origin, direction = origin + within, direction - within / self.focus
+            on_lens = radius * c * dr.normalize(self.right) + radius * s * dr.normalize(self.up)
+            origin, direction = origin + on_lens, direction - on_lens / self.focus
         return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
 
-    def seen(self, mi: Any, geometry: Geometry, pixel: Any, index: Any, place: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Return triangles, barycentric coordinates and rays of samples of pixels, which hit any, and how far.
+    def first_hits(
+        self, mi: Any, geometry: Geometry, pixel: Any, index: Any, scramble: Any
+    ) -> tuple[Any, Any, Any, Any, Any]:
+        """Return the triangles, barycentric coordinates, rays, hit masks and distances of samples of pixels.
 
-        `index` is the number of a sample, `place` scrambles those of a pixel.
+        `index` is the number of a sample in its pixel, `scramble` the seed of that pixel's samples.
         """
-        u, v = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x9E3779B9))
-        on_lens = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x7F4A7C15)) if self.aperture > 0.0 else (0.0, 0.0)
+        u, v = sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x9E3779B9))
+        on_lens = (
+            sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x7F4A7C15))
+            if self.aperture > 0.0
+            else (0.0, 0.0)
+        )
         row = pixel // self.width
         ray = self.rays(mi, mi.Float(pixel - row * self.width) + u, mi.Float(row) + v, *on_lens)
         triangle, uv, hit, distance = geometry.first_hit(ray)
@@ -79,7 +85,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """A part of the frame: its upper left pixel, and its width, as inputs of a kernel."""
+    """A part of the frame: its upper left pixel and its width, as inputs of a kernel."""
 
     left: Any
     top: Any
@@ -88,4 +94,4 @@ class Rectangle:
     @classmethod
     def of(cls, mi: Any, region: Region) -> Rectangle:
         left, right = region.columns.start, region.columns.stop
-        return cls(*(dr.opaque(mi.UInt32, each) for each in (left, region.rows.start, right - left)))
+        return cls(*(dr.opaque(mi.UInt32, number) for number in (left, region.rows.start, right - left)))

@@ -1,1 +1,1 @@
-"""Who renders: the registry of backends, tasks and answers as plain data, and supervised workers."""
+"""Rendering: the registry of backends, tasks and answers as plain data, and the supervision of workers."""

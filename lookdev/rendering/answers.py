@@ -34,9 +34,9 @@ class Answers:
         """Report the name and version of the renderer, and that the worker takes tasks."""
         self.send(type="ready", blender=renderer)
 
-    def progress(self, digest: str, samples: int, of: int, relmse: float | None) -> None:
-        """Report the samples rendered, the samples planned (`of`) and the relMSE so far of a frame, by its digest."""
-        self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
+    def progress(self, digest: str, samples: int, planned: int, relmse: float | None) -> None:
+        """Report the samples rendered, the samples planned, and the relMSE so far of a frame, by its digest."""
+        self.send(type="progress", digest=digest, samples=samples, of=planned, relmse=relmse)
 
     def done(
         self,

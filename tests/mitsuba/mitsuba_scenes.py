@@ -1,4 +1,4 @@
-"""Scenes of the tests of Mitsuba, of which each part is compared with the reference by itself."""
+"""Scenes of the tests of Mitsuba, whose parts are compared with the reference one by one."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from lookdev.scene import Film, Pose, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 
 RenderSeeds = Callable[..., list[Rendered]]
-"""Renders a scene: pose, number of seeds, and what of its sampling is not the default."""
+"""Renders a scene, from a pose, a number of seeds, and those fields of the sampling that differ from the defaults."""
 
 LIGHTS_OF_HEADS = {
     **{kind: (kind,) for kind in ("rect", "disk", "sphere")},
@@ -28,11 +28,11 @@ LIGHTS_OF_HEADS = {
     "images": ("texture", "profile", "local_dome"),
     **{kind: (kind,) for kind in ("cylinder", "distant")},
 }
-"""Of `RIGS`; lights whose control is that they do not turn are in a test of their own."""
+"""Lights of `RIGS`; those that do not turn have a test of their own."""
 
 
-def dressed(asset: Asset | str, layers: Sequence[Layer], *lights: Light, size: int = 40) -> Scene:
-    """Return a scene of one look, whose camera sees the asset whole."""
+def scene_with_look(asset: Asset | str, layers: Sequence[Layer], *lights: Light, size: int = 40) -> Scene:
+    """Return a scene of one look, whose camera sees all of the asset."""
     shape = load_asset(builtin=asset) if isinstance(asset, str) else asset
     return scene_of(shape, Look("look", tuple(layers)), lights, size)
 
@@ -40,7 +40,7 @@ def dressed(asset: Asset | str, layers: Sequence[Layer], *lights: Light, size: i
 def looks_side_by_side(
     looks: Mapping[str, Sequence[Layer]], shape: Asset, light: Light, size: tuple[int, int]
 ) -> Scene:
-    """Return copies of an asset of one slot, five in a row, each of a look of its own."""
+    """Return copies of an asset with one slot, five in a row, each with a look of its own."""
     meshes, instances, wears = [], [], {}
     for number, (name, layers) in enumerate(looks.items()):
         row, column = divmod(number, 5)
@@ -55,7 +55,7 @@ def looks_side_by_side(
 
 
 def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIGHTS_OF_HEADS)) -> Scene:
-    """Return a row of heads, each of them linked to lights of `LIGHTS_OF_HEADS`, and all to a dome."""
+    """Return a row of heads, each linked to lights of `LIGHTS_OF_HEADS`, and all linked to a dome."""
     head = load_asset(builtin="suzanne")
     lights, instances = [], []
     for number, name in enumerate(names):
@@ -65,13 +65,15 @@ def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIG
         instances.append(Instance(0, matrix, f"/{name}/head"))
         link = Link(((f"/{name}", "expandPrims"),))
         for light in (light for rig in LIGHTS_OF_HEADS[name] for light in RIGS[rig](folder)):
-            beside = light.scaled(1.0, (x, 0.0, 0.0))
-            lights.append(beside.with_emission(replace(beside.emission, light_link=link)))
+            moved = light.scaled(1.0, (x, 0.0, 0.0))
+            lights.append(moved.with_emission(replace(moved.emission, light_link=link)))
     path = instances[0].path
     row = make_asset("heads", (replace(head.meshes[0], name=path),), instances, (replace(head.slots[0], path=path),))
-    made = link_lights(row, {path: Look("look", (RIG_LOOKS["plastic"],))}, (*lights, grey()))
-    camera = orbit_camera(made.asset.center, made.asset.radius)
-    return Scene(made.asset, made.wears, made.lights, camera, Film((len(names) * size, size)), made.lit, made.groups)
+    linked = link_lights(row, {path: Look("look", (RIG_LOOKS["plastic"],))}, (*lights, grey()))
+    camera = orbit_camera(linked.asset.center, linked.asset.radius)
+    return Scene(
+        linked.asset, linked.wears, linked.lights, camera, Film((len(names) * size, size)), linked.lit, linked.groups
+    )
 
 
 def assert_parts_agree(
@@ -83,28 +85,28 @@ def assert_parts_agree(
     stored: StoredReference,
     **options: int,
 ) -> Arrays:
-    """Compare random pixels of frames, of so many samples, with the reference: all, and those of each instance."""
-    found = stored(name, scene_pixels, scene=scene, pose=pose, **options)
-    pixels, reference = found["pixels"], estimate_of(found)
+    """Compare random pixels of frames with the reference: all pixels, and those of each instance."""
+    arrays = stored(name, scene_pixels, scene=scene, pose=pose, **options)
+    pixels, reference = arrays["pixels"], estimate_of(arrays)
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     parts, failed = part_of(scene, pose, pixels), []
     groups = {instance.path: parts == number for number, instance in enumerate(scene.asset.instances)}
-    for path, own in {"all": np.ones(len(pixels), np.bool_), **groups}.items():
-        assert own.sum() > 20, f"{path} has {own.sum()} pixels"
-        expected = replace(reference, value=reference.value[own], error=reference.error[own])
-        finding = check_frame(path, halves, frames[0].alpha, len(frames) * per_frame, pixels[own], expected)
+    for path, in_part in {"all": np.ones(len(pixels), np.bool_), **groups}.items():
+        assert in_part.sum() > 20, f"{path} has {in_part.sum()} pixels"
+        expected = replace(reference, value=reference.value[in_part], error=reference.error[in_part])
+        finding = check_frame(path, halves, frames[0].alpha, len(frames) * per_frame, pixels[in_part], expected)
         if not finding.passed:
             failed += [f"{path}: {finding.summary}", *finding.details]
     with comparison(halves.mean(axis=0, dtype=np.float64), reference.value, pixels):
         assert not failed, "\n".join(failed)
-    return found
+    return arrays
 
 
 def part_of(scene: Scene, pose: Pose, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the instance whose place is next to what the middle of each pixel (P, 2) shows; -1 where it is nothing."""
+    """Return the instance nearest to the surface at the centre of each pixel (P, 2); -1 where there is no surface."""
     meshes = MeshScene(scene.asset, scene.looks)
-    hit, place = meshes.hit(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
+    hit, hits = meshes.hit(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
     centers = np.array([instance.matrix[:3, 3] for instance in scene.asset.instances])
-    found = np.full(len(pixels), -1)
-    found[hit] = np.linalg.norm(meshes.points(place)[hit][:, None] - centers, axis=-1).argmin(axis=1)
-    return found
+    instances = np.full(len(pixels), -1)
+    instances[hit] = np.linalg.norm(meshes.points(hits)[hit][:, None] - centers, axis=-1).argmin(axis=1)
+    return instances

@@ -29,7 +29,7 @@ FRAME = "paint/light/element.0002"
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, its look before, and the values of the picture, which are to come back."""
+    """A scene, its look before the fit, and the values in the picture, which the fit has to find."""
 
     asset: str
     light: str
@@ -116,12 +116,12 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
     case = CASES[name]
     job, picture = scene(tmp_path, case, 128, 64)
     look, page = tmp_path / "found.usda", tmp_path / "page.html"
-    made = fit_picture(Wish(picture, job, tuple(case.truth), FRAME, look, page))
-    assert not made.found.undetermined
+    report = fit_picture(Wish(picture, job, tuple(case.truth), FRAME, look, page))
+    assert not report.found.undetermined
     again = read_look(look)
-    for (each, value), true in zip(made.found.values.items(), case.truth.values(), strict=True):
-        assert value == pytest.approx(true, rel=0.02), made.text()
-        assert constant_of(again, each).value == pytest.approx(value, rel=1e-6)
+    for (parameter, value), true in zip(report.found.values.items(), case.truth.values(), strict=True):
+        assert value == pytest.approx(true, rel=0.02), report.text()
+        assert constant_of(again, parameter).value == pytest.approx(value, rel=1e-6)
 
 
 TINY = Case("sphere", "city", look_text("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
@@ -134,12 +134,12 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
     job, picture = scene(tmp_path, TINY, 32, 16)
     parameters = "clearcoatGloss", "roughness"  # no light comes from the coat, whose weight is 0
     wish = Wish(picture, job, parameters, FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE)
-    made = fit_picture(wish)
-    assert made.found.without_effect == ("Base.clearcoatGloss",)
-    (value,), (error,) = made.found.values["Base.roughness"], made.found.errors["Base.roughness"]
+    report = fit_picture(wish)
+    assert report.found.without_effect == ("Base.clearcoatGloss",)
+    (value,), (error,) = report.found.values["Base.roughness"], report.found.errors["Base.roughness"]
     assert error < 0.02
     assert abs(value - 0.35) < 5.0 * error
-    assert " ± " in made.text()
+    assert " ± " in report.text()
     (layer,) = read_look(tmp_path / "found.usda").layers
     assert layer.inputs["roughness"] == pytest.approx(value)
     assert layer.inputs["metallic"] == 1.0
@@ -147,7 +147,7 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
     assert text.count("data:image/png;base64,") == 5
     assert "<script" not in text
     assert "http" not in text
-    plain = json.loads(json.dumps(made.data()))
+    plain = json.loads(json.dumps(report.data()))
     assert plain["parameters"]["Base.roughness"]["after"] == value
     assert plain["frame"] == FRAME
 
@@ -156,14 +156,14 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
         fit_picture(wish)
 
     def interrupt(point: Point) -> None:
-        if point.stage == "follow" and point.loss < 0.5 * made.found.before:
+        if point.stage == "follow" and point.loss < 0.5 * report.found.before:
             raise KeyboardInterrupt
 
-    cut = fit_picture(replace(wish, parameters=("roughness",), force=True), interrupt)
-    assert cut.found.interrupted
-    assert cut.found.after < cut.found.before
+    stopped = fit_picture(replace(wish, parameters=("roughness",), force=True), interrupt)
+    assert stopped.found.interrupted
+    assert stopped.found.after < stopped.found.before
     (layer,) = read_look(tmp_path / "found.usda").layers
-    assert layer.inputs["roughness"] == pytest.approx(cut.found.values["Base.roughness"][0])
+    assert layer.inputs["roughness"] == pytest.approx(stopped.found.values["Base.roughness"][0])
     assert "interrupted" in (tmp_path / "page.html").read_text()
 
 
@@ -193,8 +193,8 @@ def test_what_is_wrong_is_said_before_rendering(
     Path("paint.usda").write_text(TINY.look)
     for name, size in (("photo.exr", (32, 32)), ("small.exr", (8, 16)), ("shown.png", (32, 32))):
         assert oiio.ImageBuf(np.full((*size, 3), 0.5, np.float32)).write(name)
-    given = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}
-    given = {name: Path(each) if name in ("picture", "mask") else each for name, each in given.items()}
+    arguments = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}
+    arguments = {name: Path(value) if name in ("picture", "mask") else value for name, value in arguments.items()}
     with pytest.raises(LookdevError, match=words):
-        fit_picture(Wish(job=Path("job.toml"), **given))
+        fit_picture(Wish(job=Path("job.toml"), **arguments))
     assert not Path("found.usda").exists()

@@ -1,4 +1,4 @@
-"""Instances of one mesh show what meshes of their own show: mirrored, stretched, far from their origin, spared."""
+"""Instances of one mesh look like separate meshes: mirrored, stretched, far from the origin, excluded from a shadow."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ BRUSHED = Look("brushed", (Layer("p", "disney", METAL),))
 
 
 def row(*, instances: bool) -> Asset:
-    """Return heads side by side, of a mesh whose points lie 40 m from its origin, and a ball."""
+    """Return a row of heads, of a mesh whose points are 40 m from its origin, and a ball."""
     head, ball = load_asset(builtin="suzanne"), make_sphere(64, 32)
     far = replace(head.meshes[0], points=head.meshes[0].points + np.float32(40.0))
     placed = []
@@ -48,34 +48,34 @@ def row(*, instances: bool) -> Asset:
 
 @pytest.fixture(scope="module")
 def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
-    """Return the frame of instances, and that of meshes, under a light whose shadow the ball does not cast."""
-    sparing = Link((("/", "expandPrims"), ("/ball", "exclude")))
+    """Return the frame of instances and that of meshes, under a light whose shadow excludes the ball."""
+    without_ball = Link((("/", "expandPrims"), ("/ball", "exclude")))
     rect = near("rect")
-    lights = (replace(rect, emission=replace(rect.emission, shadow_link=sparing)), grey())
-    found = []
+    lights = (replace(rect, emission=replace(rect.emission, shadow_link=without_ball)), grey())
+    frames_of_both = []
     for instances in (True, False):
         asset = row(instances=instances)
         linked = link_lights(asset, {slot.path: BRUSHED for slot in asset.slots}, lights)
         camera = orbit_camera(linked.asset.center, linked.asset.radius)
         scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film(SIZE), linked.lit, linked.groups)
-        found += render_seeds(scene, POSE, 1, samples=64, bounces=2, passes=PASSES)
-    return found[0], found[1]
+        frames_of_both += render_seeds(scene, POSE, 1, samples=64, bounces=2, passes=PASSES)
+    return frames_of_both[0], frames_of_both[1]
 
 
 def test_instances_show_what_meshes_show(frames: tuple[Rendered, Rendered]) -> None:
-    one, other = frames
-    np.testing.assert_allclose(one.alpha, other.alpha, atol=1 / 64)
-    same = (one.passes["depth"] < 1e9)[..., 0] & (other.passes["depth"] < 1e9)[..., 0]
+    first, second = frames
+    np.testing.assert_allclose(first.alpha, second.alpha, atol=1 / 64)
+    same = (first.passes["depth"] < 1e9)[..., 0] & (second.passes["depth"] < 1e9)[..., 0]
     for name in ("depth", "position", "uv", "normal"):
         # Points of the mesh are some 40 m from its origin: float32 has 4e-6 m there.
-        np.testing.assert_allclose(one.passes[name][same], other.passes[name][same], atol=5e-4, err_msg=name)
-    assert one.names == other.names
-    assert set(one.names["CryptoObject"]) == {*PLACES, "/ball"}
-    for matte in one.names:
-        np.testing.assert_allclose(one.passes[matte][..., 0::2], other.passes[matte][..., 0::2])
-    # Light along the same paths: float32 of two ways to a point takes some to another place.
+        np.testing.assert_allclose(first.passes[name][same], second.passes[name][same], atol=5e-4, err_msg=name)
+    assert first.names == second.names
+    assert set(first.names["CryptoObject"]) == {*PLACES, "/ball"}
+    for matte in first.names:
+        np.testing.assert_allclose(first.passes[matte][..., 0::2], second.passes[matte][..., 0::2])
+    # The paths are the same, except for a few, as the two ways to compute a point round differently in float32.
     a, b = (0.5 * (frame.a + frame.b) for frame in frames)
-    covered = one.alpha > 0.0
+    covered = first.alpha > 0.0
     assert np.count_nonzero(covered) > 300
     off = np.abs(a - b).max(axis=-1) / (1e-3 + a.mean(axis=-1))
     assert (off[covered] < 1e-2).mean() > 0.95
@@ -84,16 +84,16 @@ def test_instances_show_what_meshes_show(frames: tuple[Rendered, Rendered]) -> N
 
 @pytest.mark.parametrize("instances", [True, False])
 def test_normals_are_those_of_the_reference(frames: tuple[Rendered, Rendered], instances: bool) -> None:
-    """They are interpolated in the mesh's own space: in one that is stretched, their mean has another direction."""
+    """They are interpolated in the space of the mesh: in a stretched space, their mean has another direction."""
     asset, frame = row(instances=instances), frames[not instances]
     camera, scene = orbit_camera(asset.center, asset.radius), MeshScene(asset, [BRUSHED] * len(asset.slots))
-    x, y = (each.ravel() + 0.5 for each in np.meshgrid(*map(np.arange, SIZE)))
+    x, y = (coordinate.ravel() + 0.5 for coordinate in np.meshgrid(*map(np.arange, SIZE)))
     origin, direction = camera_rays(camera, POSE, SIZE, x, y)
-    hit, place = scene.hit(origin, direction)
+    hit, hits = scene.hit(origin, direction)
     hit &= frame.passes["depth"].ravel() < 1e9
     assert np.count_nonzero(hit) > 300
-    normals = scene.frame(place[hit], -direction[hit])[0][:, 2]
+    normals = scene.frame(hits[hit], -direction[hit])[0][:, 2]
     expected = rotate_z(normals, POSE.element)
-    # Float32 of points that lie 40 m from their origin takes some to the neighbour of a triangle.
+    # In float32, 40 m from the origin, a few rays hit a neighbouring triangle.
     off = np.linalg.norm(frame.passes["normal"].reshape(-1, 3)[hit] - expected, axis=-1)
     assert np.quantile(off, 0.99) < 5e-4

@@ -1,4 +1,4 @@
-"""What Mitsuba's worker does where memory, a GPU or patience ends."""
+"""Mitsuba's worker without enough memory, without a GPU, and interrupted."""
 
 import ctypes
 import signal
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from frames import POSE
 from looks import LOOKS
-from mitsuba_scenes import dressed
+from mitsuba_scenes import scene_with_look
 from painted import painted
 
 from lookdev.cache import Content
@@ -33,13 +33,13 @@ from lookdev.scene import Sampling
 pytestmark = pytest.mark.mitsuba
 
 
-def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["diffuse"], **given: Any) -> FrameTask:
-    scene = dressed("suzanne", layers, light, size=16)
-    return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | given), "mitsuba"), POSE, "frame")
+def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["diffuse"], **sampling: Any) -> FrameTask:
+    scene = scene_with_look("suzanne", layers, light, size=16)
+    return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | sampling), "mitsuba"), POSE, "frame")
 
 
-def started(**pipes: int) -> subprocess.Popen[str]:
-    """Start a worker whose signals are ignored, as a shell starts what is in the background."""
+def start_worker(**pipes: int) -> subprocess.Popen[str]:
+    """Start a worker that ignores SIGINT, as a shell starts background processes."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE} | pipes
     process = subprocess.Popen(BACKENDS["mitsuba"].command, **pipes, text=True, start_new_session=True)
@@ -57,30 +57,30 @@ def ask(process: subprocess.Popen[str], task: FrameTask, answer: str) -> None:
 
 
 def test_launches_shrink_where_memory_ends_until_nothing_is_left(drjit: Any, light_of: Any) -> None:
-    """The frame is the same; where not even one pixel fits, the error says what would be right."""
+    """The frame does not change; where one pixel is too much, the error says what would be right."""
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
 
     task = task_of(light_of("city"))
     scene = MitsubaScene(load_mitsuba("cpu"), task.scene)
     whole = scene.render(task, lambda *progress: None)
-    of_scene, widths = scene._pixels, []
+    all_pixels, widths = scene._pixels, []
 
-    def within(most: int) -> Callable[..., Any]:
-        def pixels(view: Any, place: Any, lane: Any, *numbers: Any) -> Any:
+    def limited_to(limit: int) -> Callable[..., Any]:
+        def pixels(view: Any, rectangle: Any, lane: Any, *numbers: Any) -> Any:
             widths.append(drjit.width(lane))
-            if drjit.width(lane) > most:
+            if drjit.width(lane) > limit:
                 raise RuntimeError("record(): see above") from RuntimeError("jit_malloc(): out of memory! 9 bytes")
-            return of_scene(view, place, lane, *numbers)
+            return all_pixels(view, rectangle, lane, *numbers)
 
         return pixels
 
-    scene._pixels = within(64)
-    less = scene.render(task, lambda *progress: None)
+    scene._pixels = limited_to(64)
+    limited = scene.render(task, lambda *progress: None)
     assert max(widths) > 64
-    np.testing.assert_array_equal(less.a, whole.a)
-    np.testing.assert_array_equal(less.b, whole.b)
-    scene._pixels = within(0)
+    np.testing.assert_array_equal(limited.a, whole.a)
+    np.testing.assert_array_equal(limited.b, whole.b)
+    scene._pixels = limited_to(0)
     with pytest.raises(RenderError, match="out of memory, even with the 16 samples of a single pixel"):
         scene.render(task, lambda *progress: None)
 
@@ -107,8 +107,8 @@ def test_a_missing_gpu_is_named_before_rendering(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.both_pythons
 def test_the_worker_ends_at_once_in_the_middle_of_a_frame(llvm: str, light_of: Any) -> None:
-    """As after Ctrl-C, which reaches it too: it leaves the rest to the end of its input."""
-    with started() as process:
+    """Ctrl-C reaches the worker too: it ignores the signal, and ends with its input."""
+    with start_worker() as process:
         ask(process, task_of(light_of("city"), samples=1 << 22), '"progress"')
         before = time.perf_counter()
         process.send_signal(signal.SIGINT)
@@ -120,14 +120,14 @@ def test_the_worker_ends_at_once_in_the_middle_of_a_frame(llvm: str, light_of: A
 
 @pytest.mark.both_pythons
 def test_an_interrupted_worker_ends_and_reports_no_leaks(llvm: str, light_of: Any, tmp_path: Path) -> None:
-    """With its input still open. What it keeps from collection has OpenImageIO's types, which nanobind would miss."""
+    """Its input is open. Objects that it froze have types of OpenImageIO, which nanobind could report as leaked."""
     good = task_of(light_of("city"), layers=painted(tmp_path), samples=4)
     bad = replace(good, digest="bad", scene=replace(good.scene, asset=Content("none", ".npz")))
-    with started(stderr=subprocess.PIPE) as process:
+    with start_worker(stderr=subprocess.PIPE) as process:
         for task, answer in ((good, '"done"'), (bad, '"failed"'), (good, '"done"')):
             ask(process, task, answer)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=60.0) == 1
-        said = process.stderr.read()
-    assert "KeyboardInterrupt" in said
-    assert "leaked" not in said
+        output = process.stderr.read()
+    assert "KeyboardInterrupt" in output
+    assert "leaked" not in output

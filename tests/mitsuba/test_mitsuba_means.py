@@ -1,7 +1,7 @@
 """Means of frames against the float64 reference, to .1 %: every kind of light and control, textured stacks, all models.
 
-The mean of a frame is the frame of a single pixel, or of few. The reference makes these of a low-discrepancy set each,
-so that its error is a tenth of what it has of as many points in sets of small pixels.
+The mean of a frame is a frame of one pixel, or of a few. The reference samples each of these with one low-discrepancy
+set, so that its error is a tenth of that of the same number of points in sets for small pixels.
 
     python -m pytest -n 0 -m proof tests/mitsuba/test_mitsuba_means.py --log-cli-level INFO
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_rigs import RIG_LOOKS, RIGS, row_of_three
-from mitsuba_scenes import dressed
+from mitsuba_scenes import scene_with_look
 from painted import embossed, painted, sparkling
 
 from lookdev.brdf import CONTINUOUS, MODELS
@@ -33,33 +33,35 @@ pytestmark = [pytest.mark.mitsuba, pytest.mark.proof]
 POSE = Pose(0.0, 20.0)  # lamps shine on what the camera sees
 SIZE, SAMPLES, POINTS = 16, 2048, 1 << 18
 LEAST, MOST, ENOUGH = 8, 128, 2e-4
-"""Of independent values of a mean, and the standard error at which there are enough."""
+"""The fewest and the most independent values of a mean, and the relative standard error that ends the sampling."""
 
 LightOf = Callable[[str], Dome]
 
 
 def scene_of(name: str, light_of: LightOf, folder: Path) -> Scene:
-    """Return the scene of a case: `kind` and `of`, in one name."""
-    kind, _, of = name.partition(": ")
+    """Return the scene of a case, whose name is ``kind: detail``."""
+    kind, _, detail = name.partition(": ")
     match kind:
         case "dome":
-            return dressed("sphere", (RIG_LOOKS["plastic"],), light_of(of), size=SIZE)
+            return scene_with_look("sphere", (RIG_LOOKS["plastic"],), light_of(detail), size=SIZE)
         case "light":
-            return dressed("sphere", (RIG_LOOKS["plastic"],), *RIGS[of](folder), size=SIZE)
+            return scene_with_look("sphere", (RIG_LOOKS["plastic"],), *RIGS[detail](folder), size=SIZE)
         case "links":
             return replace(row_of_three(SIZE), film=Film((3 * SIZE, SIZE)))
         case "model":
-            return dressed("sphere", (Layer("Layer", of, MODELS[of].probe),), light_of("city"), size=SIZE)
-    layers = {"painted": painted, "sparkling": sparkling, "embossed": embossed}[of](folder)
-    return dressed("suzanne", layers, light_of("city"), size=SIZE)
+            return scene_with_look(
+                "sphere", (Layer("Layer", detail, MODELS[detail].probe),), light_of("city"), size=SIZE
+            )
+    layers = {"painted": painted, "sparkling": sparkling, "embossed": embossed}[detail](folder)
+    return scene_with_look("suzanne", layers, light_of("city"), size=SIZE)
 
 
 CASES = (
-    *(f"dome: {each}" for each in ("white", "slopes", "city", "studio")),
-    *(f"light: {each}" for each in RIGS),
+    *(f"dome: {light}" for light in ("white", "slopes", "city", "studio")),
+    *(f"light: {rig}" for rig in RIGS),
     "links: three heads, shadows of some",
-    *(f"stack: {each}" for each in ("painted", "sparkling", "embossed")),
-    *(f"model: {each}" for each in CONTINUOUS),
+    *(f"stack: {stack}" for stack in ("painted", "sparkling", "embossed")),
+    *(f"model: {model}" for model in CONTINUOUS),
 )
 
 
@@ -71,7 +73,7 @@ def scene(light_of: LightOf, tmp_path_factory: pytest.TempPathFactory) -> Callab
 
 @pytest.fixture(scope="module")
 def reference(scene: Callable[[str], Scene]) -> Callable[[str], tuple[float, float]]:
-    """Return a function that returns the mean of a case's frame over pixels and channels, and its standard error."""
+    """Return a function from a case to the mean of its frame over pixels and channels, and the standard error."""
 
     @cache
     def mean(name: str) -> tuple[float, float]:
@@ -82,25 +84,25 @@ def reference(scene: Callable[[str], Scene]) -> Callable[[str], tuple[float, flo
         pixels = np.stack([np.arange(squares), np.zeros(squares, np.int64)], axis=-1)
 
         def frame(seed: int) -> list[float]:
-            found = frame_pixels(
+            pixel_means = frame_pixels(
                 shape, case.lights, case.camera, POSE, (squares, 1), pixels,
                 bounces=bounces_of(name), samples=POINTS, scrambles=2, seed=seed,
             )  # fmt: skip
-            return [float(found.value.mean())]
+            return [float(pixel_means.value.mean())]
 
-        return settled(frame)
+        return converged_mean(frame)
 
     return mean
 
 
-def settled(values: Callable[[int], list[float]]) -> tuple[float, float]:
-    """Return the mean of independent values of seeds, and its standard error, `ENOUGH` of it or less."""
-    found: list[float] = []
+def converged_mean(values: Callable[[int], list[float]]) -> tuple[float, float]:
+    """Return the mean of independent values of seeds, and its standard error, at most `ENOUGH` times the mean."""
+    means: list[float] = []
     for seed in range(MOST):
-        found += values(seed)
-        error = np.std(found, ddof=1) / np.sqrt(len(found)) if len(found) >= LEAST else np.inf
-        if error < ENOUGH * abs(np.mean(found)):
-            return float(np.mean(found)), float(error)
+        means += values(seed)
+        error = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) >= LEAST else np.inf
+        if error < ENOUGH * abs(np.mean(means)):
+            return float(np.mean(means)), float(error)
     raise AssertionError(f"{MOST} seeds leave an error of {error}")
 
 
@@ -129,8 +131,8 @@ def test_means_are_those_of_the_reference(
         frame = process.render(one_frame(task, POSE, f"{seed}", seed=seed), lambda progress: None)
         return [float(half.astype(np.float64).mean()) for half in (frame.a, frame.b)]
 
-    (found, noise), (expected, own) = settled(halves), reference(name)
-    difference, error = 100.0 * (found / expected - 1.0), 100.0 * np.hypot(noise, own) / expected
+    (value, noise), (expected, reference_error) = converged_mean(halves), reference(name)
+    difference, error = 100.0 * (value / expected - 1.0), 100.0 * np.hypot(noise, reference_error) / expected
     logging.getLogger(__name__).info("| %s | %s | %+.3f (%.3f) |", name, backend, difference, error)
     # Five standard errors: of Student's t of few values, and of as many cases.
     assert abs(difference) < min(0.1, 5.0 * error)

@@ -1,4 +1,4 @@
-"""The passes of a frame of Mitsuba, beside rays of the camera, `exact`, and looks of single lobes."""
+"""The passes of a frame of Mitsuba, compared with camera rays, the parts' sum, and looks of single lobes."""
 
 import json
 from dataclasses import replace
@@ -37,14 +37,14 @@ PARTS = (
 
 
 def pair() -> Asset:
-    """Return a head before a smaller one of another slot; their place is off the origin."""
+    """Return a head in front of a smaller one with another slot, away from the origin."""
     head = load_asset(builtin="suzanne")
     mesh = head.meshes[0]
     meshes = [replace(mesh, face_slots=np.full(len(mesh.face_sizes), n, np.int32)) for n in range(2)]
     instances = []
-    for number, (path, size, place) in enumerate((("/set/left", 1.0, 0.0), ("/set/right", -0.8, 1.7))):
+    for number, (path, size, offset) in enumerate((("/set/left", 1.0, 0.0), ("/set/right", -0.8, 1.7))):
         matrix = np.diag([size, abs(size), abs(size), 1.0])
-        matrix[:3, 3] = (3.0 + place, -2.0 + 0.5 * place, 1.0)
+        matrix[:3, 3] = (3.0 + offset, -2.0 + 0.5 * offset, 1.0)
         instances.append(Instance(number, matrix, path))
     slots = [replace(head.slots[0], path=f"/{n}") for n in range(2)]
     return make_asset("pair", meshes, instances, slots)
@@ -55,14 +55,14 @@ def task_of(
     passes: tuple[str, ...],
     pose: Pose = POSE,
     lights: tuple[Light, ...] | None = None,
-    **given: object,
+    **sampling_options: object,
 ) -> FrameTask:
     asset = pair()
     camera = orbit_camera(asset.center, 0.8 * asset.radius)
     wears = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
     scene = Scene(asset, wears, lights or (near_the_pair(), grey()), camera, Film(SIZE))
-    sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | given)  # type: ignore[arg-type]
-    return one_frame(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {given}")
+    sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | sampling_options)  # type: ignore[arg-type]
+    return one_frame(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {sampling_options}")
 
 
 def near_the_pair() -> Light:
@@ -70,7 +70,7 @@ def near_the_pair() -> Light:
 
 
 def rig() -> tuple[Light, ...]:
-    """Return lamps about the pair, two of one group, one of which the camera sees, and a dome."""
+    """Return lamps about the pair (two in one group, one visible to the camera), and a dome."""
     key, fill = near_the_pair(), Emission((1.0, 2.0, 6.0), specular=0.5, group="fi.ll")
     return (
         replace(key, emission=replace(key.emission, group="key")),
@@ -80,38 +80,38 @@ def rig() -> tuple[Light, ...]:
     )
 
 
-def rendered(worker: Worker, task: FrameTask) -> Rendered:
+def render(worker: Worker, task: FrameTask) -> Rendered:
     worker.start()
     return worker.render(task, lambda progress: None)
 
 
 @pytest.fixture(scope="module")
 def solid(worker: Worker) -> Rendered:
-    """Return a frame of two looks that cannot be seen through, with all passes of places and all mattes."""
+    """Return a frame of two opaque looks, with all passes of geometry and all mattes."""
     passes = ("depth", "position", "normal", "uv", "albedo", "samples", "cryptomatte")
-    return rendered(worker, task_of((COATED, COATED), passes, samples=2048))
+    return render(worker, task_of((COATED, COATED), passes, samples=2048))
 
 
 def test_places_are_those_that_rays_meet(solid: Rendered) -> None:
-    shown = solid.passes
-    assert {*shown} > {"depth", "position", "normal", "uv", "albedo", "samples"}
+    passes = solid.passes
+    assert {*passes} > {"depth", "position", "normal", "uv", "albedo", "samples"}
     asset = pair()
     camera = orbit_camera(asset.center, 0.8 * asset.radius)
     scene = MeshScene(asset, [COATED, COATED])
-    x, y = (each.ravel() for each in np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5))
+    x, y = (coordinate.ravel() for coordinate in np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5))
     # The reference orbits the camera and leaves the asset where it is.
     origin, direction = camera_rays(camera, POSE, SIZE, x, y)
-    hit, place = scene.hit(origin, direction)
+    hit, hits = scene.hit(origin, direction)
     assert 100 < np.count_nonzero(hit) < hit.size - 100
-    points = scene.points(place[hit])
-    frame, _ = scene.frame(place[hit], -direction[hit])
+    points = scene.points(hits[hit])
+    frame, _ = scene.frame(hits[hit], -direction[hit])
     angle = np.radians(POSE.element)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     pivot = np.array((*camera.pivot, 0.0))
     world = (points - pivot) @ turn.T + pivot
 
     def rows(name: str) -> np.ndarray:
-        return shown[name].reshape(len(hit), -1)
+        return passes[name].reshape(len(hit), -1)
 
     # Float32 of Embree about the asset's centre: 1e-6 of its size.
     np.testing.assert_allclose(rows("position")[hit], world, atol=2e-5)
@@ -124,13 +124,13 @@ def test_places_are_those_that_rays_meet(solid: Rendered) -> None:
     assert ((rows("uv")[hit] >= 0.0) & (rows("uv")[hit] <= 1.0)).all()
     assert rows("uv")[hit].std(axis=0).min() > 0.05
     assert (rows("samples") == 2048.0).all()
-    albedo = shown["albedo"][shown["albedo"].any(axis=-1)]
+    albedo = passes["albedo"][passes["albedo"].any(axis=-1)]
     assert (albedo[:, 0] > albedo[:, 2]).all()
 
 
 def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -> None:
-    plain = rendered(worker, task_of((COATED, NET), (), lights=rig()))
-    frame = rendered(worker, task_of((COATED, NET), ("lobes", "direct", "lights"), lights=rig()))
+    plain = render(worker, task_of((COATED, NET), (), lights=rig()))
+    frame = render(worker, task_of((COATED, NET), ("lobes", "direct", "lights"), lights=rig()))
     np.testing.assert_array_equal(plain.alpha, frame.alpha)
     np.testing.assert_allclose(frame.a, plain.a, rtol=1e-4, atol=1e-6)
     beauty = 0.5 * (frame.a + frame.b)
@@ -145,7 +145,7 @@ def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -
 
 
 def assert_same_light(parts: list[np.ndarray], alone: list[np.ndarray], least: float) -> None:
-    """Compare the mean colours (N, 3) of a part of the light, in frames of N seeds, and of the frames of it alone."""
+    """Compare the mean colours (N, 3) of a part of the light, of N seeds, with those of frames of that light alone."""
     noise = np.sqrt((np.var(parts, axis=0, ddof=1) + np.var(alone, axis=0, ddof=1)) / len(parts))
     # Student's t of 3 degrees of freedom and more: beyond 12 by chance once in a thousand.
     assert (np.abs(np.mean(parts, axis=0) - np.mean(alone, axis=0)) < 12.0 * noise).all()
@@ -153,14 +153,14 @@ def assert_same_light(parts: list[np.ndarray], alone: list[np.ndarray], least: f
 
 
 def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker) -> None:
-    """Also where it came through a look that can be seen through, by way of the asset, and straight to the camera.
+    """The scene has a look that can be seen through, indirect light, and a lamp that the camera sees.
 
-    What two groups leave is the third's: the parts sum up to all light.
+    Two of the three groups are compared: the parts sum up to all light.
     """
     lights = rig()
 
-    def frames(shown: tuple[Light, ...], passes: tuple[str, ...]) -> list[Rendered]:
-        return [rendered(worker, task_of((COATED, NET), passes, lights=shown, samples=256, seed=n)) for n in range(4)]
+    def frames(lights_on: tuple[Light, ...], passes: tuple[str, ...]) -> list[Rendered]:
+        return [render(worker, task_of((COATED, NET), passes, lights=lights_on, samples=256, seed=n)) for n in range(4)]
 
     together = frames(lights, ("lights",))
     for group, number in (("key", 1), ("fi_ll", 2)):
@@ -173,21 +173,23 @@ def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker)
 def test_light_of_one_group_is_all_there_is_and_what_reaches_nothing_is_black(worker: Worker) -> None:
     # It sends its light along -z, away from the pair.
     idle = RectLight(width=1.0, height=1.0, position=(3.0, -2.0, -9.0), emission=Emission(group="idle"))
-    for lit in (grey(), near_the_pair()):
-        frame = rendered(worker, task_of((COATED, NET), ("lights",), lights=(idle, lit), samples=16))
-        assert {*frame.passes} == {"light_idle", f"light_{lit.kind}"}
+    for light in (grey(), near_the_pair()):
+        frame = render(worker, task_of((COATED, NET), ("lights",), lights=(idle, light), samples=16))
+        assert {*frame.passes} == {"light_idle", f"light_{light.kind}"}
         assert not frame.passes["light_idle"].any()
-        np.testing.assert_array_equal(frame.passes[f"light_{lit.kind}"], 0.5 * (frame.a + frame.b))
+        np.testing.assert_array_equal(frame.passes[f"light_{light.kind}"], 0.5 * (frame.a + frame.b))
 
 
 def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) -> None:
-    """Also where light came by way of the other look, which stays as it is."""
+    """The comparison includes indirect light from the other look, which does not change."""
     inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0}
 
     def frames(**changed: object) -> list[Rendered]:
-        looks = [Look("look", (Layer("p", "modified-phong", each),)) for each in (inputs, inputs | changed)]
+        looks = [
+            Look("look", (Layer("p", "modified-phong", layer_inputs),)) for layer_inputs in (inputs, inputs | changed)
+        ]
         passes = ("lobes", "direct", "cryptomatte")
-        return [rendered(worker, task_of((looks[0], looks[1]), passes, bounces=1, seed=n)) for n in range(4)]
+        return [render(worker, task_of((looks[0], looks[1]), passes, bounces=1, seed=n)) for n in range(4)]
 
     both = frames()
     # Where the right head alone is seen, one bounce comes by way of the left one, or of its own.
@@ -201,17 +203,21 @@ def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) ->
 def coverage(frame: Rendered, name: str) -> np.ndarray:
     """Return the coverage (H, W) of a prim."""
     ids = frame.passes["CryptoObject"]
-    wanted = np.array(matte_id(name), np.uint32).view(np.float32)
-    return np.where(ids[..., 0::2] == wanted, ids[..., 1::2], 0.0).sum(axis=-1)
+    prim_id = np.array(matte_id(name), np.uint32).view(np.float32)
+    return np.where(ids[..., 0::2] == prim_id, ids[..., 1::2], 0.0).sum(axis=-1)
 
 
 def test_mattes_are_the_coverage_of_each_part(worker: Worker, solid: Rendered, tmp_path: Path) -> None:
     task = task_of((COATED, NET), ("cryptomatte",), samples=2048, bounces=3)
     task = replace(task, files=(tmp_path / "frame.exr",))
-    frame = rendered(worker, task)
+    frame = render(worker, task)
     store(task, frame)
     buffer = oiio.ImageBuf(str(task.files[0]))
-    entries = {each.name: each.value for each in buffer.spec().extra_attribs if each.name.startswith("cryptomatte/")}
+    entries = {
+        attribute.name: attribute.value
+        for attribute in buffer.spec().extra_attribs
+        if attribute.name.startswith("cryptomatte/")
+    }
     names = {name for key, text in entries.items() if key.endswith("/manifest") for name in json.loads(text)}
     assert names == {"/set/left", "/set/right", "coated", "net", "pair"}
     for matte in ("CryptoObject", "CryptoMaterial", "CryptoAsset"):

@@ -1,4 +1,4 @@
-"""What a scene keeps in memory, and that neither that nor the speed of launches changes a frame."""
+"""Arrays and constants of scenes in memory, and frames that do not depend on the speed of launches."""
 
 import itertools
 from collections.abc import Callable
@@ -25,13 +25,13 @@ pytestmark = pytest.mark.mitsuba
 
 @pytest.mark.parametrize("offset", range(4))
 def test_held_numbers_are_aligned_wherever_they_came_from(drjit, offset: int) -> None:
-    from lookdev.mitsuba.frozen import held
+    from lookdev.mitsuba.frozen import device_array
 
     numbers = np.arange(1000, dtype=np.float64)[offset:]
     for kind in (drjit.llvm.Float, drjit.llvm.UInt32):
-        found = np.asarray(held(kind, numbers))
-        np.testing.assert_array_equal(found, numbers)
-        assert found.ctypes.data % 16 == 0, "Dr.Jit gathers four numbers at once, or one by one, by this"
+        array = np.asarray(device_array(kind, numbers))
+        np.testing.assert_array_equal(array, numbers)
+        assert array.ctypes.data % 16 == 0, "Dr.Jit gathers four numbers at once, or one by one, by this"
 
 
 def test_a_file_is_read_once_while_its_numbers_are_held(drjit) -> None:
@@ -60,7 +60,7 @@ def task_of(llvm: str, light_of) -> Callable[..., SceneTask]:
 
 
 def test_a_scene_takes_the_constants_of_another_and_no_other_programs(task_of: Callable[..., SceneTask]) -> None:
-    """It renders what that one would, bit for bit."""
+    """Its frames equal those of a new scene, bit for bit."""
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
 
@@ -76,20 +76,20 @@ def test_a_scene_takes_the_constants_of_another_and_no_other_programs(task_of: C
 
     scene = MitsubaScene(mi, first)
     before = pictures(scene, first)
-    assert scene.take(other)
+    assert scene.update(other)
     after = pictures(scene, other)
     assert np.array_equal(after, pictures(MitsubaScene(mi, other), other))
     assert np.abs(after - before).max() > 0.01
-    # A clear coat is another program; another size is none.
-    assert not scene.take(edited(clearcoat=1.0))
+    # A clear coat needs another program; another resolution does not.
+    assert not scene.update(edited(clearcoat=1.0))
     assert np.array_equal(after, pictures(scene, other))
     small = replace(other, resolution=(12, 9))
-    assert scene.fits(small)
+    assert scene.matches(small)
     assert np.array_equal(pictures(scene, small), pictures(MitsubaScene(mi, small), small))
 
 
 def test_a_frame_does_not_depend_on_the_speed_of_launches(task_of: Callable[..., SceneTask], monkeypatch) -> None:
-    """How long a launch takes decides how much the next one renders."""
+    """The time of a launch determines the size of the next one."""
     from lookdev.mitsuba import render
     from lookdev.mitsuba.load import load_mitsuba
 
@@ -112,14 +112,14 @@ def test_a_frame_does_not_depend_on_the_speed_of_launches(task_of: Callable[...,
 
 def test_under_white_light_colours_in_acescg_agree_after_conversion(render_seeds: RenderSeeds, light_of) -> None:
     red = Look("red", (Layer("paint", "disney", {"baseColor": (0.8, 0.02, 0.02), "clearcoat": 0.5}),))
-    shown = {}
+    pictures = {}
     spaces: tuple[Space, ...] = ("rec709", "acescg")
     for space in spaces:
         scene = Scene.of_look(load_asset(builtin="sphere"), red, light_of("white").in_space(space), (24, 18))
         (frame,) = render_seeds(replace(scene, film=Film((24, 18), space)), Pose(0.0, 0.0), 1, samples=16)
-        shown[space] = 0.5 * (frame.a + frame.b)
-    ours = shown["rec709"]
+        pictures[space] = 0.5 * (frame.a + frame.b)
+    ours = pictures["rec709"]
     # Only float32 differs: both have the same samples.
-    off = np.abs(to_rec709(shown["acescg"], "acescg") - ours)
+    off = np.abs(to_rec709(pictures["acescg"], "acescg") - ours)
     assert (off <= 5e-5 * (ours.max(axis=-1, keepdims=True) + 1e-3)).all()
     assert ours[..., 0].max() > 0.4

@@ -37,8 +37,8 @@ def plugin(mi: Any, model: str, **inputs: Any) -> Any:
     return mi.load_dict({"type": f"lookdev_{model.replace('-', '_')}", **inputs})
 
 
-def place(mi: Any, wi: np.ndarray) -> Any:
-    """Places in the plane z = 0 that are seen along directions, whose frame is that of the world."""
+def interaction(mi: Any, wi: np.ndarray) -> Any:
+    """Return interactions in the plane z = 0 with the world's axes as their frame, seen along directions."""
     si = mi.SurfaceInteraction3f()
     si.wi = mi.Vector3f(*wi.T.astype(np.float32))
     si.sh_frame = mi.Frame3f(mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1))
@@ -47,11 +47,11 @@ def place(mi: Any, wi: np.ndarray) -> Any:
     return si
 
 
-def scattered() -> tuple[np.ndarray, np.ndarray]:
+def random_directions() -> tuple[np.ndarray, np.ndarray]:
     directions = np.random.default_rng(3).normal(size=(2, COUNT, 3))
     directions[..., 2] = np.abs(directions[..., 2]) + 0.05
-    seen, lit = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).astype(np.float32).astype(float)
-    return seen, lit
+    wo, wi = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).astype(np.float32).astype(float)
+    return wo, wi
 
 
 def test_every_continuous_model_is_a_plugin(mi: Any) -> None:
@@ -62,15 +62,15 @@ def test_every_continuous_model_is_a_plugin(mi: Any) -> None:
 
 @pytest.mark.parametrize("model", SETTINGS)
 def test_a_plugin_agrees_with_its_model(model: str, mi: Any) -> None:
-    wo, wi = scattered()
-    given = {name: np.asarray(each, float) for name, each in SETTINGS[model].items()}
-    bsdf = MODELS[model].bsdf(complete_parameters(model, given))
-    found, density = plugin(mi, model, **SETTINGS[model]).eval_pdf(
-        mi.BSDFContext(), place(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True
+    wo, wi = random_directions()
+    arrays = {name: np.asarray(value, float) for name, value in SETTINGS[model].items()}
+    bsdf = MODELS[model].bsdf(complete_parameters(model, arrays))
+    values, density = plugin(mi, model, **SETTINGS[model]).eval_pdf(
+        mi.BSDFContext(), interaction(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True
     )
     expected = evaluate_cosine(bsdf, wo, wi)
     scale = np.maximum(np.abs(expected), 1e-3)
-    assert np.quantile(np.abs(np.array(found).T - expected) / scale, 0.99) < 2e-4
+    assert np.quantile(np.abs(np.array(values).T - expected) / scale, 0.99) < 2e-4
     np.testing.assert_allclose(np.array(density), pdf(bsdf, wo, wi), rtol=1e-3, atol=1e-5)
 
 
@@ -80,10 +80,10 @@ def test_samples_follow_their_pdf(model: str, mi: Any, tmp_path: Path, monkeypat
     from mitsuba.chi2 import BSDFAdapter, ChiSquareTest, SphericalDomain
 
     inputs = "".join(
-        f'<rgb name="{name}" value="{" ".join(map(str, each))}"/>'
-        if isinstance(each, list)
-        else f'<float name="{name}" value="{each}"/>'
-        for name, each in SETTINGS[model].items()
+        f'<rgb name="{name}" value="{" ".join(map(str, value))}"/>'
+        if isinstance(value, list)
+        else f'<float name="{name}" value="{value}"/>'
+        for name, value in SETTINGS[model].items()
     )
     name = f"lookdev_{model.replace('-', '_')}"
     sample, density = BSDFAdapter(name, inputs, wi=[0.5, 0.2, 0.84])
@@ -93,24 +93,24 @@ def test_samples_follow_their_pdf(model: str, mi: Any, tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize("name", quick_among([(name,) for name in LOOKS], [("leaf",)]))
 def test_a_look_of_a_file_weighs_its_samples_rightly(name: str, mi: Any) -> None:
-    """Weights are value over pdf, from both sides; what passes through a leaf's holes passes unchanged."""
+    """Weights are value over pdf, on both sides; light through a leaf's holes is unchanged."""
     import drjit as dr
 
     bsdf = mi.load_dict({"type": "lookdev_look", "file": str(MATERIALS / f"{name}.usda")})
-    wo, _ = scattered()
+    wo, _ = random_directions()
     wo[::3, 2] *= -1.0
-    si = place(mi, wo)
+    si = interaction(mi, wo)
     rng = np.random.default_rng(1)
-    u = [mi.Float(each) for each in rng.random((3, COUNT)).astype(np.float32)]
-    drawn, weight = bsdf.sample(mi.BSDFContext(), si, u[0], mi.Point2f(u[1], u[2]), True)
-    value, density = bsdf.eval_pdf(mi.BSDFContext(), si, drawn.wo, True)
-    passed = np.array(drawn.sampled_type) == int(+mi.BSDFFlags.Null)
-    kept = ~passed & (np.array(density) > 0.0)
-    assert kept.sum() > COUNT // 4
+    u = [mi.Float(numbers) for numbers in rng.random((3, COUNT)).astype(np.float32)]
+    sample, weight = bsdf.sample(mi.BSDFContext(), si, u[0], mi.Point2f(u[1], u[2]), True)
+    value, density = bsdf.eval_pdf(mi.BSDFContext(), si, sample.wo, True)
+    passed = np.array(sample.sampled_type) == int(+mi.BSDFFlags.Null)
+    evaluated = ~passed & (np.array(density) > 0.0)
+    assert evaluated.sum() > COUNT // 4
     expected = np.array(value / dr.maximum(density, 1e-20)).T
-    np.testing.assert_allclose(np.array(weight).T[kept], expected[kept], rtol=1e-3, atol=1e-5)
-    np.testing.assert_allclose(np.array(drawn.pdf)[kept], np.array(density)[kept], rtol=1e-3)
-    assert (np.array(drawn.wo).T[passed] == -wo[passed].astype(np.float32)).all()
+    np.testing.assert_allclose(np.array(weight).T[evaluated], expected[evaluated], rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(np.array(sample.pdf)[evaluated], np.array(density)[evaluated], rtol=1e-3)
+    assert (np.array(sample.wo).T[passed] == -wo[passed].astype(np.float32)).all()
     np.testing.assert_allclose(np.array(weight).T[passed], 1.0, rtol=1e-6)
 
 
@@ -119,14 +119,14 @@ def test_gradients_are_those_of_differences(mi: Any) -> None:
 
     bsdf = plugin(mi, "disney", **SETTINGS["disney"])
     parameters = mi.traverse(bsdf)
-    wo, wi = scattered()
+    wo, wi = random_directions()
 
     def total(value: float) -> Any:
         parameters["roughness"] = mi.Float(value)
         dr.enable_grad(parameters["roughness"])
         parameters.update()
-        found = bsdf.eval(mi.BSDFContext(), place(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True)
-        return dr.mean(dr.mean(found))
+        values = bsdf.eval(mi.BSDFContext(), interaction(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True)
+        return dr.mean(dr.mean(values))
 
     loss = total(0.4)
     dr.backward(loss)
@@ -149,10 +149,10 @@ def test_what_is_wrong_is_said(mi: Any) -> None:
 def test_a_texture_of_mitsuba_feeds_a_parameter(mi: Any) -> None:
     texture = {"type": "checkerboard", "color0": 0.2, "color1": 0.7}
     bsdf = plugin(mi, "disney", roughness=texture)
-    wo, wi = scattered()
+    wo, wi = random_directions()
     direction = mi.Vector3f(*wi.T.astype(np.float32))
-    found = np.array(bsdf.eval(mi.BSDFContext(), place(mi, wo), direction, True))
-    plain = [plugin(mi, "disney", roughness=each) for each in (0.2, 0.7)]
-    either = [np.array(each.eval(mi.BSDFContext(), place(mi, wo), direction, True)) for each in plain]
-    assert any(np.allclose(found, each, rtol=1e-4, atol=1e-7) for each in either)
+    values = np.array(bsdf.eval(mi.BSDFContext(), interaction(mi, wo), direction, True))
+    plain = [plugin(mi, "disney", roughness=value) for value in (0.2, 0.7)]
+    either = [np.array(bsdf.eval(mi.BSDFContext(), interaction(mi, wo), direction, True)) for bsdf in plain]
+    assert any(np.allclose(values, expected, rtol=1e-4, atol=1e-7) for expected in either)
     assert not np.allclose(*either)

@@ -20,16 +20,20 @@ COUNT = 400
 @EVERY
 def test_programs_agree_with_the_models(cases: int, model: str, tokens: dict[str, str], drjit: Any) -> None:
     rng = np.random.default_rng(3)
-    compared = [pair for inputs in _drawn(rng, model, tokens, cases) for pair in _outputs(rng, model, inputs, drjit)]
+    compared = [
+        pair for inputs in _random_inputs(rng, model, tokens, cases) for pair in _outputs(rng, model, inputs, drjit)
+    ]
     drjit.eval([computed for computed, *_ in compared])  # in one kernel
     for computed, expected, rtol, atol in compared:
-        found = np.stack([np.broadcast_to(np.array(each), COUNT) for each in computed], axis=-1)
+        values = np.stack([np.broadcast_to(np.array(component), COUNT) for component in computed], axis=-1)
         # Sums are taken in another order: some units in the last place of the largest term.
-        np.testing.assert_allclose(found, expected, rtol=rtol, atol=atol * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(values, expected, rtol=rtol, atol=atol * max(1.0, np.abs(expected).max()))
 
 
-def _drawn(rng: np.random.Generator, model: str, tokens: dict[str, str], cases: int) -> Iterator[dict[str, Any]]:
-    """Yield inputs of a layer; optional numbers that have their defaults are not given."""
+def _random_inputs(
+    rng: np.random.Generator, model: str, tokens: dict[str, str], cases: int
+) -> Iterator[dict[str, Any]]:
+    """Yield inputs of a layer, without optional numbers that have their defaults."""
     values = random_parameters(rng, model, tokens, cases)
     parameters = MODELS[model].parameters
     for case in range(cases):
@@ -43,8 +47,8 @@ def _drawn(rng: np.random.Generator, model: str, tokens: dict[str, str], cases: 
 
 
 def _outputs(rng: np.random.Generator, model: str, inputs: dict[str, Any], drjit: Any) -> Iterator[tuple[Any, ...]]:
-    """Yield what a program traces of value, pdf and sample, what the model has, and the tolerances."""
-    from lookdev.mitsuba.programs import Place, Program
+    """Yield value, pdf and sample of a program, those of the model, and the tolerances."""
+    from lookdev.mitsuba.programs import Evaluation, Program
 
     number = drjit.llvm.Float64
     look = Look("look", (Layer("Layer", model, inputs),))
@@ -55,17 +59,17 @@ def _outputs(rng: np.random.Generator, model: str, inputs: dict[str, Any], drjit
     wo = directions(rng, COUNT)
     wi, u = near_the_mirror_image(rng, wo), rng.random((COUNT, 2))
     symbols = {f"wo_{axis}": number(wo[:, i].copy()) for i, axis in enumerate("xyz")} | {"handed": number(1.0)}
-    place = Place(program, symbols.__getitem__)
-    given = {f"wi_{axis}": number(wi[:, i].copy()) for i, axis in enumerate("xyz")}
-    drawn = {f"u{i + 1}": number(u[:, i].copy()) for i in range(2)}
+    evaluation = Evaluation(program, symbols.__getitem__)
+    directions_in = {f"wi_{axis}": number(wi[:, i].copy()) for i, axis in enumerate("xyz")}
+    numbers = {f"u{i + 1}": number(u[:, i].copy()) for i in range(2)}
     of_model = {name: value if isinstance(value, str) else np.asarray(value) for name, value in inputs.items()}
     bsdf = stack_bsdf([StackLayer(model, complete_parameters(model, of_model), 1.0, "over")])
     # Tables are float32, whose rounding grows where a distribution is inverted.
     tolerances = (2.0**-23, 2.0**-18) if source.tables else (1e-9, 1e-12)
-    yield place.values("value", **given), evaluate_cosine(bsdf, wo, wi), *tolerances
-    yield place.values("pdf", **given)[:1], pdf(bsdf, wo, wi)[:, None], *tolerances
-    yield place.values("wi", **drawn), sample(bsdf, wo, u), *tolerances
+    yield evaluation.values("value", **directions_in), evaluate_cosine(bsdf, wo, wi), *tolerances
+    yield evaluation.values("pdf", **directions_in)[:1], pdf(bsdf, wo, wi)[:, None], *tolerances
+    yield evaluation.values("wi", **numbers), sample(bsdf, wo, u), *tolerances
 
 
 def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else tuple(float(each) for each in value)
+    return float(value) if np.ndim(value) == 0 else tuple(float(component) for component in value)

@@ -1,4 +1,4 @@
-"""Samples where the error is: no pixel drifts, a frame's error is what it reports, plans are within bounds."""
+"""Adaptive sampling: pixels are unbiased, the reported error is the true one, plans are within bounds."""
 
 from collections.abc import Iterator
 
@@ -13,37 +13,39 @@ from lookdev.scene import Sampling
 
 Floats = NDArray[np.float64]
 
-SIDE = 50  # no multiple of a tile
+SIDE = 50  # not a multiple of a tile
 
 ROW, COLUMN = np.mgrid[:SIDE, :SIDE] / SIDE - 0.5
 ALPHA = (ROW * ROW + COLUMN * COLUMN < 0.2).astype(np.float64)
 TRUTH = ((0.5 + ROW * COLUMN)[..., None] * (1.0, 0.7, 0.4)) * ALPHA[..., None]
 NOISY = (COLUMN > 0.1) & (ROW < 0.0)
-# One over the variance of a sample, relative to the square of its mean.
+# The squared mean of a sample over its variance.
 SHAPE = np.where(NOISY, 0.02, 2.0)
 
 
 class Simulated:
-    """A frame of a disc whose noise is skewed as that of paths is, and ten times stronger in a corner of it."""
+    """A frame of a disc with skewed noise, as that of paths, ten times stronger in a corner."""
 
     def __init__(self, rng: np.random.Generator, shape: Floats = SHAPE) -> None:
         self.rng, self.shape = rng, shape
         self.halves = Half(SIDE, SIDE), Half(SIDE, SIDE)
         self.number, self.error = 0, np.inf
 
-    def take(self, plan: Round) -> None:
+    def render(self, plan: Round) -> None:
         for half, regions in zip(self.halves, plan, strict=True):
             for region in regions:
-                part = region.rows, region.columns
+                window = region.rows, region.columns
                 # The mean of n numbers that follow a gamma distribution follows one of n times the shape.
-                shape = (region.samples * self.shape[part])[..., None]
-                half.add(region, TRUTH[part] * self.rng.gamma(shape, 1.0 / shape, (*shape.shape[:2], 3)), ALPHA[part])
+                shape = (region.samples * self.shape[window])[..., None]
+                half.add(
+                    region, TRUTH[window] * self.rng.gamma(shape, 1.0 / shape, (*shape.shape[:2], 3)), ALPHA[window]
+                )
         self.number += 1
         self.error = relmse_of_halves(*(half.color for half in self.halves), ALPHA)
 
     def run(self, **sampling: float) -> Iterator[Round]:
         while any(plan := next_round(Sampling(**sampling), self.halves, self.number, self.error)):
-            self.take(plan)
+            self.render(plan)
             yield plan
 
     @property
@@ -63,24 +65,24 @@ def drift(halves: list[Half], seen: NDArray[np.bool_]) -> float:
 
 
 def test_the_error_of_a_frame_is_what_it_reports() -> None:
-    found = [Simulated(rng) for rng in np.random.default_rng(20).spawn(60)]
-    for frame in found:
+    frames = [Simulated(rng) for rng in np.random.default_rng(20).spawn(60)]
+    for frame in frames:
         list(frame.run(samples=65536, error=3e-2))
-    assert all(np.ptp(half.samples) > 0.0 for frame in found for half in frame.halves), "samples are all the same"
-    assert max(frame.error for frame in found) <= 3e-2
-    ratios = [frame.error / relmse(frame.color, TRUTH, ALPHA) for frame in found]
+    assert all(np.ptp(half.samples) > 0.0 for frame in frames for half in frame.halves), "samples are all the same"
+    assert max(frame.error for frame in frames) <= 3e-2
+    ratios = [frame.error / relmse(frame.color, TRUTH, ALPHA) for frame in frames]
     # Four standard errors.
     assert np.mean(ratios) == pytest.approx(1.0, abs=4.0 * np.std(ratios, ddof=1) / np.sqrt(len(ratios)))
     assert np.std(ratios) < 0.15
 
 
 def test_a_half_plans_by_what_the_other_half_saw() -> None:
-    """What a half saw itself would make a pixel dark whose bright samples are rare: it stops where it saw none."""
+    """Planned by its own samples, a half would stop where rare bright samples are missing, and be too dark."""
 
     def plans(seen: int | None) -> Round:
         frame = Simulated(np.random.default_rng(6))
-        frame.take(whole(8))
-        frame.take(whole(8))
+        frame.render(whole(8))
+        frame.render(whole(8))
         if seen is not None:
             frame.halves[seen].spread[:] *= 1.0 + 99.0 * (COLUMN < -0.1)[..., None]
         return next_round(Sampling(samples=65536, error=3e-2), frame.halves, 2, 3.1e-2)
@@ -94,26 +96,26 @@ def test_a_half_plans_by_what_the_other_half_saw() -> None:
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("own", [False, True])
-def test_no_pixel_drifts_unless_a_half_chooses_for_itself(own: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("self_planned", [False, True])
+def test_no_pixel_drifts_unless_a_half_chooses_for_itself(self_planned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     # Small tiles and rare bright samples, so that a choice is nearly that of a pixel.
     monkeypatch.setattr(adaptive, "_TILE_SIDE", 4)
     monkeypatch.setattr(adaptive, "_TILES_PER_SIDE", SIDE)
     monkeypatch.setattr(adaptive, "_CALL_COST", 0.0)
-    found = []
+    frames = []
     for rng in np.random.default_rng(21).spawn(200):
         frame = Simulated(rng, np.where(NOISY, 0.004, 2.0))
         first, second = frame.halves
-        frame.take(whole(8))
-        frame.take(whole(8))
+        frame.render(whole(8))
+        frame.render(whole(8))
         for ratio in (0.2, 0.5):
-            pairs = ((first, first), (second, second)) if own else ((first, second), (second, first))
+            pairs = ((first, first), (second, second)) if self_planned else ((first, second), (second, first))
             plans = [plan_regions(*pair, ratio, 1.0, 1000.0) for pair in pairs]
-            frame.take((plans[0], plans[1]))
-        found.append(frame)
-    drifts = [drift([frame.halves[which] for frame in found], NOISY & (ALPHA > 0.0)) for which in (0, 1)]
+            frame.render((plans[0], plans[1]))
+        frames.append(frame)
+    drifts = [drift([frame.halves[half] for frame in frames], NOISY & (ALPHA > 0.0)) for half in (0, 1)]
     # In standard errors; a half that chooses for itself is dark by four of them.
-    assert max(drifts) < -3.0 if own else max(map(abs, drifts)) < 3.0
+    assert max(drifts) < -3.0 if self_planned else max(map(abs, drifts)) < 3.0
 
 
 def test_regions_are_where_the_error_is() -> None:
@@ -132,7 +134,7 @@ def test_regions_are_where_the_error_is() -> None:
             assert taken.max() <= 1.0
     for half in frame.halves:
         assert half.samples[NOISY & (ALPHA > 0)].mean() > 2.0 * half.samples[~NOISY & (ALPHA > 0)].mean()
-        # A corner tile without any of the asset takes the rounds over the whole frame alone.
+        # A corner tile without the asset takes only the rounds over the whole frame.
         assert half.samples[-1, -1] == sum(plan[0][0].samples for plan in plans[: -len(split)])
 
 
@@ -179,9 +181,9 @@ def test_the_error_of_a_sample_is_its_variance_over_the_square_of_what_is_shown(
         half.add(Region(slice(0, 8), slice(0, 8), 8, whole=True), value * ones, ones[..., 0])
     half.coverage[0, 0] = 0.0
     # Of three means of 8 samples the variance is 1, so that of a sample is 8; shown is half of the mean, 2.
-    wanted = np.full((8, 8), 0.25 * 8.0 / (1.0 + EPSILON))
-    wanted[0, 0] = 0.0
-    np.testing.assert_allclose(half.error[1:], wanted[1:], rtol=1e-12)
+    expected = np.full((8, 8), 0.25 * 8.0 / (1.0 + EPSILON))
+    expected[0, 0] = 0.0
+    np.testing.assert_allclose(half.error[1:], expected[1:], rtol=1e-12)
     assert half.error[0, 0] == 0.0
 
 
@@ -208,8 +210,8 @@ def test_a_box_is_cut_where_both_parts_together_take_the_least_time(seed: int) -
 @pytest.mark.parametrize(("number", "growth"), [(5, 0.05), (24, 1.0)])
 def test_a_round_over_rectangles_adds_a_part_and_late_ones_double(number: int, growth: float) -> None:
     frame = Simulated(np.random.default_rng(8))
-    frame.take(whole(64))
-    frame.take(whole(64))
+    frame.render(whole(64))
+    frame.render(whole(64))
     first, _ = next_round(Sampling(samples=65536, error=1e-2), frame.halves, number, 1.001e-2)
     added = np.zeros((SIDE, SIDE))
     for region in first:

@@ -1,4 +1,4 @@
-"""The registry of backends: each entry is whole, its tasks travel, and a new entry is all that a new backend needs."""
+"""The registry of backends: entries are complete, their tasks can be encoded, and a backend needs only its entry."""
 
 import importlib
 import itertools
@@ -29,7 +29,7 @@ PAINT = {"baseColor": (0.46, 0.02, 0.02), "roughness": 0.4, "clearcoat": 1.0, "c
 LOOK = Look("paint", (Layer("Paint", "disney", PAINT),))
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"clear": 0.3}),))
 
-# Renders every look at the length of its name, on a worker that imports this module.
+# The radiance of a look is the length of its name, on a worker that imports this module.
 FLAT = """
 import sys
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ if __name__ == "__main__":
 """
 
 
-def shown(look: Look = LOOK, asset: str = "plane") -> Scene:
+def scene_of(look: Look = LOOK, asset: str = "plane") -> Scene:
     return Scene.of_look(load_asset(builtin=asset), look, prepare_light(load_environment(builtin="studio")), (8, 8))
 
 
@@ -83,7 +83,7 @@ def test_an_entry_is_whole_and_its_tasks_travel(backend: Backend) -> None:
     assert backend.help
     assert "cpu" in backend.devices
     assert backend.cannot_show(LOOK) is None
-    task = one_frame(scene_task(shown(), Sampling(), backend.name), Pose(0.1, 0.2), "frame", seed=3)
+    task = one_frame(scene_task(scene_of(), Sampling(), backend.name), Pose(0.1, 0.2), "frame", seed=3)
     assert {type(source) for source in task.scene.shaders} == {backend.source}
     assert decode(encode(task)) == task
 
@@ -92,14 +92,14 @@ def test_an_entry_is_whole_and_its_tasks_travel(backend: Backend) -> None:
 def test_a_look_is_shown_or_the_reason_is_given(backend: Backend) -> None:
     if reason := backend.cannot_show(LEAF):
         with pytest.raises(CodegenError, match="one Disney layer") as caught:
-            scene_task(shown(LEAF), Sampling(), backend.name)
+            scene_task(scene_of(LEAF), Sampling(), backend.name)
         assert str(caught.value) == reason
     else:
-        assert scene_task(shown(LEAF), Sampling(), backend.name).shaders
+        assert scene_task(scene_of(LEAF), Sampling(), backend.name).shaders
 
 
 def test_sources_are_of_the_backend(scene: SceneTask) -> None:
-    portal = replace(scene_task(shown(), Sampling(), "nodes").shaders[0], exact=True)
+    portal = replace(scene_task(scene_of(), Sampling(), "nodes").shaders[0], exact=True)
     for backend, sources, message in (
         ("exact", (), "takes a ShaderSource for every slot, found: none"),
         ("exact", (scene.shaders[0], generate_principled(LOOK)), "found: PrincipledSource, ShaderSource"),
@@ -111,15 +111,15 @@ def test_sources_are_of_the_backend(scene: SceneTask) -> None:
 
 def test_a_convex_asset_has_no_bounces_unless_light_gets_inside() -> None:
     cases = itertools.product(("plane", "sphere", "shaderball"), (LOOK, LEAF))
-    found = {(asset, look.name): scene_task(shown(look, asset), Sampling()) for asset, look in cases}
-    assert {key for key, task in found.items() if not task.sampling.bounces} == {
+    tasks = {(asset, look.name): scene_task(scene_of(look, asset), Sampling()) for asset, look in cases}
+    assert {key for key, task in tasks.items() if not task.sampling.bounces} == {
         ("plane", "paint"), ("plane", "leaf"), ("sphere", "paint")
     }  # fmt: skip
-    assert all(source.shadows == bool(task.sampling.bounces) for task in found.values() for source in task.shaders)  # type: ignore[attr-defined]
+    assert all(source.shadows == bool(task.sampling.bounces) for task in tasks.values() for source in task.shaders)  # type: ignore[attr-defined]
 
 
 def test_contents_are_all_files() -> None:
-    task = scene_task(shown(), Sampling())
+    task = scene_task(scene_of(), Sampling())
     light = task.lights[0]
     assert contents(task) == {task.asset, light.radiance_file, light.points_file, light.slots_file, light.bins_file}
     image = Content("1", ".exr")
@@ -133,7 +133,7 @@ def test_a_backend_is_added_by_its_entry(tmp_path: Path, monkeypatch: pytest.Mon
     try:
         importlib.import_module("flat_backend")
         with renderer() as render:
-            frame = render(one_frame(scene_task(shown(), Sampling(), "flat"), Pose(0.0, 0.0), "frame"))
+            frame = render(one_frame(scene_task(scene_of(), Sampling(), "flat"), Pose(0.0, 0.0), "frame"))
         assert (frame.a == float(len("paint"))).all()
         (tmp_path / "look.usda").touch()
         job = job_toml("paint = look.usda", render='{ backend = "flat" }')

@@ -1,4 +1,4 @@
-"""A frame with a shadow catcher, from its parts."""
+"""Frames with a shadow catcher, composed of their parts."""
 
 import numpy as np
 
@@ -9,21 +9,21 @@ SIZE = (6, 5)
 
 
 def halves(rng: np.random.Generator) -> list[Half]:
-    """Return halves of an asset beside ground whose light it lowers, raises or leaves."""
-    made = []
-    share = rng.uniform(0.0, 1.0, SIZE[::-1])
-    kept = rng.uniform(0.0, 1.5, (*SIZE[::-1], 3))
-    kept[0] = 1.0
+    """Return halves of an asset and ground, whose light the asset lowers, raises or leaves as it is."""
+    halves_of_frame = []
+    coverage = rng.uniform(0.0, 1.0, SIZE[::-1])
+    ratio = rng.uniform(0.0, 1.5, (*SIZE[::-1], 3))
+    ratio[0] = 1.0
     for _ in range(2):
         half = Half(*SIZE)
-        bare = share[..., None] * rng.uniform(0.2, 0.4, (*SIZE[::-1], 3))
+        bare = coverage[..., None] * rng.uniform(0.2, 0.4, (*SIZE[::-1], 3))
         bare[1] = 0.0  # no light
-        asset = (1.0 - share)[..., None] * rng.uniform(0.0, 1.0, (*SIZE[::-1], 3))
-        parts = {"ground": kept * bare, "bare": bare, "covered": np.repeat(share[..., None], 3, axis=-1)}
+        asset = (1.0 - coverage)[..., None] * rng.uniform(0.0, 1.0, (*SIZE[::-1], 3))
+        parts = {"ground": ratio * bare, "bare": bare, "covered": np.repeat(coverage[..., None], 3, axis=-1)}
         region = Region(slice(0, SIZE[1]), slice(0, SIZE[0]), 8)
-        half.add(region, asset + kept * bare, np.ones(SIZE[::-1], np.float32), parts)
-        made.append(half)
-    return made
+        half.add(region, asset + ratio * bare, np.ones(SIZE[::-1], np.float32), parts)
+        halves_of_frame.append(half)
+    return halves_of_frame
 
 
 def test_laid_over_its_ground_a_frame_is_asset_and_ground() -> None:
@@ -33,8 +33,8 @@ def test_laid_over_its_ground_a_frame_is_asset_and_ground() -> None:
     bare = 0.5 * (first.parts["bare"] / first.samples[..., None] + second.parts["bare"] / second.samples[..., None])
     # Asset and ground fill each pixel, of which the picture of the ground has its colour everywhere.
     plate = bare / covered[..., None]
-    shown = 0.5 * (a + b) + (1.0 - alpha)[..., None] * plate
-    np.testing.assert_allclose(shown, 0.5 * (first.color + second.color), atol=1e-12)
+    composite = 0.5 * (a + b) + (1.0 - alpha)[..., None] * plate
+    np.testing.assert_allclose(composite, 0.5 * (first.color + second.color), atol=1e-12)
     # Where the asset changes nothing, or no light arrives, nothing of the ground is in the frame.
     np.testing.assert_allclose(alpha[:2], 1.0 - covered[:2], atol=1e-12)
     # Colour is never negative.

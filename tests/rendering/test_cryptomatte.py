@@ -1,4 +1,4 @@
-"""Names and mattes of Cryptomatte, beside sourced values and a straightforward sum."""
+"""Names and mattes of Cryptomatte, compared with published values and a straightforward sum."""
 
 import json
 from collections import defaultdict
@@ -49,11 +49,11 @@ def test_renamed_things_are_summed_and_the_largest_kept() -> None:
     mattes = np.zeros((5, 7, 32), np.float32)
     for pixel in np.ndindex(5, 7):
         count = rng.integers(0, 17)
-        chosen = rng.permutation(len(olds))[:count]
-        mattes[(*pixel, slice(0, 2 * count, 2))] = olds[chosen].view(np.float32)
+        selection = rng.permutation(len(olds))[:count]
+        mattes[(*pixel, slice(0, 2 * count, 2))] = olds[selection].view(np.float32)
         mattes[(*pixel, slice(1, 2 * count, 2))] = rng.random(count)
-    shown = renamed(mattes, names)
-    assert shown.shape == (5, 7, 2 * RANKS)
+    ranked = renamed(mattes, names)
+    assert ranked.shape == (5, 7, 2 * RANKS)
     new_of = {matte_id(old): matte_id(new) for old, new in names.items()}
     for pixel in np.ndindex(5, 7):
         sums: dict[int, float] = defaultdict(float)
@@ -61,7 +61,7 @@ def test_renamed_things_are_summed_and_the_largest_kept() -> None:
             if int(ident) in new_of and coverage > 0.0:
                 sums[new_of[int(ident)]] += float(coverage)
         expected = sorted(sums.items(), key=lambda item: -item[1])[:RANKS]
-        ids, coverages = shown[pixel][0::2].copy().view(np.uint32), shown[pixel][1::2]
+        ids, coverages = ranked[pixel][0::2].copy().view(np.uint32), ranked[pixel][1::2]
         expected += [(0, 0.0)] * (RANKS - len(expected))
         assert ids.tolist() == [ident for ident, _ in expected]
         np.testing.assert_allclose(coverages, [coverage for _, coverage in expected], rtol=1e-6)

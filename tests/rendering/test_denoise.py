@@ -1,4 +1,4 @@
-"""Halves that are smoothed by any filter: the error of the mixture is that which is measured, and never grows."""
+"""Halves smoothed by any filter: the measured error of the mixture is the true one, and is not above the raw error."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def picture() -> tuple[Floats, Floats]:
 
 
 def halves(truth: Floats, sigma: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Return two noisy renders, whose noise is skewed as that of paths is."""
+    """Return two renders with skewed noise, as that of paths."""
     noise = rng.gamma(0.5, 2.0, (2, *truth.shape)) - 1.0
     a, b = truth * (1.0 + sigma * noise)
     return a, b
 
 
-def blurred(radius: float):
+def blur(radius: float):
     return lambda image: gaussian_filter(image, (radius, radius, 0))
 
 
@@ -43,9 +43,9 @@ def test_the_error_of_the_mixture_is_measured(sigma: float, most: float, radius:
     measured, true, raw = [], [], []
     for _ in range(12):
         a, b = halves(truth, sigma, rng)
-        found = denoise_halves(a, b, alpha, blurred(radius))
-        measured.append(found.relmse)
-        true.append(relmse(0.5 * (found.a + found.b), truth, alpha))
+        result = denoise_halves(a, b, alpha, blur(radius))
+        measured.append(result.relmse)
+        true.append(relmse(0.5 * (result.a + result.b), truth, alpha))
         raw.append(relmse(0.5 * (a + b), truth, alpha))
     assert 0.75 < np.mean(measured) / np.mean(true) < most
     assert (np.array(true) < np.array(raw)).all()
@@ -56,17 +56,17 @@ def test_the_error_of_the_mixture_is_measured(sigma: float, most: float, radius:
 def test_a_filter_that_ruins_the_picture_is_not_used() -> None:
     truth, alpha = picture()
     a, b = halves(truth, 0.2, np.random.default_rng(2))
-    found = denoise_halves(a, b, alpha, lambda image: np.full_like(image, 0.9))
-    assert relmse(0.5 * (found.a + found.b), truth, alpha) < 1.02 * relmse(0.5 * (a + b), truth, alpha)
-    assert found.relmse == pytest.approx(relmse_of_halves(a, b, alpha), rel=0.3)
+    result = denoise_halves(a, b, alpha, lambda image: np.full_like(image, 0.9))
+    assert relmse(0.5 * (result.a + result.b), truth, alpha) < 1.02 * relmse(0.5 * (a + b), truth, alpha)
+    assert result.relmse == pytest.approx(relmse_of_halves(a, b, alpha), rel=0.3)
 
 
 def test_halves_without_noise_and_those_without_the_asset_stay_as_they_are() -> None:
     truth, alpha = picture()
     for color, covered in ((truth, alpha), (0.0 * truth, 0.0 * alpha)):
-        found = denoise_halves(color, color, covered, blurred(2.0))
-        np.testing.assert_array_equal(found.a, color)
-        assert found.relmse == 0.0
+        result = denoise_halves(color, color, covered, blur(2.0))
+        np.testing.assert_array_equal(result.a, color)
+        assert result.relmse == 0.0
 
 
 @pytest.mark.parametrize("quick", [False, True])
@@ -77,5 +77,5 @@ def test_open_image_denoise_is_guided(quick: bool) -> None:
     upright = flat + np.float32([0.0, 0.0, 1.0]) * alpha[..., None].astype(np.float32)
     guided = denoiser(truth.astype(np.float32), upright, quick=quick)(a.astype(np.float32))
     unguided = denoiser(flat, flat, quick=quick)(a.astype(np.float32))
-    raw, without, with_ = (relmse(image, truth, alpha) for image in (a, unguided, guided))
-    assert with_ < 0.5 * without < 0.5 * raw
+    raw_error, unguided_error, guided_error = (relmse(image, truth, alpha) for image in (a, unguided, guided))
+    assert guided_error < 0.5 * unguided_error < 0.5 * raw_error

@@ -1,4 +1,4 @@
-"""Sources of the cache are those that would be generated, and follow every value and image that they depend on."""
+"""Cached sources equal generated ones, and change with every value and image that they depend on."""
 
 import itertools
 import os
@@ -22,7 +22,7 @@ from lookdev.rendering.kept import cached_source
 from lookdev.scene import Sampling
 
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.1 + 0.2, "baseColor": (0.1, 1 / 3, 2e-7)}),))
-Counted = tuple[Backend, list[str]]
+CountingBackend = tuple[Backend, list[str]]
 
 
 @pytest.fixture
@@ -32,18 +32,18 @@ def light(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Dome:
 
 
 @pytest.fixture
-def counted() -> Counted:
-    """The exact backend, and the names of the looks that it generates."""
-    made: list[str] = []
+def counting_backend() -> CountingBackend:
+    """Return the exact backend, and a list of the looks that it has generated."""
+    generated: list[str] = []
 
     def generate(look: Look, setting: SourceSetting) -> Source:
-        made.append(look.name)
+        generated.append(look.name)
         return BACKENDS["exact"].generate(look, setting)
 
-    return replace(BACKENDS["exact"], generate=generate), made
+    return replace(BACKENDS["exact"], generate=generate), generated
 
 
-def painted(file: Path, value: float) -> Path:
+def write_map(file: Path, value: float) -> Path:
     output = oiio.ImageOutput.create("exr")
     spec = oiio.ImageSpec(4, 4, 3, oiio.FLOAT)
     spec.attribute("compression", "none")  # so that size does not depend on values
@@ -58,21 +58,25 @@ def setting_of(light: Dome, **sampling: int) -> SourceSetting:
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)
-def test_a_kept_source_is_the_generated_one(model: str, light: Dome, counted: Counted, tmp_path: Path) -> None:
-    backend, made = counted
+def test_a_kept_source_is_the_generated_one(
+    model: str, light: Dome, counting_backend: CountingBackend, tmp_path: Path
+) -> None:
+    backend, generated = counting_backend
     layers = (Layer("Base", model, dict(MODELS[model].probe)), Layer("Dust", "disney", mask=Primvar("dust", 0.5)))
-    map_ = Texture(painted(tmp_path / "map.exr", 0.25), "r", "raw")
+    map_ = Texture(write_map(tmp_path / "map.exr", 0.25), "r", "raw")
     bumpy = Layer("Bumpy", "disney", {"roughness": map_, "normal": Bump(map_, 0.1)}, mask=map_)
     look, setting = Look("any", (*layers, bumpy)), setting_of(light)
     expected = BACKENDS["exact"].generate(look, setting)
     first, second = (cached_source(backend, look, setting, ()) for _ in range(2))
     assert first == second == expected
     assert hash(second) == hash(expected)
-    assert made == ["any"] * (2 if any(each.file is not None for each in MODELS[model].parameters.values()) else 1)
+    assert generated == ["any"] * (
+        2 if any(parameter.file is not None for parameter in MODELS[model].parameters.values()) else 1
+    )
 
 
-def test_what_a_source_depends_on_makes_another(light: Dome, counted: Counted) -> None:
-    backend, made = counted
+def test_what_a_source_depends_on_makes_another(light: Dome, counting_backend: CountingBackend) -> None:
+    backend, generated = counting_backend
     layer = GREY.layers[0]
     looks = [
         GREY,
@@ -82,26 +86,26 @@ def test_what_a_source_depends_on_makes_another(light: Dome, counted: Counted) -
     ]
     settings = [setting_of(light), setting_of(light, bounces=3), replace(setting_of(light), shadows=False)]
     settings.append(replace(settings[0], resolution=(8, 9)))
-    for look, setting, lit in itertools.product(looks, settings, ((), ("another kind",))):
-        cached_source(backend, look, setting, lit)
+    for look, setting, light_code in itertools.product(looks, settings, ((), ("another kind",))):
+        cached_source(backend, look, setting, light_code)
     cached_source(backend, replace(GREY, source="elsewhere.usda"), settings[0], ())
-    assert len(made) == len(looks) * len(settings) * 2
+    assert len(generated) == len(looks) * len(settings) * 2
 
 
-def test_the_content_of_an_image_decides(light: Dome, counted: Counted, tmp_path: Path) -> None:
-    backend, made = counted
-    file, setting = painted(tmp_path / "map.exr", 0.25), setting_of(light)
+def test_the_content_of_an_image_decides(light: Dome, counting_backend: CountingBackend, tmp_path: Path) -> None:
+    backend, generated = counting_backend
+    file, setting = write_map(tmp_path / "map.exr", 0.25), setting_of(light)
     times, content = file.stat(), file.read_bytes()
     look = Look("mapped", (Layer("Base", "disney", {"roughness": Texture(file, "r", "raw")}),))
 
     def source() -> ShaderSource:
-        found = cached_source(backend, look, setting, ())
-        assert isinstance(found, ShaderSource)
-        return found
+        cached = cached_source(backend, look, setting, ())
+        assert isinstance(cached, ShaderSource)
+        return cached
 
     first = source()
-    painted(file, 0.75)
-    # Neither size nor time differ.
+    write_map(file, 0.75)
+    # Size and time are the same.
     os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
     assert (file.stat().st_size, file.stat().st_mtime_ns) == (times.st_size, times.st_mtime_ns)
     second = source()
@@ -109,18 +113,18 @@ def test_the_content_of_an_image_decides(light: Dome, counted: Counted, tmp_path
     assert second == BACKENDS["exact"].generate(look, setting)
     file.write_bytes(content)
     assert source() == first
-    assert made == ["mapped"] * 2
+    assert generated == ["mapped"] * 2
     first.images[0].path.unlink()  # of the cache
     assert source().images[0].is_whole()
-    assert made == ["mapped"] * 3
+    assert generated == ["mapped"] * 3
 
 
-def test_what_more_may_affect_is_generated_anew(light: Dome, counted: Counted, tmp_path: Path) -> None:
-    backend, made = counted
+def test_what_more_may_affect_is_generated_anew(light: Dome, counting_backend: CountingBackend, tmp_path: Path) -> None:
+    backend, generated = counting_backend
     setting = setting_of(light)
     noise = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
     missing = Texture(tmp_path / "no.exr", "r", "raw")
-    tiles = Texture(painted(tmp_path / "tile.1001.exr", 0.5).with_name("tile.<UDIM>.exr"), "r", "raw")
+    tiles = Texture(write_map(tmp_path / "tile.1001.exr", 0.5).with_name("tile.<UDIM>.exr"), "r", "raw")
     looks = [
         Look("formula", (GREY.layers[0], Layer("Noise", "disney", mask=noise))),
         Look("unread", (GREY.layers[0], Layer("Unread", "disney", {"roughness": missing}, mask=0.0))),
@@ -128,13 +132,13 @@ def test_what_more_may_affect_is_generated_anew(light: Dome, counted: Counted, t
     ]
     for look in (*looks, *looks):
         cached_source(backend, look, setting, ())
-    assert made == [look.name for look in looks] * 2
+    assert generated == [look.name for look in looks] * 2
 
 
-def test_a_damaged_record_is_made_again(light: Dome, counted: Counted, tmp_path: Path) -> None:
-    backend, made = counted
+def test_a_damaged_record_is_made_again(light: Dome, counting_backend: CountingBackend, tmp_path: Path) -> None:
+    backend, generated = counting_backend
     first = cached_source(backend, GREY, setting_of(light), ())
     (record,) = (tmp_path / "cache" / "sources").iterdir()
     record.write_text(record.read_text().replace("0.3333333333333333", "0.4333333333333333"))
     assert cached_source(backend, GREY, setting_of(light), ()) == first
-    assert made == ["grey"] * 2
+    assert generated == ["grey"] * 2

@@ -1,4 +1,4 @@
-"""Frame tasks survive the pipe to the worker, to the last bit, and answers come back, among text that is printed."""
+"""Tasks reach the worker with every bit, and answers come back, separate from other output."""
 
 import _thread
 import signal
@@ -103,14 +103,14 @@ def test_a_frame_that_is_cancelled_is_known_before_the_tasks_ahead_of_it(task: F
 
 @pytest.mark.both_pythons
 def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None:
-    """As one that comes just before the wait: `interrupt_main` wakes nothing, either."""
+    """`interrupt_main` does not wake a wait, as a signal that arrives just before the wait."""
     requests = Requests()
     late = threading.Timer(20.0, lambda: requests.read([encode(task)]))
     soon = threading.Timer(0.2, _thread.interrupt_main)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        for each in (late, soon):
-            each.start()
+        for timer in (late, soon):
+            timer.start()
         with pytest.raises(KeyboardInterrupt):
             requests.next()
         assert late.is_alive(), "the next task ended the wait"
@@ -134,8 +134,8 @@ def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
         rendered = worker.render(task, reported.append)
     assert reported == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
-    for found, expected in ((rendered.a, image), (rendered.b, 2 * image), (rendered.alpha, image[..., 0])):
-        np.testing.assert_array_equal(found, expected)
+    for array, expected in ((rendered.a, image), (rendered.b, 2 * image), (rendered.alpha, image[..., 0])):
+        np.testing.assert_array_equal(array, expected)
     assert (rendered.samples, rendered.seconds, rendered.blender) == (8, 0.5, "none 1.0")
     assert np.isnan(rendered.relmse)
     assert 300e6 < rendered.memory < 900e6

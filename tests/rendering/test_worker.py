@@ -18,7 +18,7 @@ FRAME = "element_0001"
 
 
 def ignore(progress: object) -> None:
-    """Take the progress of a frame."""
+    """Ignore the progress of a frame."""
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_worker_does_not_see_the_config_of_a_studio(tmp_path: Path, monkeypatc
 
 
 def long_scene(task: FrameTask, size: int = 1 << 20) -> SceneTask:
-    """Return the scene of a task with a shader of a length, by default more than a pipe holds."""
+    """Return the scene of a task with a shader of a given length, by default longer than a pipe's buffer."""
     (source,) = task.scene.shaders
     return replace(task.scene, shaders=(replace(source, osl=size * "x"),))
 
@@ -97,7 +97,7 @@ def test_a_worker_that_dies_before_it_reads_a_scene_is_reported_by_its_start(tas
 
 
 @pytest.mark.parametrize(
-    ("what", "message"),
+    ("fault", "message"),
     [
         ("die", "died of SIGKILL"),
         ("exit", "exit code 3"),
@@ -114,9 +114,9 @@ def test_a_worker_that_dies_before_it_reads_a_scene_is_reported_by_its_start(tas
     ],
 )
 def test_a_misbehaving_worker_is_killed_and_can_start_again(
-    worker: Worker, task: FrameTask, tmp_path: Path, what: str, message: str
+    worker: Worker, task: FrameTask, tmp_path: Path, fault: str, message: str
 ) -> None:
-    misbehave(tmp_path, **{FRAME: [what, "ok"]})
+    misbehave(tmp_path, **{FRAME: [fault, "ok"]})
     worker.start()
     with pytest.raises(WorkerError, match=message):
         worker.render(task, ignore)

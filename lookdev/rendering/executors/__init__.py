@@ -1,4 +1,4 @@
-"""Who renders the frames of a run: workers of this machine, or of a distributed engine; the same frames bit for bit."""
+"""Executors, which render the frames of a run on this machine or on others; the frames are the same, bit for bit."""
 
 from lookdev.rendering.executors.local import LocalExecutor
 from lookdev.rendering.executors.protocol import (

@@ -44,7 +44,7 @@ def idle_cores(before: Use, now: Use) -> float:
     return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
 
 
-def worth_another(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
+def is_worth_another(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
     """Return whether one more worker gains more than it costs.
 
     workers : running now; idle : unused cores; left : remaining seconds of work for each worker; memory : bytes that a

@@ -68,22 +68,22 @@ _VISIBLE_DEVICES = {
 }
 
 
-def _open_local(choice: Choice, place: Place, store: Store) -> Executor:
-    return LocalExecutor(place, choice.workers, devices_of(choice))
+def _open_local(choice: Choice, files: Place, store: Store) -> Executor:
+    return LocalExecutor(files, choice.workers, devices_of(choice))
 
 
-def _open_dask(choice: Choice, place: Place, store: Store) -> Executor:
+def _open_dask(choice: Choice, files: Place, store: Store) -> Executor:
     from lookdev.rendering.executors.dask import DaskExecutor
 
     if choice.address and choice.workers is not None:
         raise LookdevError("--workers: the scheduler of Dask has workers of its own; leave it out")
-    return DaskExecutor(place, choice.address, choice.workers, store if choice.stored else None)
+    return DaskExecutor(files, choice.address, choice.workers, store if choice.stored else None)
 
 
-def _open_warm(choice: Choice, place: Place, store: Store) -> Executor:
+def _open_warm(choice: Choice, files: Place, store: Store) -> Executor:
     from lookdev.rendering.executors.warm import WarmExecutor
 
-    return WarmExecutor(place, Path(choice.address))
+    return WarmExecutor(files, Path(choice.address))
 
 
 EXECUTORS: dict[str, ExecutorKind] = {
@@ -101,9 +101,9 @@ EXECUTORS: dict[str, ExecutorKind] = {
 }
 
 
-def opened(choice: Choice, place: Place, store: Store) -> Executor:
+def opened(choice: Choice, files: Place, store: Store) -> Executor:
     """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
-    return EXECUTORS[choice.kind].open(choice, place, store)
+    return EXECUTORS[choice.kind].open(choice, files, store)
 
 
 def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> Choice:

@@ -81,7 +81,7 @@ class DaskExecutor:
 
     Parameters
     ----------
-    place
+    files
         The scratch folder, in the output folder, and the patience of workers. Its command is not used: see `command`.
     address
         That of the scheduler; "" starts a cluster on this machine.
@@ -95,13 +95,13 @@ class DaskExecutor:
 
     def __init__(
         self,
-        place: Place,
+        files: Place,
         address: str = "",
         workers: int | None = None,
         store: Store | None = None,
         command: tuple[str, ...] | None = None,
     ) -> None:
-        self._place, self._address, self._count = place, address, workers
+        self._files, self._address, self._count = files, address, workers
         self._store, self._command = store, command
         self._run = secrets.token_hex(4)
         self._stack = ExitStack()
@@ -168,18 +168,18 @@ class DaskExecutor:
     def prepare(self, scene: SceneTask) -> None:
         """Do nothing: the worker of the scene is not known yet."""
 
-    def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
         """Render tasks, as `Executor.render`."""
         backend = tasks[0].scene.backend
         self._check_versions(backend)
-        self._waiting = ChunkShares(tasks, wanted, answered=self._store is None)
+        self._waiting = ChunkShares(tasks, is_needed, answered=self._store is None)
         self._by_digest.update({task.digest: task for task in tasks})
         self._order = Order(
             b"",
             backend,
             versions(backend),
             self._topic,
-            self._place.patience,
+            self._files.patience,
             self._store,
             self._shared_mark(),
             self._command,
@@ -236,7 +236,7 @@ class DaskExecutor:
         """Create and return a file in the output folder, by which workers check that they see the same folder."""
         if self._store is None:
             return None
-        mark = self._place.scratch / f"shared-{self._run}"
+        mark = self._files.scratch / f"shared-{self._run}"
         mark.touch()
         return mark
 

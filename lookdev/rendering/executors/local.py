@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lookdev.errors import WorkerError
-from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, worth_another
+from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, is_worth_another
 from lookdev.rendering.executors.protocol import (
     Finished,
     GivenUp,
@@ -103,7 +103,7 @@ class LocalExecutor:
 
     Parameters
     ----------
-    place
+    files
         The files of logs and scratch, and the workers' command and patience.
     workers
         Their number. None starts one, and others while cores and memory are idle.
@@ -111,8 +111,8 @@ class LocalExecutor:
         Environment variables that give a worker its devices; workers take turns with the entries.
     """
 
-    def __init__(self, place: Place, workers: int | None = 1, devices: Sequence[Mapping[str, str]] = ({},)) -> None:
-        self._place = place
+    def __init__(self, files: Place, workers: int | None = 1, devices: Sequence[Mapping[str, str]] = ({},)) -> None:
+        self._files = files
         self._workers = workers
         self._devices = devices
         self._slots: list[_Slot] = []
@@ -138,7 +138,7 @@ class LocalExecutor:
         """Send a scene to the first worker while that is starting."""
         self._slots[0].worker.prepare(scene)
 
-    def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
         """Render tasks, as `Executor.render`."""
         shares = Shares(tasks)
         self._use_before = None
@@ -146,7 +146,7 @@ class LocalExecutor:
         while len(self._slots) < min(self._workers or 1, len(tasks)):
             self._slots.append(self._new_slot())
         for slot in self._slots:
-            self._fill(slot, shares, wanted)
+            self._fill(slot, shares, is_needed)
         while any(slot.assigned for slot in self._slots):
             slot, event = self._reports.get()
             match event:
@@ -160,10 +160,10 @@ class LocalExecutor:
                     assert isinstance(rendered, Rendered)  # workers of this machine do not write frames
                     if self._workers is None and not first and self._is_worth_another(shares, rendered.memory, seconds):
                         self._slots.append(self._new_slot())
-                        self._fill(self._slots[-1], shares, wanted)
+                        self._fill(self._slots[-1], shares, is_needed)
             if isinstance(event, Finished | GivenUp):
                 slot.assigned -= 1
-                self._fill(slot, shares, wanted)
+                self._fill(slot, shares, is_needed)
             yield event
 
     def _is_worth_another(self, shares: Shares, memory: int, seconds: float) -> bool:
@@ -175,15 +175,15 @@ class LocalExecutor:
             return False
         self._use_before = now
         idle, count = idle_cores(before, now), len(self._slots)
-        is_worth_it = worth_another(count, idle, len(shares) * seconds / count, memory, free_memory())
+        is_worth_it = is_worth_another(count, idle, len(shares) * seconds / count, memory, free_memory())
         self._use_before = None if is_worth_it else now  # measured anew when the next worker renders
         return is_worth_it
 
-    def _fill(self, slot: _Slot, shares: Shares, wanted: Wanted) -> None:
+    def _fill(self, slot: _Slot, shares: Shares, is_needed: Wanted) -> None:
         """Assign frames to a worker until it has enough."""
         limit = 2 if slot.seconds is not None and slot.seconds < _SHORT_FRAME else 1
         while slot.assigned < limit and (task := shares.next_for(slot)) is not None:
-            if wanted(task):
+            if is_needed(task):
                 slot.assign(task)
         if not slot.assigned:
             shares.remove_worker(slot)
@@ -194,6 +194,6 @@ class LocalExecutor:
         # The pixels do not depend on the cores: each pixel is one sum, in the order of its samples.
         count = self._workers or 1
         cores = share_of_cores(number, count) if count > 1 else None
-        place, variables = self._place, self._devices[number % len(self._devices)]
-        worker = Worker(place.command, place.log(name), place.scratch, place.patience, variables, cores)
+        files, variables = self._files, self._devices[number % len(self._devices)]
+        worker = Worker(files.command, files.log(name), files.scratch, files.patience, variables, cores)
         return _Slot(worker, self._reports)

@@ -93,10 +93,10 @@ class Executor(AbstractContextManager["Executor"], Protocol):
     def prepare(self, scene: SceneTask) -> None:
         """Take a scene ahead of its frames, so that frames of its looks start sooner, if the executor can."""
 
-    def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
         """Render tasks of one backend, in any order, and yield events.
 
-        `wanted` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
+        `is_needed` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
         left out. Ending the iteration early cancels the frames that are not finished.
 
         Raises WorkerError where no worker can render, OutputError where a worker cannot write.

@@ -81,13 +81,13 @@ class Shares:
 class ChunkShares:
     """Waiting frames, which workers get in chunks of one scene.
 
-    `wanted` is called before a frame goes to a worker. With `answered`, the answers of chunks contain pixels, so that
-    the number of pixels in a chunk is limited.
+    `is_needed` is called before a frame goes to a worker. With `answered`, the answers of chunks contain pixels, so
+    that the number of pixels in a chunk is limited.
     """
 
-    def __init__(self, tasks: Iterable[FrameTask], wanted: Wanted, *, answered: bool) -> None:
+    def __init__(self, tasks: Iterable[FrameTask], is_needed: Wanted, *, answered: bool) -> None:
         self._shares = Shares(tasks)
-        self._wanted = wanted
+        self._is_needed = is_needed
         self._answered = answered
         self._scene_before: dict[str, SceneTask] = {}
 
@@ -108,7 +108,7 @@ class ChunkShares:
             if frames and frames[0].scene is not task.scene:
                 self._shares.give_back(task)
                 break
-            frames += [task] if self._wanted(task) else []
+            frames += [task] if self._is_needed(task) else []
             if frames and len(frames) >= self._chunk_size(task, workers):
                 break
         return frames

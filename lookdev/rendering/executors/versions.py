@@ -28,10 +28,10 @@ def versions(backend: str) -> dict[str, str]:
     }
 
 
-def mismatch(here: Mapping[str, str], there: Mapping[str, str], worker: str) -> str:
-    """Return how a worker's versions differ from those here, and the remedy; "" where they are equal."""
+def mismatch(local: Mapping[str, str], remote: Mapping[str, str], worker: str) -> str:
+    """Return how a worker's `remote` versions differ from the `local` ones, and the remedy; "" if they are equal."""
     differences = [
-        f"{name} {there.get(name, 'none')}, here {value}" for name, value in here.items() if there.get(name) != value
+        f"{name} {remote.get(name, 'none')}, here {value}" for name, value in local.items() if remote.get(name) != value
     ]
     if not differences:
         return ""

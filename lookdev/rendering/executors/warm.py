@@ -39,9 +39,9 @@ _LONGEST_PATH = 100  # bytes of a socket's path (sockaddr_un)
 class WarmExecutor(LocalExecutor):
     """Renders on the warm worker at a socket."""
 
-    def __init__(self, place: Place, path: Path) -> None:
+    def __init__(self, files: Place, path: Path) -> None:
         _send_question(path, {"ping": True})
-        super().__init__(replace(place, command=relay_command(path, place.command)))
+        super().__init__(replace(files, command=relay_command(path, files.command)))
 
     def prepare(self, scene: SceneTask) -> None:
         """Do nothing: the worker may have compiled the scene of a run before, which another scene would replace."""

@@ -1,4 +1,4 @@
-"""Workers of Dask with the fake renderer; their cache is another than that of this process."""
+"""Workers of Dask with the fake renderer; their cache is not that of this process."""
 
 import os
 import signal
@@ -33,16 +33,16 @@ LOOPBACK = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host":
 
 
 @pytest.fixture(scope="module")
-def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def worker_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The cache of the workers."""
     return tmp_path_factory.mktemp("there")
 
 
 @pytest.fixture(scope="module")
-def cluster(there: Path) -> Iterator[Any]:
+def cluster(worker_cache: Path) -> Iterator[Any]:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **LOOPBACK) as cluster:
+    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(worker_cache)}, **LOOPBACK) as cluster:
         yield cluster
 
 
@@ -54,73 +54,73 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     maps = [Content.holding(part.encode(), ".exr") for part in "rpsb"]
     scene = plan.frames[0].task.scene
     scene = replace(scene, asset=Content.holding(os.urandom(99), ".npz"), lights=(Dome(*maps, 64, 32, "119147"),))
-    return replace(plan, frames=tuple(replace(each, task=replace(each.task, scene=scene)) for each in plan.frames))
+    return replace(plan, frames=tuple(replace(frame, task=replace(frame.task, scene=scene)) for frame in plan.frames))
 
 
 @pytest.fixture
 def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]:
-    with make(cluster.scheduler_address, tmp_path) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path) as executor:
         # One that a test killed is started again.
         case.wait_until(lambda: len(executor._addresses()) == 2)
         yield executor
 
 
-def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
+def make_executor(address: str, folder: Path, **options: Any) -> DaskExecutor:
     (folder / "scratch").mkdir(exist_ok=True)
-    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 60.0)
-    return DaskExecutor(place, address, command=case.command(folder), **options)
+    files = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 60.0)
+    return DaskExecutor(files, address, command=case.command(folder), **options)
 
 
 def render(executor: DaskExecutor, plan: Plan) -> Iterator[Any]:
     return executor.render([frame.task for frame in plan.frames], lambda task: True)
 
 
-def stems(found: Iterable[Any], kind: type) -> list[str]:
-    return sorted(each.task.files[0].stem for each in found if isinstance(each, kind))
+def stems(events: Iterable[Any], kind: type) -> list[str]:
+    return sorted(event.task.files[0].stem for event in events if isinstance(event, kind))
 
 
 ALL = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
 
 
-def test_frames_come_back_and_files_go_there_once(executor: DaskExecutor, plan: Plan, there: Path) -> None:
-    named = contents(plan.frames[0].task.scene)
+def test_frames_come_back_and_files_go_there_once(executor: DaskExecutor, plan: Plan, worker_cache: Path) -> None:
+    files = contents(plan.frames[0].task.scene)
     assert stems(render(executor, plan), Finished) == ALL
-    stored = {each: there / "content" / f"{each.digest}{each.suffix}" for each in named}
-    assert all(file.read_bytes() == each.path.read_bytes() for each, file in stored.items())
+    stored = {content: worker_cache / "content" / f"{content.digest}{content.suffix}" for content in files}
+    assert all(file.read_bytes() == content.path.read_bytes() for content, file in stored.items())
     before = {file: file.stat().st_ino for file in stored.values()}
     assert stems(render(executor, plan), Finished) == ALL
     assert {file: file.stat().st_ino for file in stored.values()} == before
-    assert not list((there / "content").glob(".*"))
+    assert not list((worker_cache / "content").glob(".*"))
 
 
 def test_a_frame_that_fails_is_given_up_and_one_that_lost_its_renderer_is_tried_again(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
     case.misbehave(tmp_path, element_0002=["failed"], element_0003=["die", "ok"])
-    found = list(render(executor, plan))
-    assert stems(found, Finished) == [name for name in ALL if name != "element.0002"]
-    (given_up,) = (each for each in found if isinstance(each, GivenUp))
+    events = list(render(executor, plan))
+    assert stems(events, Finished) == [name for name in ALL if name != "element.0002"]
+    (given_up,) = (event for event in events if isinstance(event, GivenUp))
     assert "no such attribute 'st2' (on tcp://127.0.0.1:" in given_up.reason
-    assert stems(found, Retried) == ["element.0002", "element.0003"]
+    assert stems(events, Retried) == ["element.0002", "element.0003"]
 
 
 def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
     case.misbehave(tmp_path, element_0002=["hang", "ok"])
-    happenings, killed, hangs = [], False, tmp_path / "hangs.txt"
-    for happening in render(executor, plan):
-        happenings.append(happening)
+    events, killed, hangs = [], False, tmp_path / "hangs.txt"
+    for event in render(executor, plan):
+        events.append(event)
         if not killed and hangs.exists() and (renderer := hangs.read_text()):
             worker = int(Path(f"/proc/{renderer}/stat").read_text().rpartition(")")[2].split()[1])
             os.kill(worker, signal.SIGKILL)  # of Dask: the renderer's parent
             killed = True
     assert killed
-    assert stems(happenings, Finished) == ALL
+    assert stems(events, Finished) == ALL
 
 
 class Late:
-    """A future whose result comes after so many questions."""
+    """A future whose result comes at a given call."""
 
     def __init__(self, questions: float) -> None:
         self.left = questions
@@ -172,18 +172,18 @@ def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
 
 def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
-    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
         result = run_plan(plan, job.outputs, job.render.background, executor=executor)
     assert (result.done, result.rendered, result.exit_code) == (6, 6, 0)
-    place = tmp_path / "out" / "gold" / "city"
-    assert (read_frame(place / "element.0002.exr")[0] == 0.25).all()
-    assert len(list(place.glob("*.png"))) == 9
+    output = tmp_path / "out" / "gold" / "city"
+    assert (read_frame(output / "element.0002.exr")[0] == 0.25).all()
+    assert len(list(output.glob("*.png"))) == 9
 
 
 def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
     cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
         monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
         # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
         executor._client.run(
@@ -208,19 +208,21 @@ def test_a_file_that_is_nowhere_is_an_error_that_names_it(executor: DaskExecutor
         list(render(executor, plan))
 
 
-def test_a_worker_whose_cache_cannot_be_written_is_named(executor: DaskExecutor, plan: Plan, there: Path) -> None:
+def test_a_worker_whose_cache_cannot_be_written_is_named(
+    executor: DaskExecutor, plan: Plan, worker_cache: Path
+) -> None:
     asset = plan.frames[0].task.scene.asset
     # A folder where the part of the file would be written: root may write everywhere.
     pids = executor._client.run(os.getpid).values()
-    blocked = [there / "content" / f".{asset.digest}{asset.suffix}.{pid}.part" for pid in pids]
-    for each in blocked:
-        each.mkdir(parents=True)
+    blocked = [worker_cache / "content" / f".{asset.digest}{asset.suffix}.{pid}.part" for pid in pids]
+    for folder in blocked:
+        folder.mkdir(parents=True)
     try:
         with pytest.raises(OutputError, match=r"worker tcp://.* cannot keep a file: .*directory"):
             list(render(executor, plan))
     finally:
-        for each in blocked:
-            each.rmdir()
+        for folder in blocked:
+            folder.rmdir()
 
 
 def test_other_versions_are_an_error_that_says_what_to_install(
@@ -244,13 +246,13 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     with pytest.raises(WorkerError, match=f"no scheduler of Dask answers at {address}.*'dask scheduler'"):
-        make(address, tmp_path).__enter__()
+        make_executor(address, tmp_path).__enter__()
     for address in ("nowhere", "tpc://127.0.0.1:8786"):
         with pytest.raises(LookdevError, match=f"'{address}' is no address .*: write dask:tcp://HOST:8786"):
-            make(address, tmp_path).__enter__()
-    place = Place(tmp_path, lambda name: tmp_path / name, ())
+            make_executor(address, tmp_path).__enter__()
+    files = Place(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
-        opened(Choice("dask", address, workers=2), place, store)
+        opened(Choice("dask", address, workers=2), files, store)
 
 
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -258,11 +260,14 @@ def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkey
 
     monkeypatch.setattr("lookdev.rendering.executors.dask._NO_WORKER_NOTE", 0.2)
     monkeypatch.setattr("lookdev.rendering.executors.dask._POLL", 0.1)
-    with LocalCluster(n_workers=0, **LOOPBACK) as cluster, make(cluster.scheduler_address, tmp_path) as executor:
-        found = []
-        for each in render(executor, plan):
-            found.append(each)
-            if isinstance(each, Remarked) and not cluster.workers:
-                assert "has no worker: frames wait for one" in each.text
+    with (
+        LocalCluster(n_workers=0, **LOOPBACK) as cluster,
+        make_executor(cluster.scheduler_address, tmp_path) as executor,
+    ):
+        events = []
+        for event in render(executor, plan):
+            events.append(event)
+            if isinstance(event, Remarked) and not cluster.workers:
+                assert "has no worker: frames wait for one" in event.text
                 cluster.adapt(minimum=0, maximum=1, interval="100ms")
-        assert stems(found, Finished) == ALL
+        assert stems(events, Finished) == ALL

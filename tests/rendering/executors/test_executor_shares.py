@@ -3,17 +3,17 @@ from typing import Any
 
 import pytest
 
-from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, worth_another
+from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, is_worth_another
 from lookdev.rendering.executors.shares import Shares
 
 
 def frames(*counts: int) -> list[Any]:
     """Return frames of scenes, named as ``b2``, the third of the second scene."""
-    found = []
+    tasks = []
     for letter, count in zip("abc", counts, strict=False):
         scene = object()
-        found += [SimpleNamespace(scene=scene, name=f"{letter}{number}") for number in range(count)]
-    return found
+        tasks += [SimpleNamespace(scene=scene, name=f"{letter}{number}") for number in range(count)]
+    return tasks
 
 
 def name(task: Any) -> str | None:
@@ -58,14 +58,14 @@ def test_frames_of_a_worker_that_has_gone_are_anyones() -> None:
 
 def test_another_worker_is_worth_idle_cores_free_memory_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.rendering.executors.capacity.cores", lambda: 2)
-    for workers, idle, left, free, wanted in (
+    for workers, idle, left, free, worth in (
         (1, 0.8, 100.0, 8, True),
         (1, 0.1, 100.0, 8, False),  # it keeps the cores busy
         (1, 0.8, 5.0, 8, False),  # it is done before another is there
         (1, 0.8, 100.0, 2, False),  # memory is short
         (3, 0.5, 100.0, 8, True),  # each uses half a core
     ):
-        assert worth_another(workers, idle, left, 2 << 30, free << 30) == wanted, (workers, idle, left, free)
+        assert is_worth_another(workers, idle, left, 2 << 30, free << 30) == worth, (workers, idle, left, free)
 
 
 def test_idle_cores_are_those_that_neither_these_processes_nor_others_use(monkeypatch: pytest.MonkeyPatch) -> None:

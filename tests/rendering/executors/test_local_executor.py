@@ -18,7 +18,7 @@ pytestmark = pytest.mark.both_pythons
 Tasks = list[FrameTask]
 
 
-def place(folder: Path, command: tuple[str, ...] | None = None) -> Place:
+def executor_files(folder: Path, command: tuple[str, ...] | None = None) -> Place:
     (folder / "scratch").mkdir(exist_ok=True)
     return Place(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
 
@@ -39,11 +39,11 @@ def slow_down(folder: Path, tasks: Tasks) -> None:
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.proof), 3])
 def test_every_frame_is_rendered_once_however_many_workers(tmp_path: Path, tasks: Tasks, workers: int) -> None:
     slow_down(tmp_path, tasks)
-    with LocalExecutor(place(tmp_path), workers) as executor:
-        found = list(executor.render(tasks, lambda task: True))
-    done = [each for each in found if isinstance(each, Finished)]
-    assert names(each.task for each in done) == names(tasks)
-    assert all((each.rendered.a == 0.25).all() for each in done)
+    with LocalExecutor(executor_files(tmp_path), workers) as executor:
+        events = list(executor.render(tasks, lambda task: True))
+    finished = [event for event in events if isinstance(event, Finished)]
+    assert names(event.task for event in finished) == names(tasks)
+    assert all((event.rendered.a == 0.25).all() for event in finished)
     assert sorted(case.requests(tmp_path)) == sorted(task.files[0].name for task in tasks)
     assert len(case.worker_pids(tmp_path)) == workers
     assert not any(map(case.is_alive, case.worker_pids(tmp_path)))
@@ -52,22 +52,22 @@ def test_every_frame_is_rendered_once_however_many_workers(tmp_path: Path, tasks
 
 
 def test_a_frame_that_is_not_wanted_any_more_is_left_out(tmp_path: Path, tasks: Tasks) -> None:
-    with LocalExecutor(place(tmp_path), 2) as executor:
-        found = executor.render(tasks, lambda task: task is not tasks[2])
-        assert names(each.task for each in found if isinstance(each, Finished)) == names([*tasks[:2], *tasks[3:]])
+    with LocalExecutor(executor_files(tmp_path), 2) as executor:
+        events = executor.render(tasks, lambda task: task is not tasks[2])
+        assert names(event.task for event in events if isinstance(event, Finished)) == names([*tasks[:2], *tasks[3:]])
 
 
 def test_a_frame_that_kills_its_worker_is_given_up_and_the_others_are_rendered(tmp_path: Path, tasks: Tasks) -> None:
     case.misbehave(tmp_path, element_0002=["die"], element_0003=["failed", "ok"])
-    with LocalExecutor(place(tmp_path), 2) as executor:
-        found = list(executor.render(tasks, lambda task: True))
-    (given_up,) = (each for each in found if isinstance(each, GivenUp))
+    with LocalExecutor(executor_files(tmp_path), 2) as executor:
+        events = list(executor.render(tasks, lambda task: True))
+    (given_up,) = (event for event in events if isinstance(event, GivenUp))
     assert (names([given_up.task]), "SIGKILL" in given_up.reason) == (["element.0002"], True)
     assert given_up.log is not None
     assert given_up.log.exists()
-    tries = sorted((each.task.files[0].stem, each.attempt) for each in found if isinstance(each, Retried))
+    tries = sorted((event.task.files[0].stem, event.attempt) for event in events if isinstance(event, Retried))
     assert tries == [("element.0002", 2), ("element.0002", 3), ("element.0003", 2)]
-    assert sum(isinstance(each, Finished) for each in found) == len(tasks) - 1
+    assert sum(isinstance(event, Finished) for event in events) == len(tasks) - 1
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_what_ends_a_run_ends_all_workers(
     tmp_path: Path, tasks: Tasks, command: tuple[str, ...] | None, error: type[Exception], message: str
 ) -> None:
     case.misbehave(tmp_path, element_0002=["full"], element_0001=["hang"], element_0003=["hang"])
-    with LocalExecutor(place(tmp_path, command), 2) as executor, pytest.raises(error, match=message):
+    with LocalExecutor(executor_files(tmp_path, command), 2) as executor, pytest.raises(error, match=message):
         list(executor.render(tasks, lambda task: True))
     assert not any(map(case.is_alive, case.worker_pids(tmp_path)))
 
@@ -85,7 +85,7 @@ def test_what_ends_a_run_ends_all_workers(
 def test_an_iteration_that_ends_early_ends_what_renders(tmp_path: Path, tasks: Tasks) -> None:
     case.misbehave(tmp_path, element_0001=["hang"], element_0002=["hang"])
     started = time.monotonic()
-    with LocalExecutor(place(tmp_path), 2) as executor:
+    with LocalExecutor(executor_files(tmp_path), 2) as executor:
         next(iter(executor.render(tasks, lambda task: True)))
         case.wait_until(lambda: len(case.requests(tmp_path)) == 2)
     assert time.monotonic() - started < 15.0
@@ -102,16 +102,16 @@ def test_without_a_number_workers_are_added_while_cores_are_idle(
     monkeypatch.setattr(f"{module}.capacity._START", 0.0)
     monkeypatch.setattr(f"{module}.capacity.cores", lambda: 2)
     slow_down(tmp_path, tasks)
-    with LocalExecutor(place(tmp_path), None) as executor:
-        found = list(executor.render(tasks, lambda task: True))
-    assert sum(isinstance(each, Finished) for each in found) == len(tasks)
+    with LocalExecutor(executor_files(tmp_path), None) as executor:
+        events = list(executor.render(tasks, lambda task: True))
+    assert sum(isinstance(event, Finished) for event in events) == len(tasks)
     assert len(executor._slots) == workers
 
 
 def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)))
     devices = devices_of(Choice(workers=3, device="cuda", numbers=(0, 2)))
-    with LocalExecutor(place(tmp_path), 3, devices) as executor:
+    with LocalExecutor(executor_files(tmp_path), 3, devices) as executor:
         for _ in range(2):
             executor._slots.append(executor._new_slot())
         workers = [slot.worker for slot in executor._slots]
@@ -130,7 +130,7 @@ def test_cores_are_divided_whole(expected: list[int], monkeypatch: pytest.Monkey
 
 def test_a_worker_starts_on_its_cores(tmp_path: Path) -> None:
     before = cores()
-    with LocalExecutor(place(tmp_path), before) as executor:
+    with LocalExecutor(executor_files(tmp_path), before) as executor:
         executor.launch()
         pid = executor._slots[0].worker.pid
         assert pid is not None
