@@ -23,17 +23,17 @@ INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cov
 
 @dataclass(frozen=True)
 class Shape:
-    """The part of a `lookdev.reference.render.Scene` that shapes share."""
+    """The part of a `lookdev.reference.render.ReferenceScene` that shapes share."""
 
     bsdf: Bsdf | None = field(default=None, kw_only=True)
 
     def points(self, place: Floats) -> Floats:
         return place
 
-    def inside(self, place: Floats, wo: Floats) -> Mask:
+    def is_inside(self, place: Floats, wo: Floats) -> Mask:
         return np.asarray(_dot(self._outward(place), wo)[:, 0] < 0.0)
 
-    def lit(self, place: Floats, light: int) -> None:
+    def is_lit_by(self, place: Floats, light: int) -> None:
         """All lights light all of it."""
 
     def bsdfs(self, place: Floats, view: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
@@ -48,8 +48,8 @@ class Sphere(Shape):
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 1.0
 
-    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
-        """See `Scene.hit`; `origin` is outside."""
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `ReferenceScene.intersect`; `origin` is outside."""
         start = origin - np.array(self.center)
         b = ray @ start
         discriminant = b * b - (start @ start - self.radius**2)
@@ -57,7 +57,7 @@ class Sphere(Shape):
         distance = -b - np.sqrt(np.where(hit, discriminant, 0.0))
         return hit, origin + distance[:, None] * ray
 
-    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
+    def trace_onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
         cosine = _dot(self._outward(place), direction)
         return cosine[:, 0] < 0.0, place - 2.0 * self.radius * cosine * direction
 
@@ -77,14 +77,14 @@ class Sphere(Shape):
 class Plane(Shape):
     """The built-in ``plane``: a thin square card about the origin, 2 m wide, front along -y, u along +x."""
 
-    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
-        """See `Scene.hit`; a ray along the card misses it."""
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `ReferenceScene.intersect`; a ray along the card misses it."""
         ahead = origin[1] * ray[:, 1] < 0.0
         distance = -origin[1] / np.where(ahead, ray[:, 1], 1.0)
         point = (origin + distance[:, None] * ray) * (1.0, 0.0, 1.0)
         return ahead & (np.abs(point) < 1.0).all(axis=-1), point
 
-    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
+    def trace_onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
         return np.zeros(len(direction), np.bool_), place
 
     def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:

@@ -53,7 +53,7 @@ def closed_form_pixels(model: str, scene: Scene, bounces: int) -> Arrays:
             for j in range(count):
                 x, y = pixels.T + (np.array([[i], [j]]) + rng.random((2, len(pixels)))) / count
                 origin, ray = camera_rays(scene.camera, POSE, size, x, y)
-                hit, place = sphere.hit(origin, ray)
+                hit, place = sphere.intersect(origin, ray)
                 values[hit, scramble] += CLOSED_FORMS[model](place[hit], ray[hit], radiance, bounces)
     values /= count**2
     error = values.std(axis=1, ddof=1) / np.sqrt(scrambles)

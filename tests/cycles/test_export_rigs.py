@@ -12,7 +12,7 @@ from frames import scene_of
 from scripts import run_script
 
 from lookdev.asset import load_asset
-from lookdev.export.blend import EXPORT_COMMAND, _run
+from lookdev.export.blend import EXPORT_COMMAND, _run_exporter
 from lookdev.light import LIGHT_KINDS, Emission, Light, native_images
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
@@ -61,7 +61,7 @@ def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], 
         view="Un-tone-mapped",
         show_light=False,
     )
-    _run(task, EXPORT_COMMAND, 300.0)
+    _run_exporter(task, EXPORT_COMMAND, 300.0)
     assert [*folder.iterdir()] == [task.file]
     # Without a GPU, Blender renders on the CPU.
     picture, facts = folder / "out.exr", folder / "facts.json"

@@ -176,7 +176,7 @@ def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[st
     distances = []
     for name in names:
         alone = MeshScene(balls((name,)), [RED, GREY])
-        hit, places = alone.hit(origin, direction)
+        hit, places = alone.intersect(origin, direction)
         distances.append(np.where(hit, np.linalg.norm(alone.points(places) - origin, axis=-1), np.inf))
     first = np.argmin(distances, axis=0)
     shown = np.isfinite(np.min(distances, axis=0))

@@ -103,7 +103,7 @@ def assert_parts_agree(
 def part_of(scene: Scene, pose: Pose, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the instance whose place is next to what the middle of each pixel (P, 2) shows; -1 where it is nothing."""
     meshes = MeshScene(scene.asset, scene.looks)
-    hit, place = meshes.hit(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
+    hit, place = meshes.intersect(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
     centers = np.array([instance.matrix[:3, 3] for instance in scene.asset.instances])
     found = np.full(len(pixels), -1)
     found[hit] = np.linalg.norm(meshes.points(place)[hit][:, None] - centers, axis=-1).argmin(axis=1)

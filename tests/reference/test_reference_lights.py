@@ -24,7 +24,7 @@ estimate = partial(diffuse_scenes.estimate, pose=POSE)
 class Roofed(Plane):
     """A card with another, larger one in front of it, at y = -1, that occludes it and is not seen itself."""
 
-    def onward(self, place, direction):
+    def trace_onward(self, place, direction):
         before = direction[:, 1] < 0.0
         distance = -1.0 / np.where(before, direction[:, 1], -1.0)
         onto = place + distance[:, None] * direction
@@ -47,7 +47,7 @@ def test_a_card_under_a_rectangle_has_its_irradiance() -> None:
     for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
         steps = (np.arange(3) + 0.5) / 3.0
         x, y = (values.ravel() for values in np.meshgrid(*(pixel[:, None] + steps)))
-        _, point = Plane().hit(*camera_rays(CAMERA, POSE, SIZE, x, y, np.empty((9, 0))))
+        _, point = Plane().intersect(*camera_rays(CAMERA, POSE, SIZE, x, y, np.empty((9, 0))))
         # Over the area of the light, whose normal is the card's: cosine^2 / distance^2.
         across, up = np.meshgrid((np.arange(200) + 0.5) / 200 - 0.5, (np.arange(100) + 0.5) / 200 - 0.25)
         surface = np.stack([0.4 + across, np.full_like(across, -1.5), 0.3 + up], axis=-1).reshape(-1, 3)

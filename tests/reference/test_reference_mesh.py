@@ -59,7 +59,7 @@ def places_in(scene, count, rng):
     """Return places on the scene that rays from around its middle meet, and the directions back."""
     ray = rng.normal(size=(count, 3))
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-    hit, place = scene.hit(scene._asset.center + 0.02 * scene._asset.radius * rng.normal(size=3), ray)
+    hit, place = scene.intersect(scene._asset.center + 0.02 * scene._asset.radius * rng.normal(size=3), ray)
     assert hit.all()
     return place, -ray
 
@@ -113,16 +113,16 @@ def test_rays_pass_the_groups_that_a_light_spares():
     points = [(x, y, z) for z in (0, 1, 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     scene = scene_of(polygons(points, faces), [GREY] * 3, groups=(0, 1, 2))
     up = np.array([[0.0, 0.0, 1.0]])
-    _, floor = scene.hit(np.array([0.2, 0.3, 0.5]), -up)
+    _, floor = scene.intersect(np.array([0.2, 0.3, 0.5]), -up)
     for excluded, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
-        met, place = scene.onward(floor, up, excluded)
+        met, place = scene.trace_onward(floor, up, excluded)
         assert met[0] == (height is not None)
         if height:
             np.testing.assert_allclose(scene.points(place), [[0.2, 0.3, height]], atol=1e-7)
     # From a square that is spared itself.
-    _, second = scene.hit(np.array([0.2, 0.3, 1.5]), -up)
-    assert scene.onward(second, -up, (1,))[0].all()
-    assert not scene.onward(second, -up, (0, 1))[0].any()
+    _, second = scene.intersect(np.array([0.2, 0.3, 1.5]), -up)
+    assert scene.trace_onward(second, -up, (1,))[0].all()
+    assert not scene.trace_onward(second, -up, (0, 1))[0].any()
 
 
 def test_a_square_is_split_from_its_first_corner_and_a_dart_from_its_dent():
@@ -142,7 +142,7 @@ def test_rays_meet_a_mesh_where_they_meet_its_shape(name, shape):
     for origin in middle + np.array([[0.7, -4.0, 1.0], [0.7, 4.0, 1.0]]):  # from either side of the card
         ray = middle + rng.uniform(-1.5, 1.5, (500, 3)) * (1.0, name == "sphere", 1.0) - origin
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        (hit, place), (expected, points) = scene.hit(origin, ray), shape.hit(origin, ray)
+        (hit, place), (expected, points) = scene.intersect(origin, ray), shape.intersect(origin, ray)
         assert 50 < expected.sum() < 450
         # 256 rings lack 4e-5 of the radius.
         nearest = np.linalg.norm(np.cross(middle - origin, ray), axis=-1)
@@ -152,11 +152,11 @@ def test_rays_meet_a_mesh_where_they_meet_its_shape(name, shape):
         np.testing.assert_allclose(scene.points(place), points, atol=tolerance)
         frames, _ = shape.frame(points, -ray)
         np.testing.assert_allclose(scene.frame(place, -ray)[0], frames, atol=3.0 * tolerance)
-        (met, far), (expected, far_points) = scene.onward(place, ray), shape.onward(points, ray)
+        (met, far), (expected, far_points) = scene.trace_onward(place, ray), shape.trace_onward(points, ray)
         np.testing.assert_array_equal(met, expected)
         np.testing.assert_allclose(scene.points(far[met]), far_points[met], atol=2.0 * tolerance)
-        assert not shape.hit(origin, -ray)[0].any()
-        assert not shape.onward(far_points[met], ray[met])[0].any()
+        assert not shape.intersect(origin, -ray)[0].any()
+        assert not shape.trace_onward(far_points[met], ray[met])[0].any()
 
 
 @pytest.mark.parametrize(("name", "shape"), [("plane", Plane()), ("sphere", Sphere())])
@@ -210,17 +210,17 @@ def test_a_ray_never_meets_the_triangle_that_it_leaves(size, place):
     angle, z = rng.uniform(0.0, 2.0 * np.pi, 2000), 10.0 ** rng.uniform(-6.0, -0.01, 2000)
     side = np.sqrt(1.0 - z**2)
     local = np.stack([side * np.cos(angle), side * np.sin(angle), z], axis=-1)
-    met, far = scene.onward(places, np.einsum("nji,nj->ni", frame, local))
+    met, far = scene.trace_onward(places, np.einsum("nji,nj->ni", frame, local))
     assert met.all()
     assert (far["triangle"] != places["triangle"]).all()
-    assert not scene.onward(places, np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0)))[0].any()
+    assert not scene.trace_onward(places, np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0)))[0].any()
 
 
 @pytest.mark.both_pythons
 def test_hits_are_exact_to_float64():
     scene = box_scene()
     origin, ray = camera_rays(CAMERA, POSE, SIZE, *np.random.default_rng(2).uniform(20.0, 44.0, (2, 500)))
-    hit, place = scene.hit(origin, ray)
+    hit, place = scene.intersect(origin, ray)
     points = scene.points(place)[hit]
     across = np.linalg.norm(np.cross(points - origin, ray[hit]), axis=-1)
     assert hit.sum() > 400
@@ -295,5 +295,5 @@ def test_triangles_without_area_are_not_there():
     mesh = polygons([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 0, 0)], [np.arange(3), np.array([0, 1, 2])])
     line = replace(mesh, corner_points=np.array([0, 1, 2, 0, 1, 3], np.int32))
     rays = np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)])
-    hit, _ = scene_of(line, [GREY] * 2).hit(np.array([1.5, 0.0, 1.0]), rays)
+    hit, _ = scene_of(line, [GREY] * 2).intersect(np.array([1.5, 0.0, 1.0]), rays)
     assert hit.tolist() == [False, True]
