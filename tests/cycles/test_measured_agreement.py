@@ -93,17 +93,17 @@ def test_values_in_float32(name: str, interpolation: str, arrays: bool, file_of:
     if not arrays:
         monkeypatch.setattr(block, "_LARGEST_ARRAY", 10_000)
     lines = _lines(file_of(name), interpolation)
-    wanted, got = (
+    expected, got = (
         np.array([json.loads(line)["f"] for line in evaluate_lines(lines, backend)]) for backend in ("numpy", "cycles")
     )
-    error = np.abs(got - wanted) / np.maximum(wanted, 1e-4)
+    error = np.abs(got - expected) / np.maximum(expected, 1e-4)
     assert (error < 2e-4).mean() > 0.99
     if interpolation == "linear":
         assert error.max() < 0.05
     else:
         # Roundings of an angle put a few directions in a thousand into the cell beside.
         assert (error < 0.05).mean() > 0.998
-    assert np.count_nonzero(wanted > 1e-4) > wanted.size // 2
+    assert np.count_nonzero(expected > 1e-4) > expected.size // 2
 
 
 @pytest.mark.parametrize("name", [pytest.param("plastic", marks=pytest.mark.proof), "satin"])

@@ -24,11 +24,11 @@ estimate = partial(diffuse_scenes.estimate, pose=POSE)
 class Roofed(Plane):
     """A card with another, larger one in front of it, at y = -1, that occludes it and is not seen itself."""
 
-    def trace_onward(self, place, direction):
+    def trace_onward(self, hits, direction):
         before = direction[:, 1] < 0.0
         distance = -1.0 / np.where(before, direction[:, 1], -1.0)
-        onto = place + distance[:, None] * direction
-        return before & (np.abs(onto[:, [0, 2]]) < 3.0).all(axis=-1), onto
+        points = hits + distance[:, None] * direction
+        return before & (np.abs(points[:, [0, 2]]) < 3.0).all(axis=-1), points
 
 
 def assert_agree(got, expected) -> None:
