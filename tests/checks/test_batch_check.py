@@ -1,4 +1,4 @@
-"""Which looks and frames `check_file` hands to the checks."""
+"""The looks and frames that `check_file` passes to the checks."""
 
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext

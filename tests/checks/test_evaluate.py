@@ -1,4 +1,4 @@
-"""`evaluate_lines`: lines that are no case, each refused with its number; numbers that depend on the view."""
+"""`evaluate_lines`: lines that are not cases, refused with their numbers; numbers that depend on the view."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Reference props as Cycles renders them, beside published colours and the float64 reference."""
+"""Reference props rendered by Cycles, compared with published colours and the float64 reference."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What coincides with a surface does not shadow it: faces, meshes and instances that are doubled show one surface."""
+"""Coincident surfaces do not shadow each other: doubled faces, meshes and instances look like one surface."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -89,7 +89,7 @@ def _row(assets: Sequence[Asset], scale: float) -> Asset:
 )
 def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backend: str) -> None:
     single, size = make_sphere(96, 48), 80
-    # Without bounces: what neighbours reflect has other noise where a ray meets another copy first.
+    # Without bounces: light reflected by neighbours has other noise where a ray hits another copy first.
     options = {"pose": Pose(0.0, 75.0), "size": size, "backend": backend, "bounces": 0}
     rows = [[single] * len(DOUBLES), [double(single) for double in DOUBLES]]
     once, twice = (render(_row(row, scale), [Layer("Base", "disney")], light_of("slopes"), **options) for row in rows)
@@ -114,7 +114,7 @@ def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backen
 
 @pytest.mark.parametrize("backend", ["exact", pytest.param("nodes", marks=pytest.mark.proof)])
 def test_light_between_coincident_surfaces_is_kept(render, light_of, backend: str) -> None:
-    """Indirect light passes what coincides at both of its ends."""
+    """Indirect light passes surfaces that coincide with its start and with its end."""
     single = load_asset(builtin="shaderball")
     options = {"backend": backend, "bounces": 2, "samples": 32, "size": 32}
 

@@ -1,4 +1,4 @@
-"""Cameras in Cycles: frames of any camera agree with the reference, and a turned asset covers what it is framed to."""
+"""Cameras in Cycles: frames of any camera agree with the reference, and a rotating asset fills its framing."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What Cycles' nodes compute of a traced expression, of textures and of their slopes is what NumPy computes."""
+"""Cycles' nodes compute the same as NumPy for traced expressions, textures and slopes of textures."""
 
 import itertools
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def stacked(*values: Any) -> Any:
     return np.stack(values, axis=-1)
 
 
-# Of numbers a and b in (0, 2), and of vectors u and v; nowhere near a jump, and nothing negative.
+# Expressions of numbers a and b in (0, 2) and of vectors u and v, away from jumps and without negative values.
 EXPRESSIONS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
     "sums": lambda a, b, u, v: stacked(a + b, a - b + 2.0, 1.0 - 0.3 * a),
     "products": lambda a, b, u, v: stacked(a * b, a / b, a * b + 1.0),
@@ -70,7 +70,7 @@ def arguments(x: Any, y: Any) -> tuple[Any, ...]:
 
 
 def source(name: str) -> NodeSource:
-    """Return a surface that shines by an expression."""
+    """Return a surface that emits the value of an expression."""
     graph, builder = Graph(), TreeBuilder(name)
     builder.bind([f"place_{i}" for i in range(3)], Link(builder.add("NewGeometry"), "Position"))
     position = symbols(graph, [f"place_{i}" for i in range(3)])
@@ -122,7 +122,7 @@ def use_positions_as_uv(tree: NodeTree) -> NodeTree:
 
 
 def emission_material(source: Any) -> NodeSource:
-    """Return a material that emits what a look would read."""
+    """Return a material that emits the value that a look reads."""
     inputs = Inputs(Graph(), image_file)
     if isinstance(source, Bump):
         x, y, _ = elements_of(Values(inputs)._bump(source) + 20.0)

@@ -1,4 +1,4 @@
-"""An exported .blend, opened where lookdev is not loaded, renders what lookdev renders."""
+"""An exported .blend, opened without lookdev, renders the same pictures as lookdev."""
 
 import json
 import math
@@ -62,7 +62,7 @@ class Case:
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """Return a job and what a new process finds in its .blend: facts, and renders with the seed of a first half."""
+    """Return a job, facts that a new process reads from its .blend, and renders with the seed of a first half."""
     folder, written, elsewhere = (tmp_path_factory.mktemp(name) for name in ("job", "written", "moved"))
     for name, text in LOOKS.items():
         (folder / f"{name}.usda").write_text(text)

@@ -1,4 +1,4 @@
-"""Rigs in an exported .blend: opened where lookdev is not loaded, they light as lookdev's frames."""
+"""Rigs in an exported .blend: opened without lookdev, they give the light of lookdev's frames."""
 
 import functools
 import json
@@ -85,7 +85,7 @@ def test_a_light_that_does_not_turn_has_keys(reopened: tuple[dict[str, Any], Any
         # Frames 1 and 2, of steps of a half.
         for placement, pose in zip(scene["half_frames"][::2], POSES, strict=False):
             key, still = (np.array(light.position) for light in LAMPS)
-            # What is shown is turned against the rig: so the rig stands still, and this light does not.
+            # The scene is rotated against the rig: so the rig stands still, and this light does not.
             rotated = rotate_z(still - axis, -pose.lighting) + axis
             np.testing.assert_allclose(placement["lights"]["key"], key - center, atol=1e-6)
             np.testing.assert_allclose(placement["lights"]["sphere 2"], rotated - center, atol=1e-6)

@@ -1,4 +1,4 @@
-"""Assets on the ground: closed forms, the float64 reference, and what a catcher leaves as it is."""
+"""Assets on the ground: closed forms, the float64 reference, and pixels that a catcher must not change."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,7 +55,7 @@ def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list
 
 
 def ground_pixels(scene: Scene) -> Arrays:
-    """Return pixels of the asset and of its ground, whose edge is not among them."""
+    """Return pixels of the asset and of its ground, without those at the edge of the ground."""
     meshes = MeshScene(scene.asset, scene.looks)
     covered = np.argwhere(coverage(meshes, scene.camera, POSE, SIZE) == 1.0)
     pixels = np.random.default_rng(3).permutation(covered)[:60, ::-1]
@@ -186,7 +186,7 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
 
 @pytest.mark.proof
 def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]) -> None:
-    """Over the true ground, the error of a frame is what its halves differ by."""
+    """Over the true ground, the error of a frame is that estimated from its halves."""
     scene = scene_of([light_of("slopes")], RED, GREY, catcher=True)
     frames = frames_of(worker, scene, 8, samples=16, bounces=1)
     bare = np.mean([frame.passes["bare"] for frame in frames], axis=0)

@@ -35,7 +35,7 @@ SIZE = 48
 
 @pytest.fixture
 def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
-    """Return a function that compares frames of a scene with the reference, and finds that light bounces in them."""
+    """Return a function that compares frames of a scene with the reference, and checks that light bounces in them."""
 
     def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> Finding:
         samples = 32
@@ -125,7 +125,7 @@ def view_formula(text: str, **inputs: Any) -> Formula:
 
 
 def pearl(bump: Bump | None = None, exponent: int = 2) -> tuple[Layer, ...]:
-    """Two-tone paint, rougher where it faces the viewer, under dust that is seen where the view grazes."""
+    """Return two-tone paint, rougher where it faces the viewer, under dust that is visible at grazing views."""
     inputs = {
         "baseColor": view_formula(f"mix([.8, .1, .05], [.05, .2, .8], (1 - view) ^ {exponent})"),
         "roughness": view_formula("0.2 + 0.5 * view"),
@@ -193,7 +193,7 @@ Compare = Callable[[Callable[[str], str]], Finding]
 def compare(request: pytest.FixtureRequest, worker: Worker, light_of, stored_reference: StoredReference) -> Compare:
     """Return a function that renders recesses of glossy looks by altered OSL and compares them with the reference.
 
-    They have the directions that suit them, of which roulette chooses those that are traced.
+    The looks have their usual numbers of directions, of which Russian roulette chooses those that are traced.
     """
     look = Look("look", (Layer("Metal", "disney", COPPER | {"anisotropic": request.param}),))
     scene = scene_of(load_asset(builtin="shaderball"), look, (light_of("slopes"),), SIZE)
@@ -208,7 +208,7 @@ def compare(request: pytest.FixtureRequest, worker: Worker, light_of, stored_ref
 
 @pytest.mark.parametrize("alter", [pytest.param(str, marks=pytest.mark.proof), OFTEN], ids=["as is", "often"])
 def test_few_directions_and_roulette_keep_the_mean(alter: Callable[[str], str], compare: Compare) -> None:
-    """Also where roulette ends more than half of the light's directions."""
+    """The mean is right even if roulette ends more than half of the light's directions."""
     finding = compare(alter)
     assert finding.passed, "\n".join((finding.summary, *finding.details))
     assert finding.figures["bias_limit"] < 0.05

@@ -94,7 +94,7 @@ def test_sets_that_do_not_fit_one_render_are_shared_by_the_halves(options: dict[
 
 
 def test_light_belongs_to_the_lobe_of_the_first_hit(worker: Worker) -> None:
-    """A ball without a diffuse lobe shows no diffuse light, whatever the lobes are that its light has left before."""
+    """A ball without a diffuse lobe has no diffuse light, whatever lobes reflected the light before."""
     metal = Look("metal", (Layer("m", "disney", {"metallic": 1.0, "baseColor": (0.8,) * 3, "roughness": 0.4}),))
     on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 8)["/set/ball"] == 1.0
     white = (prepare_light(load_environment(builtin="white")),)

@@ -1,4 +1,4 @@
-"""The passes of a frame, beside rays of the camera and parts that are rendered alone."""
+"""The passes of a frame, compared with rays of the camera and with parts rendered alone."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ POSE = Pose(40.0, 15.0)
 SIZE, SMALL = (40, 30), (20, 15)
 CENTER = np.array([3.0, -2.0, 1.0])
 PARTS = {"/set/ball": ((0.0, 0.0, 0.0), 1.0), "/set/left": ((-1.1, -0.9, 0.2), 0.6), "/set/top": ((0.3, 0.2, 1.0), 0.5)}
-"""The places about `CENTER` and the radii of balls, by their prims."""
+"""The positions relative to `CENTER` and the radii of balls, by their prims."""
 CAMERA = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0)
 RED, GREY = (
     Look(name, (Layer("paint", "disney", {"baseColor": color}),))
@@ -69,7 +69,7 @@ def render_task(worker: Worker, task: FrameTask) -> Rendered:
 
 
 def world(points: np.ndarray) -> np.ndarray:
-    """Turn places of the asset as POSE does, about the vertical through its centre."""
+    """Rotate points of the asset by POSE, about the vertical through its centre."""
     angle = np.radians(POSE.element)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     return (points - CENTER) @ turn.T + CENTER
@@ -172,7 +172,7 @@ def decode_matte(path: Path, matte: str) -> dict[str, np.ndarray]:
 
 
 def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[str, np.ndarray]:
-    """Return the coverage of parts by a grid of rays in each pixel, the parts alone deciding which is before which."""
+    """Return the coverage of parts by a grid of rays in each pixel; each is traced alone, the nearest is visible."""
     width, height = size
     x, y = ((np.arange(side * pixels) + 0.5) / side for pixels in size)
     grid_x, grid_y = (values.ravel() for values in np.meshgrid(x, y))
@@ -250,7 +250,7 @@ def test_parts_of_the_light_sum_up_to_it(changes: dict[str, float], worker: Work
 @pytest.mark.proof  # a wrong share of indirect light is found here alone
 @pytest.mark.parametrize(("name", "without"), [("diffuse", "specular"), ("specular", "diffuse")])
 def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(name: str, without: str, worker: Worker) -> None:
-    """Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay alike."""
+    """Light of one bounce reaches the camera by the ball's lobe after other balls reflect it, which do not change."""
     inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0}
     other = Look("both too", (Layer("p", "modified-phong", inputs),))
     lights = (prepare_light(load_environment(builtin="white")),)
@@ -285,7 +285,7 @@ def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
 
 
 def test_a_worker_renders_frames_with_mattes_one_after_another(worker: Worker) -> None:
-    """What Cycles sorts after a frame's mattes would lie behind the next frame's first, tiny render."""
+    """Sorting the mattes of a frame must not read beyond the pixels of the next frame's first, tiny render."""
     scene = task_of(balls(), ("cryptomatte",)).scene
     poses = [Pose(angle, 15.0) for angle in (0.0, 40.0, 80.0, 0.0)]
     frames = [render_task(worker, one_frame(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]

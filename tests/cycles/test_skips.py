@@ -1,4 +1,4 @@
-"""What a scene leaves out changes no picture: each skip is undone, and the frame rendered with what was left out."""
+"""Skips do not change pictures: frames with a skip are compared with frames of an equivalent scene without it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -77,7 +77,7 @@ def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
 
 
 def test_a_constant_light_needs_no_light_samples(worker: Worker, sphere: Asset, light_of) -> None:
-    """Beside a lamp, however faint, a constant dome is part of a rig, whose light samples stay."""
+    """With a lamp, however faint, a constant dome is part of a rig, which keeps its light samples."""
     faint = SphereLight(radius=0.2, position=(1.0, -3.0, 3.0), emission=Emission((1e-5, 1e-5, 1e-5)))
     short = scene_of(sphere, COAT, light_of("white"))
     assert_skips_keep_picture(worker, short, replace(short, lights=(light_of("white"), faint)), {"light samples"})
@@ -99,7 +99,7 @@ def test_a_lobe_that_constants_make_0_needs_no_code(worker: Worker, sphere: Asse
 
 
 def test_lights_that_reach_nothing_are_left_out(worker: Worker, sphere: Asset, light_of, monkeypatch) -> None:
-    """A rectangle that is turned away, a beam that passes by, a lamp that is off, and one light that is there."""
+    """A rectangle faces away, a beam misses the asset, a lamp is off; two lights remain."""
     bright = Emission((8.0, 8.0, 8.0))
     behind = RectLight(width=1.0, height=1.0, position=(0.0, 0.0, -3.0), emission=bright)  # shines down, from below
     beam = replace(bright, shaping=Shaping(cone_angle=20.0))
@@ -120,7 +120,7 @@ def test_lights_that_reach_nothing_are_left_out(worker: Worker, sphere: Asset, l
 def test_frames_of_other_poses_are_the_one_that_is_rendered(
     ibl: str, causes: str, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
-    """A pose that shares a frame with another, rendered as it was asked for."""
+    """A pose that shares a frame with another is also rendered as requested."""
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
     requested_pose = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)

@@ -1,4 +1,4 @@
-"""Workers and scenes: what a worker has shown, whose shader it has, and on which machine it runs changes no picture."""
+"""Workers and scenes: a picture depends neither on earlier scenes, nor on shared shaders, nor on the machine."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -74,11 +74,11 @@ def assert_same(one: Rendered, other: Rendered, label: str) -> None:
 def test_a_scene_shows_in_no_picture_of_another(
     backends: tuple[str, ...], worker: Worker, new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
 ) -> None:
-    """What comes before each scene differs between two workers; the first of a new one comes after nothing."""
+    """The scenes before a scene differ between two workers; a new worker has none before its first."""
     order, other = [name for name in scenes if name.partition(" ")[0] in backends], new_worker()
     first = {name: render(worker, scenes[name]) for name in order}
     assert_same(render(worker, scenes[order[0]]), first[order[0]], f"{order[0]} again")
-    # Neighbours in the first order are none in this one.
+    # Scenes next to each other in the first order are not so in this one.
     for name in (name for start in range(5) for name in order[::-1][start::5]):
         assert_same(render(other, scenes[name]), first[name], name)
 
@@ -97,7 +97,7 @@ def test_a_scene_that_was_prepared_shows_in_no_picture(
 
 @pytest.fixture(scope="module")
 def balls() -> Asset:
-    """Three balls of two parts: one of the first, two instances of the second, of which one is mirrored."""
+    """Return three balls of two parts: one of the first, two instances of the second, one of them mirrored."""
     ball = make_sphere(segments=32, rings=16).meshes[0]
     meshes = [replace(ball, face_slots=np.full_like(ball.face_slots, slot)) for slot in (0, 1)]
     matrices = [np.eye(4) for _ in range(3)]
@@ -122,7 +122,7 @@ PAIRS = [
 
 @pytest.fixture(scope="module")
 def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTask]:
-    """The scenes of two pairs of looks, one program for all four."""
+    """Return the scenes of two pairs of looks, with one program for all four looks."""
     camera = orbit_camera(balls.center, balls.radius)
     pair_scenes = [Scene.of_look(balls, pair[0], light_of("slopes"), (64, 32), camera) for pair in PAIRS]
     pair_scenes = [replace(scene, wears={"/a": a, "/b": b}) for scene, (a, b) in zip(pair_scenes, PAIRS, strict=True)]

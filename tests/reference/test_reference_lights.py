@@ -22,7 +22,7 @@ estimate = partial(diffuse_scenes.estimate, pose=POSE)
 
 @dataclass(frozen=True)
 class Roofed(Plane):
-    """A card with another, larger one in front of it, at y = -1, that occludes it and is not seen itself."""
+    """A card with a larger, invisible card in front of it, at y = -1, that occludes it."""
 
     def trace_onward(self, hits, direction):
         before = direction[:, 1] < 0.0
@@ -98,9 +98,9 @@ def test_a_shadow_is_as_dark_as_the_light_wants(shadow: Shadow, share: tuple[flo
 
 @pytest.mark.parametrize("presence", [0.3, 1.0])
 def test_light_that_casts_no_shadow_is_counted_once_behind_holes(presence: float) -> None:
-    """In a furnace: what is shaded sees all the light, so none is left to come through a hole to it.
+    """In a furnace, a shaded point receives all light directly, so no more may reach it through a hole.
 
-    A path from the camera goes on by half of what is there, inside, and by all that is not, to the wall behind.
+    A path from the camera continues inside by half of the presence, and to the wall behind by the absent share.
     """
     unshadowed = replace(dome(np.ones((1, 1, 3))), emission=Emission(shadow=Shadow(enable=False)))
     for bounces, expected in ((0, presence), (1, presence + 0.5 * presence**2 + (1.0 - presence) * presence)):
