@@ -24,8 +24,7 @@ from lookdev.light import Dome, Light
 from lookdev.material import Layer
 from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
-from lookdev.reference.render import Estimate, frame_pixels
-from lookdev.reference.render import Scene as ReferenceScene
+from lookdev.reference.render import Estimate, ReferenceScene, frame_pixels
 from lookdev.rendering.results import Rendered
 from lookdev.scene import Camera, Pose, Scene, camera_rays
 
@@ -72,7 +71,7 @@ def coverage(scene: ReferenceScene, camera: Camera, pose: Pose, size: tuple[int,
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     lens = np.random.default_rng(0).random(points.shape) if camera.lens else None
     origin, ray = camera_rays(camera, pose, size, *points.T, lens)
-    hit, _ = scene.hit(origin, ray)
+    hit, _ = scene.intersect(origin, ray)
     return np.asarray(hit.reshape(height, rays, width, rays).mean(axis=(1, 3)))
 
 

@@ -1,6 +1,6 @@
 """Analytic shapes, the built-in assets of the same names, as scenes of the reference renderer, each of one BSDF.
 
-A place is a point of the surface, known exactly, so that no tolerance decides whether a surface shades itself.
+A hit is a point of the surface, known exactly, so that no tolerance decides whether a surface shades itself.
 """
 
 from collections.abc import Iterator
@@ -23,22 +23,22 @@ INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cov
 
 @dataclass(frozen=True)
 class Shape:
-    """The part of a `lookdev.reference.render.Scene` that shapes share."""
+    """The part of a `lookdev.reference.render.ReferenceScene` that shapes share."""
 
     bsdf: Bsdf | None = field(default=None, kw_only=True)
 
-    def points(self, place: Floats) -> Floats:
-        return place
+    def points(self, hits: Floats) -> Floats:
+        return hits
 
-    def inside(self, place: Floats, wo: Floats) -> Mask:
-        return np.asarray(_dot(self._outward(place), wo)[:, 0] < 0.0)
+    def is_inside(self, hits: Floats, wo: Floats) -> Mask:
+        return np.asarray(_dot(self._outward(hits), wo)[:, 0] < 0.0)
 
-    def lit(self, place: Floats, light: int) -> None:
+    def is_lit_by(self, hits: Floats, light: int) -> None:
         """All lights light all of it."""
 
-    def bsdfs(self, place: Floats, view: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
+    def bsdfs(self, hits: Floats, view: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
         assert self.bsdf is not None
-        yield np.arange(len(place)), self.bsdf
+        yield np.arange(len(hits)), self.bsdf
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Sphere(Shape):
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 1.0
 
-    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
-        """See `Scene.hit`; `origin` is outside."""
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `ReferenceScene.intersect`; `origin` is outside."""
         start = origin - np.array(self.center)
         b = ray @ start
         discriminant = b * b - (start @ start - self.radius**2)
@@ -57,18 +57,18 @@ class Sphere(Shape):
         distance = -b - np.sqrt(np.where(hit, discriminant, 0.0))
         return hit, origin + distance[:, None] * ray
 
-    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
-        cosine = _dot(self._outward(place), direction)
-        return cosine[:, 0] < 0.0, place - 2.0 * self.radius * cosine * direction
+    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Mask, Floats]:
+        cosine = _dot(self._outward(hits), direction)
+        return cosine[:, 0] < 0.0, hits - 2.0 * self.radius * cosine * direction
 
-    def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:
-        normal = self._outward(place)
+    def frame(self, hits: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        normal = self._outward(hits)
         azimuth = np.arctan2(normal[:, 1], normal[:, 0])
         tangent = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
         return _facing(tangent, normal, wo)
 
-    def _outward(self, place: Floats) -> Floats:
-        normal = place - np.array(self.center)
+    def _outward(self, hits: Floats) -> Floats:
+        normal = hits - np.array(self.center)
         # Not divided by the radius: rounding would grow from bounce to bounce.
         return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
@@ -77,21 +77,21 @@ class Sphere(Shape):
 class Plane(Shape):
     """The built-in ``plane``: a thin square card about the origin, 2 m wide, front along -y, u along +x."""
 
-    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
-        """See `Scene.hit`; a ray along the card misses it."""
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `ReferenceScene.intersect`; a ray along the card misses it."""
         ahead = origin[1] * ray[:, 1] < 0.0
         distance = -origin[1] / np.where(ahead, ray[:, 1], 1.0)
         point = (origin + distance[:, None] * ray) * (1.0, 0.0, 1.0)
         return ahead & (np.abs(point) < 1.0).all(axis=-1), point
 
-    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
-        return np.zeros(len(direction), np.bool_), place
+    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Mask, Floats]:
+        return np.zeros(len(direction), np.bool_), hits
 
-    def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:
-        return _facing(np.broadcast_to(np.array([1.0, 0.0, 0.0]), place.shape), self._outward(place), wo)
+    def frame(self, hits: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        return _facing(np.broadcast_to(np.array([1.0, 0.0, 0.0]), hits.shape), self._outward(hits), wo)
 
-    def _outward(self, place: Floats) -> Floats:
-        return np.broadcast_to(np.array([0.0, -1.0, 0.0]), place.shape)
+    def _outward(self, hits: Floats) -> Floats:
+        return np.broadcast_to(np.array([0.0, -1.0, 0.0]), hits.shape)
 
 
 def _facing(tangent: Floats, normal: Floats, wo: Floats) -> tuple[Floats, Floats]:

@@ -101,9 +101,9 @@ def _log_size() -> int:
 def _run_command(arguments: list[str], answers: Answers) -> None:
     match arguments:
         case ["--self-test"]:
-            from lookdev.cycles.points import self_test
+            from lookdev.cycles.points import run_self_test
 
-            answers.send(**self_test())
+            answers.send(**run_self_test())
         case ["--points", request]:
             from lookdev.cycles.points import evaluate_file
 

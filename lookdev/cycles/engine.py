@@ -181,7 +181,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     # Alpha counts the rays that do not reach the background. The ray of a portal never does: it is directed at a hit.
     _set_bounces(settings, reflected=0, transparent=bounces + 1)
     world = bpy.data.worlds.new("black")
-    version.empty_node_tree(world)
+    version.clear_node_tree(world)
     world.cycles.sampling_method = "NONE"
     scene.world = world
 

@@ -185,7 +185,7 @@ def _build_cylinder(name: str, light: CylinderLight, strength: float) -> Any:
     material.use_transparent_shadow = True
     data.materials.append(material)
     nodes = _LightNodes(material)
-    front = nodes.math("SUBTRACT", 1.0, nodes.add("NewGeometry").outputs["Backfacing"])
+    front = nodes.add_math("SUBTRACT", 1.0, nodes.add("NewGeometry").outputs["Backfacing"])
     largest = max(light.emission.color) or 1.0
     color = nodes.scale([channel / largest for channel in light.emission.color], front)
     emission = nodes.add_emission(color, light.emission.shaping, largest * strength)
@@ -210,7 +210,7 @@ class _LightNodes:
     """The nodes of a light, or of the material of a mesh that is a light."""
 
     def __init__(self, owner: Any) -> None:
-        self.tree = version.empty_node_tree(owner)
+        self.tree = version.clear_node_tree(owner)
 
     def add(self, kind: str) -> Any:
         node = self.tree.nodes.new(f"ShaderNode{kind}")
@@ -224,14 +224,14 @@ class _LightNodes:
         else:
             end.default_value = start
 
-    def math(self, operation: str, *inputs: Any) -> Any:
+    def add_math(self, operation: str, *inputs: Any) -> Any:
         node = self.add("Math")
         node.operation, node.use_clamp = operation, False
         for socket, value in zip(node.inputs, inputs, strict=False):
             self.link(value, socket)
         return node.outputs[0]
 
-    def vector(self, operation: str, *inputs: Any) -> Any:
+    def add_vector_math(self, operation: str, *inputs: Any) -> Any:
         node = self.add("VectorMath")
         node.operation = operation
         for socket, value in zip(node.inputs, inputs, strict=False):
@@ -264,15 +264,15 @@ class _LightNodes:
         node.operation = "DOT_PRODUCT"
         self.link(self.add("TexCoord").outputs["Object"], node.inputs[0])
         self.link(self.emitted_direction(), node.inputs[1])
-        return self.math("GREATER_THAN", node.outputs["Value"], 0.0)
+        return self.add_math("GREATER_THAN", node.outputs["Value"], 0.0)
 
     def texel(self, light: RectLight) -> Any:
         """Return the colour of a rectangle's texture; its first column is at +x, its top row at +y."""
         assert light.texture
         position = self.separate(self.add("TexCoord").outputs["Object"])
         is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0
-        u = self.math("MULTIPLY_ADD", position[0], (1.0 if is_mirrored else -1.0) / light.width, 0.5)
-        v = self.math("MULTIPLY_ADD", position[1], 1.0 / light.height, 0.5)
+        u = self.add_math("MULTIPLY_ADD", position[0], (1.0 if is_mirrored else -1.0) / light.width, 0.5)
+        v = self.add_math("MULTIPLY_ADD", position[1], 1.0 / light.height, 0.5)
         st = self.add("CombineXYZ")
         self.link(u, st.inputs[0])
         self.link(v, st.inputs[1])
@@ -288,7 +288,7 @@ class _LightNodes:
         node.inputs["Strength"].default_value = strength
         if shaping:
             beam = self.beam_factor(shaping)
-            color = beam if color is None else self.vector("MULTIPLY", color, beam)
+            color = beam if color is None else self.add_vector_math("MULTIPLY", color, beam)
         if color is None:
             color = (1.0, 1.0, 1.0, 1.0)
         self.link(color, node.inputs["Color"])
@@ -300,18 +300,20 @@ class _LightNodes:
 
     def beam_factor(self, shaping: Shaping) -> Any:
         """Return the factor of the radiance that `Shaping.factor` computes, without the profile."""
-        x, y, z = self.separate(self.vector("NORMALIZE", self.emitted_direction()))
-        down = self.math("MULTIPLY", z, -1.0)
-        across = self.math("SQRT", self.math("ADD", self.math("MULTIPLY", x, x), self.math("MULTIPLY", y, y)))
-        angle = self.math("ARCTAN2", across, down)
+        x, y, z = self.separate(self.add_vector_math("NORMALIZE", self.emitted_direction()))
+        down = self.add_math("MULTIPLY", z, -1.0)
+        across = self.add_math(
+            "SQRT", self.add_math("ADD", self.add_math("MULTIPLY", x, x), self.add_math("MULTIPLY", y, y))
+        )
+        angle = self.add_math("ARCTAN2", across, down)
         cone, start, rise = shaping.cone
-        inside = self.math("SUBTRACT", 1.0, self.math("GREATER_THAN", angle, cone))
-        t = self.math("MULTIPLY", self.math("SUBTRACT", angle, start), rise)
-        t = self.math("MINIMUM", self.math("MAXIMUM", t, 0.0), 1.0)
-        smooth = self.math("MULTIPLY", self.math("MULTIPLY", t, t), self.math("MULTIPLY_ADD", t, -2.0, 3.0))
-        cone_factor = self.math("MULTIPLY", inside, self.math("SUBTRACT", 1.0, smooth))
+        inside = self.add_math("SUBTRACT", 1.0, self.add_math("GREATER_THAN", angle, cone))
+        t = self.add_math("MULTIPLY", self.add_math("SUBTRACT", angle, start), rise)
+        t = self.add_math("MINIMUM", self.add_math("MAXIMUM", t, 0.0), 1.0)
+        smooth = self.add_math("MULTIPLY", self.add_math("MULTIPLY", t, t), self.add_math("MULTIPLY_ADD", t, -2.0, 3.0))
+        cone_factor = self.add_math("MULTIPLY", inside, self.add_math("SUBTRACT", 1.0, smooth))
         if shaping.focus <= 0.0:
             return self.scale((1.0, 1.0, 1.0), cone_factor)
-        focused = self.math("POWER", self.math("ABSOLUTE", z), shaping.focus)
-        tinted = self.scale(shaping.focus_tint, self.math("SUBTRACT", 1.0, focused))
-        return self.scale(self.vector("ADD", self.scale((1.0, 1.0, 1.0), focused), tinted), cone_factor)
+        focused = self.add_math("POWER", self.add_math("ABSOLUTE", z), shaping.focus)
+        tinted = self.scale(shaping.focus_tint, self.add_math("SUBTRACT", 1.0, focused))
+        return self.scale(self.add_vector_math("ADD", self.scale((1.0, 1.0, 1.0), focused), tinted), cone_factor)

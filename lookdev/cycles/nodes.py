@@ -41,7 +41,7 @@ def build_material(source: NodeSource, built: Groups | None = None) -> Any:
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
-    _fill_tree(source, source.trees[-1], version.empty_node_tree(material), groups)
+    _fill_tree(source, source.trees[-1], version.clear_node_tree(material), groups)
     return material
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from lookdev.cycles.plain_sequence import light_by_texture
+from lookdev.cycles.plain_sequence import add_environment_texture
 from lookdev.lifetime import leaving
 from lookdev.rendering.answers import Answers, peak_memory
 
@@ -32,7 +32,7 @@ def render(request: dict[str, Any], answers: Answers) -> None:
     settings.samples = 1
     settings.use_adaptive_sampling = settings.use_denoising = False
     settings.max_bounces = request["bounces"]
-    texture, _ = light_by_texture(scene)
+    texture, _ = add_environment_texture(scene)
     lights = Path(bpy.utils.resource_path("LOCAL"), "datafiles", "studiolights", "world")
     texture.image = bpy.data.images.load(str(lights / f"{request['light']}.exr"))
     scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))

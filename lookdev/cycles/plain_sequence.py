@@ -23,7 +23,7 @@ from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
-from lookdev.cycles.principled import principled_material
+from lookdev.cycles.principled import build_principled_material
 from lookdev.lifetime import leaving
 
 
@@ -33,10 +33,10 @@ def render(request: dict[str, Any]) -> None:
     scene = bpy.data.scenes[0]
     _configure(scene, request)
     asset = read_asset(Path(request["asset"]))
-    material = principled_material(PrincipledSource("principled", request["principled"]))
+    material = build_principled_material(PrincipledSource("principled", request["principled"]))
     root = _add_asset(scene, about_origin(asset), material)
     _add_camera(scene, request["camera"], asset)
-    texture, mapping = light_by_texture(scene)
+    texture, mapping = add_environment_texture(scene)
     light = None
     for frame in request["frames"]:
         if frame["light"] != light:
@@ -101,10 +101,10 @@ def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
     scene.camera = item
 
 
-def light_by_texture(scene: Any) -> tuple[Any, Any]:
+def add_environment_texture(scene: Any) -> tuple[Any, Any]:
     """Light a scene by an environment texture; return its node and the node that rotates it."""
     scene.world = bpy.data.worlds.new("light")
-    tree = version.empty_node_tree(scene.world)
+    tree = version.clear_node_tree(scene.world)
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     mapping = tree.nodes.new("ShaderNodeMapping")
     texture = tree.nodes.new("ShaderNodeTexEnvironment")

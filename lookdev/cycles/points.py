@@ -17,7 +17,7 @@ from lookdev.codegen import ShaderSource, TableBinding
 from lookdev.codegen.osl.points import generate_points
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.cycles import engine, version
-from lookdev.cycles.shaders import array_text, script_node
+from lookdev.cycles.shaders import add_script_node, array_text
 from lookdev.errors import RenderError
 
 # Pixels of a row: a power of two, like the number of rows and `point_cells`.
@@ -71,7 +71,7 @@ def render_table(
         OpenEXR.File(header, {"RGB": padded.reshape(rows, _COLUMNS * cells, 3)}).write(str(path))
         values |= {"columns": _COLUMNS, "rows": rows}
         texts = {name: array_text(array) for name, array in (arrays or {}).items()}
-        script_node(version.empty_node_tree(material), source, {"points_file": str(path), **values}, texts)
+        add_script_node(version.clear_node_tree(material), source, {"points_file": str(path), **values}, texts)
         return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()
 
 
@@ -100,7 +100,7 @@ def evaluate_file(request: Path) -> None:
         np.savez(path, f=f, pdf=pdf)
 
 
-def self_test() -> dict[str, object]:
+def run_self_test() -> dict[str, object]:
     """Compile a diffuse lobe and evaluate it in Cycles; a RenderError reports a wrong value."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)

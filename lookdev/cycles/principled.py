@@ -11,10 +11,10 @@ from lookdev.cycles import version
 from lookdev.cycles.geometry import AssetObjects
 
 
-def principled_material(source: PrincipledSource) -> Any:
-    """Make a material of one Principled BSDF node."""
+def build_principled_material(source: PrincipledSource) -> Any:
+    """Build a material of a single Principled BSDF node."""
     material = bpy.data.materials.new(source.name)
-    tree = version.empty_node_tree(material)
+    tree = version.clear_node_tree(material)
     node = tree.nodes.new("ShaderNodeBsdfPrincipled")
     node.distribution = "MULTI_GGX"
     for name, value in source.inputs.items():
@@ -36,7 +36,7 @@ def shade_by_normals(added: AssetObjects) -> None:
         item.shadow_terminator_geometry_offset = 0.1
 
 
-def configure_as_users_do(scene: Any) -> None:
+def configure_user_defaults(scene: Any) -> None:
     """Set Blender's defaults where `engine.configure_closures` differs."""
     settings = scene.cycles
     if scene.world.cycles.sampling_method == "MANUAL":

@@ -49,7 +49,7 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
     with prepare_recording(scene, task) as plan:
         render = partial(_render_region, scene, task, plan)
         pictures = caught_pictures if task.scene.catches else plain_pictures
-        frame = render_halves(task, render, partial(_denoiser, scene, task), progress, pictures)
+        frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
     frame = replace(frame, passes=complete_passes(task, frame))
     others = Passes({}, {})
     if {*arrays_of(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
@@ -98,7 +98,7 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Progre
     return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
 
 
-def _denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
+def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
     """Return a denoiser guided by the albedo and the normals of the frame."""
 
     def render_feature(feature: float) -> Image:

@@ -16,8 +16,8 @@ from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
-from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
-from lookdev.cycles.shaders import CAUGHT, RECORD, surface_material, varying_values
+from lookdev.cycles.principled import build_principled_material, configure_user_defaults, shade_by_normals
+from lookdev.cycles.shaders import CAUGHT, RECORD, build_surface_material, varying_values
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
@@ -127,7 +127,7 @@ class BlenderScene:
             sampled = self.is_principled or varied_domes(task.lights)
             self.scene.world = build_world("light", task.lights, sampled=sampled)
         if self.is_principled:
-            configure_as_users_do(self.scene)
+            configure_user_defaults(self.scene)
         if "uv" in task.sampling.passes:
             # Set before the first render: meshes keep the attributes that they have then.
             self.scene.view_layers[0].use_pass_uv = True
@@ -136,18 +136,18 @@ class BlenderScene:
             self.scene.cycles.transparent_max_bounces += 2 * (len(task.lights) - len(world_domes(task.lights)))
 
     def _add_materials(self) -> None:
-        self._materials = [self._material(number, source) for number, source in enumerate(self.task.shaders)]
+        self._materials = [self._build_material(number, source) for number, source in enumerate(self.task.shaders)]
 
-    def _material(self, number: int, source: Source) -> Any:
+    def _build_material(self, number: int, source: Source) -> Any:
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
                 stand = Stand((x, y, z), self.task.camera.pivot)
-                return surface_material(source, number, self.task.lights_of(number), stand)
+                return build_surface_material(source, number, self.task.lights_of(number), stand)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
-                return principled_material(source)
+                return build_principled_material(source)
             case other:
                 raise RenderError(f"look '{other.name}': Cycles has no material for a {type(other).__name__}")
 

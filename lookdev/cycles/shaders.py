@@ -43,7 +43,7 @@ def compile_osl(source: ShaderSource) -> Path:
     Each text has its own file: Blender would compile a script beside itself, where two processes can collide. If the
     text does not compile, a RenderError has the compiler's first message and the path of a copy of the text.
     """
-    text = "\n".join((*version.OSL_DEFINES, *_constants(source), source.osl))
+    text = "\n".join((*version.OSL_DEFINES, *_constant_definitions(source), source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
 
     def compile_text(compiled: Path) -> None:
@@ -63,7 +63,7 @@ def compile_osl(source: ShaderSource) -> Path:
     return content.path
 
 
-def _constants(source: ShaderSource) -> list[str]:
+def _constant_definitions(source: ShaderSource) -> list[str]:
     """Return definitions of a look's constants: numbers, or, for those that vary, elements of parameters."""
     values = {number: repr(value) for number, value in enumerate(source.constants)}
     values |= {number: f"look_values_{i // 3}[{i % 3}]" for i, number in enumerate(source.varying)}
@@ -81,7 +81,7 @@ def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, 
     return {f"look_{number}_{i}": tuple(values[3 * i : 3 * i + 3]) for i in range(len(values) // 3)}
 
 
-def surface_material(source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand) -> Any:
+def build_surface_material(source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand) -> Any:
     """Create the material of a look whose shader integrates the light.
 
     Its varying constants are the properties `varying_values` of that number. Cycles reads the properties of an object
@@ -95,8 +95,8 @@ def surface_material(source: ShaderSource, number: int, lights: Sequence[Light],
     material = bpy.data.materials.new(source.name)
     # Not a light: otherwise Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"
-    tree = version.empty_node_tree(material)
-    script = script_node(tree, source, values, arrays)
+    tree = version.clear_node_tree(material)
+    script = add_script_node(tree, source, values, arrays)
     _link_attribute(tree, script, "shading_normal", "lookdev_normal", "vector")
     for attribute in source.attributes:
         _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
@@ -110,7 +110,7 @@ def surface_material(source: ShaderSource, number: int, lights: Sequence[Light],
     return material
 
 
-def script_node(
+def add_script_node(
     tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, str] | None = None
 ) -> Any:
     """Add a script node with its sockets and link it to the surface output.
@@ -128,7 +128,7 @@ def script_node(
             values[table.parameter] = str(table.file.path)
     if arrays:
         script.mode = "INTERNAL"
-        script.bytecode = with_arrays(compiled.read_text(encoding="utf-8"), arrays)
+        script.bytecode = insert_arrays(compiled.read_text(encoding="utf-8"), arrays)
         script.bytecode_hash = hashlib.md5(script.bytecode.encode(), usedforsecurity=False).hexdigest()
     else:
         script.mode = "EXTERNAL"
@@ -159,7 +159,7 @@ def _cached_array_text(file: Content) -> str:
     return text.path.read_text(encoding="ascii")
 
 
-def with_arrays(oso: str, arrays: Mapping[str, str]) -> str:
+def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
     """Return a compiled shader in which texts of `array_text` are the default values of the parameters by their names.
 
     In the source text they would compile slowly. They are marked as interactive, as values that may change between

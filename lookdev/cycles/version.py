@@ -15,7 +15,7 @@ VERSION: str = ".".join(str(number) for number in bpy.app.version)
 OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
 
 
-def empty_node_tree(datablock: Any) -> Any:
+def clear_node_tree(datablock: Any) -> Any:
     """Remove all nodes from the shader node tree of a material, world or light; return the tree."""
     if not BLENDER_5:  # 5.x always has a tree, and warns if this is set
         datablock.use_nodes = True

@@ -17,9 +17,8 @@ from lookdev.light.native import world_domes
 
 _ROW = 400.0  # between the nodes of two domes
 
-# Texels across the importance map that Cycles chooses for any light. A map of twice the light's width has the same
-# noise: with a light of 1024 texels, a first frame of 64 x 64 pixels takes 1.3 s, not 2.8 s (two cores, both loaded).
-# A map of the light's width has up to 1.4 times the variance.
+# Texels across the importance map that Cycles chooses for any light; one of twice the light's width has the same noise
+# (docs/notebook/cycles-importance-map.md).
 _MAX_MAP_WIDTH = 4096
 
 
@@ -49,7 +48,7 @@ def build_world(
         A map cannot be read.
     """
     world = bpy.data.worlds.new(name)
-    tree = version.empty_node_tree(world)
+    tree = version.clear_node_tree(world)
     domes = world_domes(lights)
     portal_strength = _add_portal_strength(tree, strength) if after_portals and domes else None
     surface = None

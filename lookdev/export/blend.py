@@ -1,4 +1,4 @@
-"""`lookdev export blend`: a job's scenes as a .blend, written whole or not at all."""
+"""`lookdev export blend`: the scenes of a job as a .blend, which is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--ex
 
 
 class Answer(BaseModel):
-    """The answer of the exporting process: notes for the user, or why it failed."""
+    """The answer of the exporting process: notes for the user, or the error."""
 
     notes: tuple[str, ...] = ()
     error: str = ""
@@ -40,7 +40,7 @@ class Answer(BaseModel):
 
 @dataclass(frozen=True)
 class Exported:
-    """The written .blend, its images (none if they are packed), scenes, rigs, and notes for the user."""
+    """The written .blend, its images (empty if they are packed), scenes and rigs, and notes for the user."""
 
     file: Path
     images: tuple[Path, ...]
@@ -66,12 +66,16 @@ def export_blend(
 
     Parameters
     ----------
-    job, out
-        The job file; the .blend, which is replaced only by a whole one. Its folder is made if it does not exist.
+    job
+        The job file.
+    out
+        The .blend, which is replaced only by a complete one. Its folder is created if it does not exist.
     pack
-        Put images into the .blend; otherwise they are copied to the folder ``<stem>_files`` beside it.
-    command, patience
-        The exporter, which takes a file with the task, and its patience in seconds for each look.
+        Pack images into the .blend; otherwise they are copied to the folder ``<stem>_files`` next to it.
+    command
+        The exporter; its last argument is a file with the task.
+    patience
+        The time that the exporter may take, in seconds for each look.
 
     Raises
     ------
@@ -87,36 +91,36 @@ def export_blend(
         raise LookdevError(f"{out}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
     if out.is_dir():
         raise OutputError(f"{out}: is a folder; name a file")
-    made = read_setups(job, backend="nodes")
-    images = tuple(BlendImage(each, f"{out.stem}_files/{name}") for each, name in image_names(made).items())
+    prepared = read_setups(job, backend="nodes")
+    images = tuple(BlendImage(image, f"{out.stem}_files/{name}") for image, name in image_names(prepared).items())
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with (
-            _placed(() if pack else images, out.parent) as placed,
-            # A folder, because Blender first writes a file of another name.
-            tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as beside,
+            _copy_images(() if pack else images, out.parent) as copies,
+            # A folder, because Blender first writes a file with another name.
+            tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as folder,
         ):
-            temporary = Path(beside, out.name)
-            notes = _run(blend_task(made, temporary, images, pack=pack), command, patience)
+            temporary = Path(folder, out.name)
+            notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
             temporary.replace(out)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    looks, rigs = (tuple(each.name for each in named) for named in (made.job.look, made.job.rigs))
-    return Exported(out, placed, looks, rigs, (*made.notes, *notes))
+    looks, rigs = (tuple(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
+    return Exported(out, copies, looks, rigs, (*prepared.notes, *notes))
 
 
-def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
-    """Return the task of a job with backend ``"nodes"``.
+def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
+    """Return the export task of a job that was prepared with backend ``"nodes"``.
 
-    Its poses are those under the job's first rig; other rigs are turned by their difference in rotation. Raises
-    RenderError where the domes of one rig turn and those of another do not: they have one timeline.
+    The poses are those under the job's first rig; other rigs are turned by their difference in rotation. A RenderError
+    reports rigs of which one has turning domes and another does not: all share one timeline.
     """
-    job = made.job
-    scenes = {(each.look, each.ibl): each.task for each in made.setups}
+    job = prepared.job
+    scenes = {(setup.look, setup.ibl): setup.task for setup in prepared.setups}
     first, looks = job.rigs[0], [look.name for look in job.look]
     rigs = tuple(
-        BlendRig(each.name, scenes[looks[0], each.name].lights, 2.0**each.exposure, each.rotation - first.rotation)
-        for each in job.rigs
+        BlendRig(rig.name, scenes[looks[0], rig.name].lights, 2.0**rig.exposure, rig.rotation - first.rotation)
+        for rig in job.rigs
     )
     for other in rigs:
         if still_domes(other.lights) != still_domes(rigs[0].lights):
@@ -129,8 +133,8 @@ def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pac
         scenes={look: scenes[look, first.name] for look in looks},
         rigs=rigs,
         turntables=tuple(
-            BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))
-            for each in job.turntable
+            BlendTurntable(turntable.name, turntable_poses(turntable, first.rotation, job.camera.azimuth))
+            for turntable in job.turntable
         ),
         images=tuple(images),
         pack=pack,
@@ -139,27 +143,28 @@ def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pac
     )
 
 
-def image_names(made: JobSetups) -> dict[Content, str]:
-    """Return every image that looks and lights read, and a unique file name, from its original and its digest.
+def image_names(prepared: JobSetups) -> dict[Content, str]:
+    """Return all images that looks and lights read, with unique file names.
 
-    So an export does not replace images of an earlier .blend.
+    A name has the name of the original and the image's digest, so that an export does not replace images of an earlier
+    .blend.
     """
-    called: dict[Content, str] = {}
-    for setup in made.setups:
+    names: dict[Content, str] = {}
+    for setup in prepared.setups:
         for image in native_images(setup.task.lights):
-            called.setdefault(image, setup.ibl)
+            names.setdefault(image, setup.ibl)
     originals: dict[Content, str] = {}
-    for texture in {each: None for setup in made.setups for each in _textures(setup.scene.looks)}:
-        with suppress(TextureError):  # of an image that reaches no pixel: others are faults of `read_setups`
+    for texture in {texture: None for setup in prepared.setups for texture in _textures(setup.scene.looks)}:
+        with suppress(TextureError):  # `read_setups` ignores a missing image only if it affects no pixel
             for tile in _tiles(texture):
                 originals[Content.of(image_file(tile))] = _stem(tile)
-    for setup in made.setups:
-        called |= {image: originals[image] for source in setup.task.shaders for image in source.images}
-    return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in called.items()}
+    for setup in prepared.setups:
+        names |= {image: originals[image] for source in setup.task.shaders for image in source.images}
+    return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in names.items()}
 
 
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
-    """Yield each look-up of an image in looks."""
+    """Yield the image look-ups of looks."""
     layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
     for source in leaves(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
         if isinstance(source, Texture | Bump):
@@ -178,27 +183,27 @@ def _stem(source: Texture | Bump) -> str:
 
 
 @contextmanager
-def _placed(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
-    """Copy images to their paths relative to a folder; new copies are removed if the block fails."""
-    copies = {folder / each.path: each.content for each in images}
-    made: list[Path] = []
+def _copy_images(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
+    """Copy images to their paths relative to a folder; remove new copies if the block fails."""
+    copies = {folder / image.path: image.content for image in images}
+    created: list[Path] = []
     try:
         for copy, content in copies.items():
             if not copy.exists():  # its name depends on its content
                 with atomic_path(copy) as temporary:
                     shutil.copyfile(content.path, temporary)
-                made.append(copy)
+                created.append(copy)
         yield tuple(copies)
     except BaseException:
-        for copy in made:
+        for copy in created:
             copy.unlink(missing_ok=True)
         for parent in {copy.parent for copy in copies}:
-            with suppress(OSError):  # not there, or not empty
+            with suppress(OSError):  # it is missing or not empty
                 parent.rmdir()
         raise
 
 
-def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str, ...]:
+def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str, ...]:
     """Write a .blend in a separate process, which is killed if this call fails; return its notes."""
     seconds = patience * len(task.scenes)
     with tempfile.TemporaryDirectory(prefix="lookdev-export-") as scratch:
@@ -206,7 +211,7 @@ def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str,
         request.write_bytes(BLEND_TASK.dump_json(task))
         with log.open("wb") as stream:
             try:
-                # In a session of its own, Ctrl-C in the terminal interrupts this process only.
+                # It has its own session, so that Ctrl-C in the terminal interrupts only this process.
                 process = subprocess.Popen(
                     (*command, str(request)),
                     stdin=subprocess.DEVNULL,

@@ -22,7 +22,7 @@ _SECONDS = {"s": 1, "min": 60}
 
 @dataclass(frozen=True)
 class Example:
-    """A shipped job: its file, its first comment, and its seconds on two cores, 0 if it states none."""
+    """A shipped job: its file, its first comment, and its seconds on two cores, or 0 if the file has no time."""
 
     file: Path
     title: str
@@ -36,15 +36,15 @@ class Example:
 
 @dataclass(frozen=True)
 class Copied:
-    """The copy of a job, and the number of files written for it, itself included."""
+    """The copy of a job, and the number of files written, including the job."""
 
     job: Path
     written: int
 
     def summary(self) -> str:
-        """Return what was done, and the command that renders the job."""
-        what = f"{self.written} files written" if self.written else "every file is there already"
-        return f"{self.job}: {what}; next: lookdev render {shlex.quote(str(self.job))}"
+        """Return the result as text, with the command that renders the job."""
+        result = f"{self.written} files written" if self.written else "every file is there already"
+        return f"{self.job}: {result}; next: lookdev render {shlex.quote(str(self.job))}"
 
 
 def list_examples() -> tuple[Example, ...]:
@@ -59,7 +59,7 @@ def list_examples() -> tuple[Example, ...]:
 
 
 def examples_text(examples: Sequence[Example]) -> str:
-    """Return an aligned table of examples: name, time on two cores, title; and the command that copies one."""
+    """Return an aligned table of examples (name, time on two cores, title) and the command that copies one."""
     width = max(len(example.name) for example in examples)
     lines = []
     for example in examples:
@@ -77,7 +77,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     LookdevError
         No shipped job has that name.
     OutputError
-        A file exists and differs, without `force`: nothing is written. Or a file cannot be written.
+        A file exists and differs, and `force` is not set, so nothing is written; or a file cannot be written.
     """
     examples = {example.name: example for example in list_examples()}
     if name not in examples:

@@ -1,4 +1,4 @@
-"""`lookdev export mitsuba`: scenes of a job as XML of Mitsuba 3, whose looks are the plug-ins of `lookdev.mitsuba`."""
+"""`lookdev export mitsuba`: scenes of a job as XML for Mitsuba 3, with looks as plug-ins of `lookdev.mitsuba`."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from lookdev.scene import Camera, Pose
 Floats = NDArray[np.float64]
 Matrix = Floats
 
-# The rows of Mitsuba's up, y, and the columns of its environment maps, to those of the world here.
-_UPRIGHT = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+# From Mitsuba's axes, with y up, and the columns of its environment maps to the axes here, with z up.
+_Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 # Mitsuba's rectangles and disks emit along +z.
-_FACING = np.diag([1.0, -1.0, -1.0, 1.0])
-_SHARED = {"color", "group", "path", "turns"}
+_FLIP_Z = np.diag([1.0, -1.0, -1.0, 1.0])
+_EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
 
 
@@ -46,7 +46,7 @@ class Exported:
 
     def summary(self) -> str:
         """Return the scenes and how to render one."""
-        names = ", ".join(each.name for each in self.scenes)
+        names = ", ".join(scene.name for scene in self.scenes)
         return (
             f"{self.folder}: {names}; to render one: import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); "
             f"import lookdev.mitsuba; mi.render(mi.load_file({str(self.scenes[0])!r}))"
@@ -56,24 +56,24 @@ class Exported:
 def export_mitsuba(job: Path, out: Path) -> Exported:
     """Write ``<look>.<light>.xml`` for each look under each light of a job, with its meshes and maps, into a folder.
 
-    The pose is the first of the first turntable; looks are read from their own files. A file is replaced only by a
-    whole one.
+    The pose is the first of the first turntable. The scenes refer to the files of the looks. A file is replaced only by
+    a complete one.
 
     Raises
     ------
     LookdevError
-        The job is wrong, or Mitsuba's own plug-ins cannot show a look, light or camera of it, which is named.
+        The job is wrong, or Mitsuba's own plug-ins cannot show a look, a light or the camera; the message names it.
     OutputError
         A file cannot be written.
     """
-    made = read_setups(job, backend="mitsuba")
-    looks = {look.name: look for look in made.job.look}
+    prepared = read_setups(job, backend="mitsuba")
+    looks = {look.name: look for look in prepared.job.look}
     scenes = []
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for setup in made.setups:
-            pose = setup.poses(made.job.turntable[0], made.job.camera.azimuth)[0]
-            root = _scene(setup, looks[setup.look], pose, out)
+        for setup in prepared.setups:
+            pose = setup.poses(prepared.job.turntable[0], prepared.job.camera.azimuth)[0]
+            root = _build_scene(setup, looks[setup.look], pose, out)
             ElementTree.indent(root)
             file = out / f"{setup.look}.{setup.ibl}.xml"
             with atomic_path(file) as path:
@@ -81,10 +81,10 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
             scenes.append(file)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    return Exported(out, tuple(scenes), made.notes)
+    return Exported(out, tuple(scenes), prepared.notes)
 
 
-def _scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
+def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
     if look.material is None or look.assign or look.layer:
         raise LookdevError(f"look '{look.name}': is on parts of the asset; looks with one 'material' are exported")
     if is_document(str(look.material)):
@@ -94,25 +94,29 @@ def _scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.El
         source.check_plugin(f"look '{look.name}'")
     sampling, scene = setup.task.sampling, setup.scene
     root = ElementTree.Element("scene", version="3.0.0")
-    integrator = _plugin(root, "integrator", "path")
-    # Depth 1 is light seen directly, 2 is light reflected once.
-    _set(integrator, max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
-    bsdf = _plugin(root, "bsdf", "lookdev_look", id="look")
-    _set(bsdf, file=str(look.material), **{f"variant_{name}": each for name, each in look.variants.items()})
+    integrator = _add_plugin(root, "integrator", "path")
+    # Depth 1 is direct view of a light, depth 2 is light reflected once.
+    _add_values(integrator, max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
+    bsdf = _add_plugin(root, "bsdf", "lookdev_look", id="look")
+    _add_values(
+        bsdf, file=str(look.material), **{f"variant_{name}": variant for name, variant in look.variants.items()}
+    )
     if look.prim is not None:
-        _set(bsdf, prim=look.prim)
+        _add_values(bsdf, prim=look.prim)
     center = np.array(scene.asset.center)
-    _sensor(root, setup, pose, center)
+    _add_sensor(root, setup, pose, center)
     for name in _write_meshes(scene.asset, center, out / "meshes"):
-        shape = _plugin(root, "shape", "ply")
-        _set(shape, filename=f"meshes/{name}")
+        shape = _add_plugin(root, "shape", "ply")
+        _add_values(shape, filename=f"meshes/{name}")
         ElementTree.SubElement(shape, "ref", id="look")
     for number, light in enumerate(setup.task.lights, start=1):
-        _emitter(root, light, called(light, number), 2.0**setup.exposure, pose, scene.camera, center, out / "lights")
+        _add_emitter(
+            root, light, called(light, number), 2.0**setup.exposure, pose, scene.camera, center, out / "lights"
+        )
     return root
 
 
-def _sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats) -> None:
+def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats) -> None:
     camera = setup.scene.camera.orbited(-pose.element)
     if camera.lens is not None or any(camera.shift):
         raise LookdevError("camera: depth of field and lens shift are not exported; 'lookdev render' shows them")
@@ -120,18 +124,18 @@ def _sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats)
     to_world = np.eye(4)
     # Mitsuba's camera looks along its z, with x to the left.
     to_world[:3] = np.stack([-right, up, -back, camera.position - center], axis=1)
-    sensor = _plugin(root, "sensor", "perspective")
+    sensor = _add_plugin(root, "sensor", "perspective")
     near, far = camera.clip
-    _set(sensor, fov=float(camera.fov), fov_axis="x", near_clip=float(near), far_clip=float(far))
-    _transform(sensor, to_world)
-    _set(_plugin(sensor, "sampler", "multijitter"), sample_count=256)
-    film = _plugin(sensor, "film", "hdrfilm")
+    _add_values(sensor, fov=float(camera.fov), fov_axis="x", near_clip=float(near), far_clip=float(far))
+    _add_transform(sensor, to_world)
+    _add_values(_add_plugin(sensor, "sampler", "multijitter"), sample_count=256)
+    film = _add_plugin(sensor, "film", "hdrfilm")
     width, height = setup.task.resolution
-    _set(film, width=width, height=height, pixel_format="rgba")
-    _plugin(film, "rfilter", "box")
+    _add_values(film, width=width, height=height, pixel_format="rgba")
+    _add_plugin(film, "rfilter", "box")
 
 
-def _emitter(
+def _add_emitter(
     root: ElementTree.Element,
     light: Light,
     name: str,
@@ -141,69 +145,71 @@ def _emitter(
     center: Floats,
     folder: Path,
 ) -> None:
-    """Add a light, turned with the rig, about the asset's centre; raises EnvironmentMapError for what Mitsuba lacks."""
-    turn = _turned(pose.lighting * light.emission.turns - pose.element, camera, center)
+    """Add a light in its pose, relative to the asset's centre; an EnvironmentMapError reports what Mitsuba lacks."""
+    turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, camera, center)
     if light.far and light.map_dome:
         if not is_plain(light):
-            raise _unknown(name, "a dome with a colour, axes or controls of its own")
+            raise _unsupported_light(name, "a dome with a colour, axes or controls of its own")
         file = folder / f"{light.digest[:16]}.exr"
         if not file.exists():
             with atomic_path(file) as path:
                 write_exr(path, "RGB", read_exr(light.map_dome.radiance_file.path, "RGB"))
-        emitter = _plugin(root, "emitter", "envmap")
-        _set(emitter, filename=f"lights/{file.name}", scale=float(gain))
-        _transform(emitter, turn @ _UPRIGHT)
+        emitter = _add_plugin(root, "emitter", "envmap")
+        _add_values(emitter, filename=f"lights/{file.name}", scale=float(gain))
+        _add_transform(emitter, turn @ _Y_UP_TO_Z_UP)
         return
-    plain = Emission(**{field: getattr(light.emission, field) for field in _SHARED})
-    if light.emission != plain or light.shape_name == "picture":
-        raise _unknown(name, "a beam, shadow, falloff, link, multiplier or texture")
+    exported = Emission(**{field: getattr(light.emission, field) for field in _EXPORTED_FIELDS})
+    if light.emission != exported or light.shape_name == "picture":
+        raise _unsupported_light(name, "a beam, shadow, falloff, link, multiplier or texture")
     if light.mitsuba_shape is None or light.position is None:
-        raise _unknown(name, f"the kind '{light.kind}'")
+        raise _unsupported_light(name, f"the kind '{light.kind}'")
     kind, size = light.mitsuba_shape
-    stand = np.eye(4)
-    stand[:3, :3], stand[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
-    shape = _plugin(root, "shape", kind)
-    _transform(shape, turn @ stand @ size @ (_FACING if light.one_sided else np.eye(4)))
-    emitter = _plugin(shape, "emitter", "area")
-    ElementTree.SubElement(emitter, "rgb", name="radiance", value=_numbers(gain * np.array(light.emission.color)))
+    to_world = np.eye(4)
+    to_world[:3, :3], to_world[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
+    shape = _add_plugin(root, "shape", kind)
+    _add_transform(shape, turn @ to_world @ size @ (_FLIP_Z if light.one_sided else np.eye(4)))
+    emitter = _add_plugin(shape, "emitter", "area")
+    ElementTree.SubElement(
+        emitter, "rgb", name="radiance", value=_format_numbers(gain * np.array(light.emission.color))
+    )
 
 
-def _unknown(name: str, what: str) -> EnvironmentMapError:
-    return EnvironmentMapError(f"{name}: {what} is not exported: backend 'mitsuba' of 'lookdev render' may show it")
+def _unsupported_light(name: str, feature: str) -> EnvironmentMapError:
+    return EnvironmentMapError(f"{name}: {feature} is not exported: backend 'mitsuba' of 'lookdev render' may show it")
 
 
-def _turned(degrees: float, camera: Camera, center: Floats) -> Matrix:
-    """Return the turn about the vertical that the camera orbits, of places about the centre."""
+def _rotation_about_pivot(degrees: float, camera: Camera, center: Floats) -> Matrix:
+    """Return the rotation about the camera's vertical axis, for points relative to the asset's centre."""
     angle = np.radians(degrees)
-    turn, there = np.eye(4), np.eye(4)
+    turn, to_pivot = np.eye(4), np.eye(4)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    there[:2, 3] = np.array(camera.pivot) - center[:2]
-    return np.asarray(there @ turn @ np.linalg.inv(there))
+    to_pivot[:2, 3] = np.array(camera.pivot) - center[:2]
+    return np.asarray(to_pivot @ turn @ np.linalg.inv(to_pivot))
 
 
 def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
-    """Write each instance as triangles in the world, about the centre; yield the files' names."""
+    """Write each instance as triangles in world space relative to the centre; yield the names of the files."""
     for number, instance in enumerate(asset.instances):
         name = f"{asset.digest[:16]}.{number}.ply"
         if not (folder / name).exists():
             with atomic_path(folder / name) as path:
-                path.write_bytes(_ply(triangulated(asset.meshes[instance.mesh]), instance.matrix, center))
+                path.write_bytes(_encode_ply(triangulated(asset.meshes[instance.mesh]), instance.matrix, center))
         yield name
 
 
-def _ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
-    """Return a mesh of triangles as a binary PLY (Turk 1994), a vertex for each corner."""
+def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
+    """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner."""
     corners = mesh.corner_points
     normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     first = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
     uv = np.zeros((len(corners), 2)) if first is None else first
-    places = mesh.points[corners] @ matrix[:3, :3].T + matrix[:3, 3] - center
-    vertices = np.concatenate([places, normals, uv], axis=1).astype("<f4")
+    points = mesh.points[corners] @ matrix[:3, :3].T + matrix[:3, 3] - center
+    vertices = np.concatenate([points, normals, uv], axis=1).astype("<f4")
     faces = np.zeros(len(corners) // 3, [("count", "u1"), ("corners", "<i4", 3)])
     faces["count"] = 3
     order = np.arange(len(corners)).reshape(-1, 3)
-    # A mirrored instance would show its back.
+    # A mirrored instance would be inside out.
     faces["corners"] = order[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else order
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     head += [f"property float {name}" for name, _ in _VERTEX]
@@ -211,21 +217,21 @@ def _ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
     return b"".join(["\n".join(head).encode(), vertices.tobytes(), faces.tobytes()])
 
 
-def _plugin(parent: ElementTree.Element, tag: str, kind: str, **attributes: str) -> ElementTree.Element:
+def _add_plugin(parent: ElementTree.Element, tag: str, kind: str, **attributes: str) -> ElementTree.Element:
     return ElementTree.SubElement(parent, tag, {"type": kind, **attributes})
 
 
-def _set(parent: ElementTree.Element, **values: bool | int | float | str) -> None:
+def _add_values(parent: ElementTree.Element, **values: bool | int | float | str) -> None:
     for name, value in values.items():
         kind = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ElementTree.SubElement(parent, kind, name=name, value=text)
 
 
-def _transform(parent: ElementTree.Element, matrix: Sequence[Sequence[float]] | Matrix) -> None:
+def _add_transform(parent: ElementTree.Element, matrix: Sequence[Sequence[float]] | Matrix) -> None:
     element = ElementTree.SubElement(parent, "transform", name="to_world")
-    ElementTree.SubElement(element, "matrix", value=_numbers(matrix))
+    ElementTree.SubElement(element, "matrix", value=_format_numbers(matrix))
 
 
-def _numbers(values: Sequence[Sequence[float]] | Floats) -> str:
-    return " ".join(repr(float(each)) for each in np.ravel(values))
+def _format_numbers(values: Sequence[Sequence[float]] | Floats) -> str:
+    return " ".join(repr(float(value)) for value in np.ravel(values))

@@ -3,8 +3,8 @@
 - Open Job Description, template schemas 2023-09: https://github.com/OpenJobDescription/openjd-specifications/wiki
 - AWS Deadline Cloud, "Open Job Description templates: job bundles"
 
-A step renders chunks of the frames. On each host that takes some of its tasks a worker stays warm between them. The
-next step makes what is made of several frames. Paths of the job are parameters, which a farm maps.
+The first step renders chunks of the frames. On each host, a worker stays warm between tasks of that step. The second
+step writes the outputs that need several frames. Paths of the job are parameters, so that a farm can map them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lookdev.run.manifest import input_files
 
 SUFFIXES = (".yaml", ".yml", ".json")
 
-_CHUNK_SECONDS = 300.0  # of a chunk: what starts and prepares takes some seconds of each
+_CHUNK_SECONDS = 300.0  # of a chunk, of which start and preparation take some seconds
 _NOTICE = 10  # seconds between a signal and the end of a task; the program ends within two
 _LONGEST_NAME = 64
 _GPUS = {"cuda", "optix", "hip", "oneapi"}
@@ -36,7 +36,7 @@ _GPUS = {"cuda", "optix", "hip", "oneapi"}
 
 @dataclass(frozen=True)
 class Needs:
-    """What a host must have: cores and MiB of memory for a worker; and the program that it calls."""
+    """Requirements of a host: cores and MiB of memory for a worker, and the program that it calls."""
 
     cores: int = 2
     memory: int = 4096
@@ -45,7 +45,7 @@ class Needs:
 
 @dataclass(frozen=True)
 class ExportedFarmJob:
-    """The written template, its chunks and frames, the values of its parameters, and notes for the user."""
+    """The written template, its chunks and frames, values of its parameters, and notes for the user."""
 
     template: Path
     chunks: int
@@ -55,20 +55,28 @@ class ExportedFarmJob:
     notes: tuple[str, ...]
 
     def summary(self) -> str:
-        """Return what was written, and how it is run."""
+        """Return the result as text, with the command that runs it."""
         if self.bundle:
             run = f"deadline bundle submit {shlex.quote(str(self.template.parent))}"
         else:
             run = f"openjd run {shlex.quote(str(self.template))} --step Outputs --run-dependencies"
-        given = "" if self.bundle else "".join(f" -p {shlex.quote(f'{k}={v}')}" for k, v in self.values.items())
-        return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{given}"
+        options = "" if self.bundle else "".join(f" -p {shlex.quote(f'{k}={v}')}" for k, v in self.values.items())
+        return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{options}"
 
 
 def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
-    """Write a job as a template, or into a folder, which is a job bundle then.
+    """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
-    None for `chunks`: of about five minutes, by an estimate. Raises LookdevError where `openjd-model` is not
-    installed, or refuses the template; JobError as `prepare_job`; OutputError where a file cannot be written.
+    Without `chunks`, chunks take about five minutes by an estimate.
+
+    Raises
+    ------
+    LookdevError
+        `openjd-model` is not installed, or refuses the template, or there are more chunks than frames.
+    JobError
+        As in `prepare_job`.
+    OutputError
+        A file cannot be written.
     """
     try:
         import yaml
@@ -94,9 +102,9 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
     values = {"Job": str(job.file), "Output": str(job.output)}
     documents: dict[Path, Any] = {template_file: template}
     if bundle:
-        documents |= _bundle(job, out, values)
+        documents |= _bundle_files(job, out, values)
 
-    def text(data: Any, file: Path) -> str:
+    def encode(data: Any, file: Path) -> str:
         if file.suffix.lower() == ".json":
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
@@ -104,16 +112,16 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
     try:
         for file, data in documents.items():
             with atomic_path(file) as temporary:
-                temporary.write_text(text(data, file))
+                temporary.write_text(encode(data, file))
     except OSError as error:
         raise OutputError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    required = {name: value for name, value in values.items() if not _below(Path(value), folder)}
-    notes = (*prepared.notes, *_notes(job))
+    required = {name: value for name, value in values.items() if not _is_below(Path(value), folder)}
+    notes = (*prepared.notes, *_path_notes(job))
     return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
 
 
 def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
-    """Return the template of a job, as the specification's document, to be written to a folder."""
+    """Return the template of a job as a document of the specification, for a file in `folder`."""
     socket = "{{Session.WorkingDirectory}}/warm.sock"
     render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
     render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
@@ -124,8 +132,10 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
         "name": f"lookdev {job.file.stem}"[:_LONGEST_NAME],
         "description": f"Turntables of {job.file.name}, by lookdev",
         "parameterDefinitions": [
-            _path("Job", job.file, folder, "FILE", "IN", "The job file, TOML.", "CHOOSE_INPUT_FILE"),
-            _path("Output", job.output, folder, "DIRECTORY", "OUT", "The folder of the frames.", "CHOOSE_DIRECTORY"),
+            _path_parameter("Job", job.file, folder, "FILE", "IN", "The job file, TOML.", "CHOOSE_INPUT_FILE"),
+            _path_parameter(
+                "Output", job.output, folder, "DIRECTORY", "OUT", "The folder of the frames.", "CHOOSE_DIRECTORY"
+            ),
             {
                 "name": "Chunks",
                 "type": "INT",
@@ -167,7 +177,7 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
                         },
                     }
                 ],
-                "hostRequirements": _host(job, needs),
+                "hostRequirements": _host_requirements(job, needs),
                 "script": {"actions": {"onRun": _action([*render, *part])}},
             },
             {
@@ -181,9 +191,11 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
     }
 
 
-def _path(name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str) -> dict[str, Any]:
-    """Return a parameter; a path outside of the template's folder may not be its default."""
-    default = {"default": value.relative_to(folder).as_posix()} if _below(value, folder) else {}
+def _path_parameter(
+    name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str
+) -> dict[str, Any]:
+    """Return a path parameter; it has a default only if the path is in the template's folder."""
+    default = {"default": value.relative_to(folder).as_posix()} if _is_below(value, folder) else {}
     return {
         "name": name,
         "type": "PATH",
@@ -195,11 +207,11 @@ def _path(name: str, value: Path, folder: Path, kind: str, flow: str, text: str,
     }
 
 
-def _below(path: Path, folder: Path) -> bool:
+def _is_below(path: Path, folder: Path) -> bool:
     return path.is_relative_to(folder)
 
 
-def _host(job: Job, needs: Needs) -> dict[str, Any]:
+def _host_requirements(job: Job, needs: Needs) -> dict[str, Any]:
     amounts: list[dict[str, Any]] = [
         {"name": "amount.worker.vcpu", "min": needs.cores},
         {"name": "amount.worker.memory", "min": needs.memory},
@@ -214,23 +226,23 @@ def _action(arguments: list[str]) -> dict[str, Any]:
     return {"command": "{{Param.Command}}", "args": arguments, "cancelation": cancelation}
 
 
-def _bundle(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, Any]:
-    """Return the other files of a job bundle: values of parameters, and what of the machine the job reads."""
+def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, Any]:
+    """Return the other files of a job bundle: values of the parameters, and the paths of files that the job reads."""
     inputs = [str(file) for file in input_files(job) if file != job.file]
     references = {
         "inputs": {"filenames": inputs, "directories": []},
         "outputs": {"directories": [str(job.output)]},
         "referencedPaths": [],
     }
-    given = [{"name": name, "value": value} for name, value in values.items()]
+    parameters = [{"name": name, "value": value} for name, value in values.items()]
     return {
-        out / "parameter_values.yaml": {"parameterValues": given},
+        out / "parameter_values.yaml": {"parameterValues": parameters},
         out / "asset_references.yaml": {"assetReferences": references},
     }
 
 
-def _notes(job: Job) -> list[str]:
-    """Return what a farm without a file system in common will not find."""
+def _path_notes(job: Job) -> list[str]:
+    """Return notes about files that a farm without a shared file system cannot find."""
     folder = job.file.parent
     if outside := [file for file in input_files(job) if not file.is_relative_to(folder)]:
         common = os.path.commonpath([folder, *map(str, outside)])

@@ -1,7 +1,7 @@
-"""Directional albedo: the share of uniform light from each side that a surface sends to a viewer.
+"""Directional albedo: the share of uniform light from each side that a surface scatters to a viewer.
 
-Two estimators share only the BSDF's values: a quadrature, which does not use its sampling and pdf, and importance
-sampling. Light that passes where the surface is absent is in neither.
+The two estimators share only the values of the BSDF: a quadrature, which uses neither its sampling nor its pdf, and
+importance sampling. Neither includes light that passes where the surface is absent.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from lookdev.brdf.quadrature import half_vector_grid
 Floats = NDArray[np.float64]
 
 # The smallest alpha that the models allow.
-_NARROWEST = 0.001
+_MIN_ALPHA = 0.001
 CELLS = (128, 96)
-"""Of the grid of half vectors."""
+"""Cells of the grid of half vectors, along slope and azimuth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Albedo:
-    """Shares of the light reflected and transmitted, (2, 3), and their errors, (2, 3): a bound, or standard errors."""
+    """Shares of light reflected and transmitted, (2, 3), and their errors, (2, 3): bounds, or standard errors."""
 
     value: Floats
     error: Floats
 
 
 def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = CELLS) -> Albedo:
-    """Integrate f times the cosine of a surface of constant parameters over the sphere.
+    """Integrate f times the cosine over the sphere, for a surface of constant parameters.
 
     Parameters
     ----------
     wo : (3,)
         Unit direction to the viewer, above the horizon.
     cells
-        Of the grid of half vectors, along slope and azimuth, both even; the error is the change by halving them.
+        Cells of the grid of half vectors, along slope and azimuth, both even. Halving them gives the error.
     """
     fine, coarse = (_quadrature(bsdf, wo, (cells[0] // k, cells[1] // k)) for k in (1, 2))
     return Albedo(fine, np.abs(fine - coarse))
@@ -49,24 +49,24 @@ def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = CELLS) -> 
 def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.random.Generator) -> Albedo:
     """Estimate the integral of `integrate_albedo` by the BSDF's own samples and pdf.
 
-    `samples` is a power of two of Sobol points in each of `scrambles` independent sets, whose spread is the standard
-    error.
+    Each of `scrambles` independent sets has `samples` Sobol points, a power of two. The spread of the sets gives the
+    standard error.
     """
-    u = np.stack([qmc.Sobol(2, rng=each).random(samples) for each in rng.spawn(scrambles)])
+    u = np.stack([qmc.Sobol(2, rng=generator).random(samples) for generator in rng.spawn(scrambles)])
     view = np.broadcast_to(wo, (*u.shape[:2], 3))
     bsdf = seen_along(bsdf, wo)
     wi = sample(bsdf, view, u)
     density = pdf(bsdf, view, wi)
-    drawn = density > 0.0
-    weight = evaluate_cosine(bsdf, view, wi) / np.where(drawn, density, 1.0)[..., None] * drawn[..., None]
+    is_sampled = density > 0.0
+    weight = evaluate_cosine(bsdf, view, wi) / np.where(is_sampled, density, 1.0)[..., None] * is_sampled[..., None]
     above = (wi[..., 2:] > 0.0).astype(np.float64)
     below = (1.0 - above) * bsdf.transmits(view)
     sets = np.stack([weight * above, weight * below]).mean(axis=2)
-    return Albedo(sets.mean(axis=1) + _followed(bsdf, wo), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
+    return Albedo(sets.mean(axis=1) + _delta_albedo(bsdf, wo), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
 
 
-def _followed(bsdf: Bsdf, wo: Floats) -> Floats:
-    """Return the part of the terms that scatter along single directions, (2, 3): reflected and transmitted."""
+def _delta_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
+    """Return the reflected and transmitted albedo, (2, 3), of the terms that scatter along single directions."""
     total = np.zeros((2, 3))
     for delta in bsdf.deltas(wo, np.asarray(False)):
         total[int(delta.transmits)] += np.asarray(delta.value) * (np.asarray(delta.direction)[2] != 0.0)
@@ -78,25 +78,25 @@ def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
     for lobe in bsdf.lobes(wo):
         view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:
-            wi, weight = half_vector_grid(_seen_view(lobe, view), _NARROWEST, cells)
-            wi = _from_lobe(lobe, wi)
-            alone = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
-            value, below = evaluate_cosine(alone, wo, wi) * weight[:, None], wi[:, 2] < 0.0
+            wi, weight = half_vector_grid(_refract_view(lobe, view), _MIN_ALPHA, cells)
+            wi = _lobe_to_surface(lobe, wi)
+            single_lobe = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
+            value, below = evaluate_cosine(single_lobe, wo, wi) * weight[:, None], wi[:, 2] < 0.0
             total += value[~below].sum(axis=0), value[below].sum(axis=0)
     total[1] *= bsdf.transmits(wo)
-    return total + _followed(bsdf, wo)
+    return total + _delta_albedo(bsdf, wo)
 
 
-def _seen_view(lobe: Lobe, view: Floats) -> Floats:
-    """Return the view, bent as by a transmitting lobe: the grid of nodes is dense about its mirror direction."""
+def _refract_view(lobe: Lobe, view: Floats) -> Floats:
+    """Return the view refracted by a transmitting lobe: the grid of nodes is dense about its mirror direction."""
     if not lobe.transmits:
         return view
     u = (np.arange(256) + 0.5) / 256
-    drawn = np.asarray(lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0))
-    mean = np.broadcast_to(drawn, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)
+    directions = np.asarray(lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0))
+    mean = np.broadcast_to(directions, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)
     return np.asarray(mean / np.linalg.norm(mean))
 
 
-def _from_lobe(lobe: Lobe, wi: Floats) -> Floats:
-    """Express directions (n, 3) of a lobe's frame, where all of them reflect, in the surface's."""
+def _lobe_to_surface(lobe: Lobe, wi: Floats) -> Floats:
+    """Return directions (n, 3) of a lobe's frame, in which all reflect, in the frame of the surface."""
     return np.asarray(lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi))

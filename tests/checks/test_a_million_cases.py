@@ -22,19 +22,19 @@ def parts(model: str) -> list[Batch]:
     record = CONTINUOUS[model]
     choices = record.forms()
     forms = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
-    files = {each.name: "builtin:plastic" for each in record.parameters.values() if each.file}
+    files = {parameter.name: "builtin:plastic" for parameter in record.parameters.values() if parameter.file}
     rng = np.random.default_rng(2026)
     layers = [PointLayer(model, record.tokens(form | files)) for form in forms]
     number = -(-COUNT // _PART)
     return [extreme_cases([layers[part % len(layers)]], _PART, rng).batch for part in range(number)]
 
 
-def float32(batch: Batch) -> Batch:
-    numbers = tuple({name: value.astype(np.float32) for name, value in each.items()} for each in batch.numbers)
+def round_to_float32(batch: Batch) -> Batch:
+    numbers = tuple({name: value.astype(np.float32) for name, value in layer.items()} for layer in batch.numbers)
     return replace(batch, wo=batch.wo.astype(np.float32), wi=batch.wi.astype(np.float32), numbers=numbers)
 
 
-def sound(values: np.ndarray) -> bool:
+def is_sound(values: np.ndarray) -> bool:
     return bool(np.isfinite(values).all() and (values >= 0.0).all())
 
 
@@ -42,13 +42,13 @@ def sound(values: np.ndarray) -> bool:
 def test_numpy_is_finite(model: str) -> None:
     rng = np.random.default_rng(1)
     for batch in parts(model):
-        for each in (batch, float32(batch)):
+        for cases in (batch, round_to_float32(batch)):
             with np.errstate(all="ignore"):
-                f, density = evaluate_numpy(each)
-                u = rng.random((_PART, 2)).astype(each.wo.dtype)
-                drawn = sample(each.bsdf(), each.wo, u)
-            assert sound(f)
-            assert sound(density)
+                f, density = evaluate_numpy(cases)
+                u = rng.random((_PART, 2)).astype(cases.wo.dtype)
+                drawn = sample(cases.bsdf(), cases.wo, u)
+            assert is_sound(f)
+            assert is_sound(density)
             assert np.isfinite(drawn).all()
 
 
@@ -57,4 +57,4 @@ def test_numpy_is_finite(model: str) -> None:
 @pytest.mark.parametrize("model", sorted(CONTINUOUS))
 def test_cycles_is_finite(model: str) -> None:
     for batch in parts(model):
-        assert all(map(sound, evaluate_cycles(batch)))
+        assert all(map(is_sound, evaluate_cycles(batch)))

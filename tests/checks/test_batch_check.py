@@ -1,4 +1,4 @@
-"""Which looks and frames `check_file` hands to the checks."""
+"""The looks and frames that `check_file` passes to the checks."""
 
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -46,7 +46,7 @@ def dark() -> set[float]:
 
 @pytest.fixture
 def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTask]:
-    """Replace renderer and checks by fakes that agree, and what they show by quick ones; return the rendered tasks."""
+    """Replace renderer and checks by fakes that agree, and assets and lights by quick ones; return rendered tasks."""
     tasks: list[FrameTask] = []
 
     def render(task: FrameTask) -> SimpleNamespace:
@@ -102,7 +102,7 @@ def test_a_pose_without_light_is_passed_over(job: Path, rendered: list[FrameTask
     assert {task.pose.element for task in rendered} > {288.0}
     dark.add(288.0)
     skipped = [finding.skipped for finding in check_file(job, only=["image"])]
-    assert all("no light arrives" in why for why in skipped)
+    assert all("no light arrives" in reason for reason in skipped)
     assert len(skipped) == 4
 
 

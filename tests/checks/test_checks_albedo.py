@@ -23,13 +23,13 @@ QUICK = [(look, backend) for look, backend in CELLS if (look is TRANSLATED) == (
 ANGLES = (0.0, 50.0, 80.0)
 
 
-def same(value: float) -> Rendered:
+def uniform_frame(value: float) -> Rendered:
     image = np.full((4, 4, 3), value, np.float32)
     return Rendered(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, "4.5", 0)
 
 
 def test_another_albedo_fails() -> None:
-    finding = check_albedo(GLOSSY, lambda task: same(0.3), angles=ANGLES)
+    finding = check_albedo(GLOSSY, lambda task: uniform_frame(0.3), angles=ANGLES)
     assert not finding.passed
     assert "Cycles, reflected" in finding.summary
     worst = json.loads(finding.details[0])
@@ -42,7 +42,7 @@ def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
 
     def render(task: FrameTask) -> Rendered:
         tasks.append(task)
-        return same(0.0)
+        return uniform_frame(0.0)
 
     check_albedo(LEAF, render, points=2, angles=ANGLES[:2])
     assert len(tasks) == 2 * 2 * 2

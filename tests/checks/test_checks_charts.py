@@ -20,20 +20,20 @@ STRIP = Strip("bottom", 0.4, SIZE)
 @pytest.fixture(scope="module")
 def task() -> FrameTask:
     light = prepare_light(load_environment(builtin="white"))
-    seen = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
-    scene = props_scene(STRIP, seen, [light])
+    camera = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
+    scene = props_scene(STRIP, camera, [light])
     setup = make_setup("charts", "white", scene, Sampling(samples=8))
     return replace(one_frame(setup.task, Pose(0.0, 0.0), "charts"), exposure=1.0)
 
 
 def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.ndarray | None = None) -> Rendered:
-    """Return what a renderer would find under white light, without exposure, times `gain`."""
+    """Return a frame under white light as a renderer would return it, without exposure, times `gain`."""
     rng = np.random.default_rng(5)
     picture = np.zeros((SIZE[1], SIZE[0], 3))
-    shown = dict(zip(PATCHES, patch_colors() if colors is None else colors, strict=True)) | {"grey ball": GREY}
+    radiances = dict(zip(PATCHES, patch_colors() if colors is None else colors, strict=True)) | {"grey ball": GREY}
     for name, box in STRIP.measured.items():
         rows = slice(int(box.top) - 1, int(box.top + box.height) + 2)
-        picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = shown[name]
+        picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = radiances[name]
     halves = [(gain * picture * (1.0 + noise * rng.standard_normal(picture.shape))).astype(np.float32) for _ in "ab"]
     return Rendered(*halves, np.ones(SIZE[::-1], np.float32), 8, 0.1, 0.0, "fake", 0)
 
@@ -41,12 +41,12 @@ def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.nda
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
 def test_a_right_frame_has_no_doubt(task: FrameTask, noise: float) -> None:
     readings = check_charts(task, STRIP, frame(task, noise=noise))
-    assert [each.name for each in readings] == ["grey ball", *PATCHES]
+    assert [reading.name for reading in readings] == ["grey ball", *PATCHES]
     assert list(charts_doubts(readings)) == []
     assert "charts.doubt" not in charts_header(readings)
     if not noise:
         # The noise of the reference, and the facets of its ball.
-        assert max(abs(each.deviation) for each in readings) < 2e-3
+        assert max(abs(reading.deviation) for reading in readings) < 2e-3
 
 
 @pytest.mark.parametrize("stops", [0.01, -0.5, 1.0])

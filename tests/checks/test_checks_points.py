@@ -37,7 +37,7 @@ def test_what_is_constant_folds_and_what_varies_is_drawn_over_all_that_it_takes(
 
 @pytest.fixture
 def exact(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let NumPy stand for Cycles, a millionth too bright."""
+    """Replace Cycles by NumPy, a millionth too bright."""
 
     def evaluate(batch: Batch, alter: object) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         f, density = evaluate_numpy(batch)

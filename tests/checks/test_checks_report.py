@@ -30,14 +30,14 @@ BAD = Finding("image", "<b>gold</b>, city", False, "t 9 & more", {}, (WORST,), (
 SKIPPED = Finding("albedo", "gold", True, "", skipped="no light passes through")
 
 
-def printed(*findings: Finding) -> str:
+def print_text(*findings: Finding) -> str:
     stream = io.StringIO()
     print_findings(findings, Console(file=stream, width=90))
     return stream.getvalue()
 
 
 def test_the_table_has_every_finding_and_the_worst_cases_of_the_bad_ones() -> None:
-    text = printed(GOOD, BAD, SKIPPED)
+    text = print_text(GOOD, BAD, SKIPPED)
     assert re.search(r"points +gold +agrees +40000 cases", text)
     assert re.search(r"image +<b>gold</b>, city +DISAGREES +t 9 & more", text)
     assert "skipped: no light passes through" in text

@@ -1,4 +1,4 @@
-"""`evaluate_lines`: lines that are no case, each refused with its number; numbers that depend on the view."""
+"""`evaluate_lines`: lines that are not cases, refused with their numbers; numbers that depend on the view."""
 
 import json
 from pathlib import Path
@@ -105,16 +105,16 @@ def test_numbers_may_be_expressions_of_the_view(backend: Backend) -> None:
 def test_fresnel_answers_with_the_reflectance() -> None:
     lines = (Path(__file__).parents[1] / "oracles" / "fresnel.jsonl").read_text().splitlines()
     cases = [json.loads(line) for line in lines]
-    wanted = [case.pop("F") for case in cases]
+    expected = [case.pop("F") for case in cases]
     # Among other lines, with keys of its own.
-    given = [_line(), *(json.dumps(case | {"mine": number}) for number, case in enumerate(cases)), "", _fresnel()]
-    disney, *answers, blank, glass = evaluate_lines(given, "numpy")
+    questions = [_line(), *(json.dumps(case | {"mine": number}) for number, case in enumerate(cases)), "", _fresnel()]
+    disney, *answers, blank, glass = evaluate_lines(questions, "numpy")
     assert "f" in json.loads(disney)
     assert blank == ""
     assert json.loads(glass) == _FRESNEL | {"F": pytest.approx(0.04, rel=1e-12)}
-    found = [json.loads(answer) for answer in answers]
-    assert [answer | {"F": 0} for answer in found] == [case | {"mine": i, "F": 0} for i, case in enumerate(cases)]
-    np.testing.assert_allclose([answer["F"] for answer in found], wanted, rtol=1e-9, atol=1e-12)
+    results = [json.loads(answer) for answer in answers]
+    assert [answer | {"F": 0} for answer in results] == [case | {"mine": i, "F": 0} for i, case in enumerate(cases)]
+    np.testing.assert_allclose([answer["F"] for answer in results], expected, rtol=1e-9, atol=1e-12)
 
 
 def test_fresnel_is_not_for_cycles() -> None:

@@ -27,14 +27,14 @@ class Case:
         def values(sets, draws, shape, truth):
             if tails:
                 # One draw in forty finds a lamp that is as bright as everything else of the pixel.
-                found = rng.binomial(draws, 0.025, (sets, *shape, 1)) / (0.025 * draws)
-                return truth * (0.5 + 0.5 * found)
+                hits = rng.binomial(draws, 0.025, (sets, *shape, 1)) / (0.025 * draws)
+                return truth * (0.5 + 0.5 * hits)
             return truth * (1.0 + rng.normal(0.0, 1.0 / np.sqrt(draws), (sets, *shape, 3)))
 
         self.halves = values(HALVES, SAMPLES // HALVES, (SIZE, SIZE), self.truth)
         columns, rows = self.pixels.T
-        known = values(8, 128, (COUNT,), self.truth[rows, columns])
-        self.reference = Estimate(known.mean(axis=0), known.std(axis=0, ddof=1) / np.sqrt(8), 128, 8)
+        samples = values(8, 128, (COUNT,), self.truth[rows, columns])
+        self.reference = Estimate(samples.mean(axis=0), samples.std(axis=0, ddof=1) / np.sqrt(8), 128, 8)
 
     @property
     def brightest(self):
@@ -53,16 +53,16 @@ def test_a_hundred_right_frames_pass(tails):
 
 
 def test_the_finding_of_a_right_frame():
-    found = Case().check()
-    assert found.check == "image"
-    assert found.figures["pixels"] == COUNT
-    assert found.figures["suspicious"] == 0
+    finding = Case().check()
+    assert finding.check == "image"
+    assert finding.figures["pixels"] == COUNT
+    assert finding.figures["suspicious"] == 0
     # The variance of a mean of 256 draws of unit variance, over values of 0.05 to 1 against a floor of 0.1.
-    assert 0.5 / 256 < found.figures["relmse_claimed"] < 1.0 / 256
-    assert found.figures["relmse"] == pytest.approx(found.figures["relmse_claimed"], rel=0.5)
-    assert "FLIP" in found.skipped
-    assert len(found.details) == 5
-    assert len(found.plots) == 3
+    assert 0.5 / 256 < finding.figures["relmse_claimed"] < 1.0 / 256
+    assert finding.figures["relmse"] == pytest.approx(finding.figures["relmse_claimed"], rel=0.5)
+    assert "FLIP" in finding.skipped
+    assert len(finding.details) == 5
+    assert len(finding.plots) == 3
 
 
 def one_pixel(case):
@@ -129,9 +129,9 @@ def test_pixels_that_are_not_finite_fail():
     case = Case()
     column, row = case.pixels[3]
     case.halves[2, row, column, 1] = np.nan
-    found = case.check()
-    assert not found.passed
-    assert found.details == (f"pixel {column},{row}: not finite",)
+    finding = case.check()
+    assert not finding.passed
+    assert finding.details == (f"pixel {column},{row}: not finite",)
 
 
 def test_black_frames_agree():
@@ -148,8 +148,8 @@ def test_too_few_halves_are_refused():
 def test_pixels_are_chosen_from_the_asset_and_its_rim():
     alpha = np.zeros((9, 12))
     alpha[3:5, 6:9] = 0.5
-    chosen = choose_pixels(alpha, 1000, 1)
-    assert sorted(map(tuple, chosen.tolist())) == [(x, y) for x in range(5, 10) for y in range(2, 6)]
+    pixels = choose_pixels(alpha, 1000, 1)
+    assert sorted(map(tuple, pixels.tolist())) == [(x, y) for x in range(5, 10) for y in range(2, 6)]
     few = choose_pixels(alpha, 6, 1)
     assert len(np.unique(few, axis=0)) == 6
     assert (few == choose_pixels(alpha, 6, 1)).all()
@@ -161,10 +161,10 @@ def test_flip_shows_differences():
     assert flip(case.truth, case.truth)[0] == 0.0
     changed = case.truth.copy()
     changed[:, : SIZE // 2] *= 0.5
-    mean, seen = flip(changed, case.truth)
-    assert seen.shape == (SIZE, SIZE)
-    assert mean == pytest.approx(seen.mean(), rel=1e-4)
-    assert seen[:, : SIZE // 2 - 4].mean() > 5.0 * seen[:, SIZE // 2 + 4 :].mean()
-    found = case.check(truth=case.truth)
-    assert 0.0 < found.figures["flip"] < 1.0
-    assert found.skipped == ""
+    mean, flip_map = flip(changed, case.truth)
+    assert flip_map.shape == (SIZE, SIZE)
+    assert mean == pytest.approx(flip_map.mean(), rel=1e-4)
+    assert flip_map[:, : SIZE // 2 - 4].mean() > 5.0 * flip_map[:, SIZE // 2 + 4 :].mean()
+    finding = case.check(truth=case.truth)
+    assert 0.0 < finding.figures["flip"] < 1.0
+    assert finding.skipped == ""

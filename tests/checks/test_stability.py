@@ -59,8 +59,8 @@ def test_cases_are_extreme_and_legal(layers: tuple[PointLayer, ...]) -> None:
                 ends = np.nextafter(np.float32([low, high]), np.float32([high, low]))
                 assert parameter.kind == "normal" or (value.min() <= ends[0] and value.max() >= ends[1])
         denormal = [(np.abs(value) < 2.0**-126) & (value != 0.0) for value in numbers.values()]
-        assert any(each.any() for each in denormal)
-        assert not any(each[cases.comparable].any() for each in denormal)
+        assert any(mask.any() for mask in denormal)
+        assert not any(mask[cases.comparable].any() for mask in denormal)
 
 
 def test_moderate_numbers_amplify_nothing() -> None:
@@ -74,7 +74,7 @@ def test_a_case_replays() -> None:
     lines = [case_line(cases.batch, index, excess=2.0) for index in range(50)]
     got = [json.loads(line) for line in evaluate_lines(lines, "numpy")]
     for name, values in zip(("f", "pdf"), evaluate_numpy(cases.batch), strict=True):
-        np.testing.assert_array_equal([each[name] for each in got], values)
+        np.testing.assert_array_equal([answer[name] for answer in got], values)
     assert got[0]["excess"] == 2.0
 
 
@@ -146,29 +146,29 @@ def constant_light(case: SceneCase) -> SceneCase:
     return replace(case, light=make_environment("constant", radiance))
 
 
-def judged(name: str, shown: Picture) -> Finding:
-    pictures = {"usual": picture(seed=1), name: shown}
-    cases = [constant_light(CASES[each]) for each in dict.fromkeys([CASES[name].like or name, name])]
+def judge(name: str, frame: Picture) -> Finding:
+    pictures = {"usual": picture(seed=1), name: frame}
+    cases = [constant_light(CASES[other]) for other in dict.fromkeys([CASES[name].like or name, name])]
     *_, finding = check_scenes(GREY, cases, lambda task: pictures[task.digest.partition(", ")[2]])
     return finding
 
 
-def _with(shown: Picture, value: float) -> Picture:
-    a = shown.a.copy()
+def _with_pixel(frame: Picture, value: float) -> Picture:
+    a = frame.a.copy()
     a[3, 3, 1] = value
-    return replace(shown, a=a)
+    return replace(frame, a=a)
 
 
 BLACK = Picture(*np.zeros((2, 8, 8, 3), np.float32), np.ones((8, 8), np.float32))
 
 
 @pytest.mark.parametrize(
-    ("name", "shown", "passed"),
+    ("name", "frame", "passed"),
     [
         ("usual", picture(), True),
-        ("usual", _with(picture(), np.nan), False),
-        ("usual", _with(picture(), np.inf), False),
-        ("usual", _with(picture(), -1e-30), False),
+        ("usual", _with_pixel(picture(), np.nan), False),
+        ("usual", _with_pixel(picture(), np.inf), False),
+        ("usual", _with_pixel(picture(), -1e-30), False),
         ("usual", replace(picture(), alpha=np.zeros((8, 8), np.float32)), False),
         ("10 km", picture(), True),
         ("10 km", picture(0.53), False),
@@ -176,13 +176,13 @@ BLACK = Picture(*np.zeros((2, 8, 8, 3), np.float32), np.ones((8, 8), np.float32)
         ("light times 1e6", replace(picture(), a=1e6 * picture().a, b=1e6 * picture().b), True),
         ("light times 1e6", picture(), False),
         ("black", BLACK, True),
-        ("black", _with(BLACK, 1e-30), False),
+        ("black", _with_pixel(BLACK, 1e-30), False),
         ("white", picture(0.9), True),
         ("white", picture(4.1), False),
     ],
 )
-def test_a_picture_is_judged(name: str, shown: Picture, passed: bool) -> None:
-    assert judged(name, shown).passed is passed
+def test_a_picture_is_judged(name: str, frame: Picture, passed: bool) -> None:
+    assert judge(name, frame).passed is passed
 
 
 def test_no_picture_is_a_finding() -> None:

@@ -28,8 +28,8 @@ def diffuse(color: tuple[float, float, float]) -> NodeSource:
         (GroupSocket("baseColor", "color", (0.8, 0.8, 0.8), help="The colour."),),
         (GroupSocket("BSDF", "shader"),),
     )
-    shown = ShaderNode("Surface", "Group", inputs={"baseColor": color}, group=group.name)
-    return NodeSource("diffuse", (group, NodeTree("diffuse", (shown, _OUTPUT))), (), f"diffuse {color}", False)
+    surface = ShaderNode("Surface", "Group", inputs={"baseColor": color}, group=group.name)
+    return NodeSource("diffuse", (group, NodeTree("diffuse", (surface, _OUTPUT))), (), f"diffuse {color}", False)
 
 
 def portal(color: tuple[float, float, float]) -> NodeSource:
@@ -46,19 +46,19 @@ def portal(color: tuple[float, float, float]) -> NodeSource:
 
 
 def crowded(vectors: int) -> NodeSource:
-    """Return a Diffuse BSDF for which so many vectors are needed at once: their sum, then each of them again."""
+    """Return a Diffuse BSDF that needs a number of vectors at once: first for their sum, then each again."""
     nodes = [ShaderNode("Geometry", "NewGeometry")]
 
     def add(name: str, operation: str, a: Link, b: Link | tuple[float, float, float]) -> Link:
         nodes.append(ShaderNode(name, "VectorMath", {"operation": operation}, {"Vector": a, "Vector_001": b}))
         return Link(name, "Vector")
 
-    place = Link("Geometry", "Position")
-    seen = [add(f"Value {number}", "MULTIPLY", place, (1.0 + number,) * 3) for number in range(vectors)]
-    total = seen[0]
-    for number, each in enumerate(seen[1:]):
-        total = add(f"Sum {number}", "ADD", total, each)
-    for number, each in enumerate(seen):
-        total = add(f"Largest {number}", "MAXIMUM", total, each)
+    position = Link("Geometry", "Position")
+    products = [add(f"Value {number}", "MULTIPLY", position, (1.0 + number,) * 3) for number in range(vectors)]
+    total = products[0]
+    for number, vector in enumerate(products[1:]):
+        total = add(f"Sum {number}", "ADD", total, vector)
+    for number, vector in enumerate(products):
+        total = add(f"Largest {number}", "MAXIMUM", total, vector)
     surface = ShaderNode("Surface", "BsdfDiffuse", inputs={"Color": total})
     return NodeSource("crowded", (NodeTree("crowded", (*nodes, surface, _OUTPUT)),), (), f"crowded {vectors}", False)

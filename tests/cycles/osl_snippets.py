@@ -1,4 +1,4 @@
-"""OSL snippets inside Cycles, a row of numbers a pixel."""
+"""Evaluation of OSL snippets inside Cycles: each pixel reads a row of numbers."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -43,9 +43,9 @@ def evaluate(
     arrays: Mapping[str, Any] | None = None,
     samples: Mapping[str, int] | None = None,
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return the tables as Cycles gets them, in float32, and the values; one sample a pixel where none are given.
+    """Return the tables rounded to float32, as Cycles reads them, and the values of the snippets.
 
-    Code that names no array gets none.
+    A pixel has one sample, unless `samples` has a number for the snippet. Only code that reads an array declares it.
     """
     shaders = {}
     for name, (table, code) in probes.items():

@@ -20,7 +20,7 @@ from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.points import add_plane, render_table
 from lookdev.cycles.scene import BlenderScene
-from lookdev.cycles.shaders import array_text, with_arrays
+from lookdev.cycles.shaders import array_text, insert_arrays
 from lookdev.cycles.world import build_world
 from lookdev.light import Dome, Light
 from lookdev.rendering.task import FrameTask, SceneTask
@@ -126,7 +126,7 @@ def _add_square(scene: Any, position: Vector, normal: Vector, kind: str) -> None
     corners = [(-SIDE, -SIDE, 0.0), (SIDE, -SIDE, 0.0), (SIDE, SIDE, 0.0), (-SIDE, SIDE, 0.0)]
     mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
     material = bpy.data.materials.new("white")
-    tree = version.empty_node_tree(material)
+    tree = version.clear_node_tree(material)
     node = tree.nodes.new(f"ShaderNode{kind}")
     node.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     node.inputs["Roughness"].default_value = 0.0
@@ -192,7 +192,7 @@ def render_tables(
 
 def write_arrays(oso: str, arrays: Mapping[str, NDArray[Any]]) -> str:
     """Return the text of a compiled shader with arrays written into it."""
-    return with_arrays(oso, {name: array_text(values) for name, values in arrays.items()})
+    return insert_arrays(oso, {name: array_text(values) for name, values in arrays.items()})
 
 
 def render_regions(task: FrameTask, boxes: Sequence[engine.Box], samples: int) -> dict[str, Floats]:

@@ -36,18 +36,18 @@ def main(picture: Path) -> None:
         replace(dome, emission=Emission((0.25, 0.25, 0.25))),
         RectLight(width=2.0, height=2.0, position=(x, y, z + 3.5), emission=Emission((1.0, 2.0, 9.0))),
     )
-    shown = []
+    images = []
     folder = Path(tempfile.mkdtemp())
     with Worker(WORKER_COMMAND, folder / "worker.log", folder, 300.0) as worker:
         worker.start()
         for space in SPACES:
-            scene = Scene(asset, looks, tuple(each.in_space(space) for each in lights), camera, Film(SIZE, space))
+            scene = Scene(asset, looks, tuple(light.in_space(space) for light in lights), camera, Film(SIZE, space))
             task = one_frame(scene_task(scene, Sampling(samples=64, bounces=2)), POSE, space)
             frame = worker.render(task, lambda progress: None)
-            shown.append(to_rec709(0.5 * (frame.a + frame.b), space).astype(np.float32))
-    pictures = [to_display(each, "lookdev") for each in shown]
-    apart = 128.0 + 4.0 * (pictures[1].astype(float) - pictures[0])
-    write_pixels(picture, np.concatenate([*pictures, np.clip(apart, 0.0, 255.0).astype(np.uint8)], axis=1))
+            images.append(to_rec709(0.5 * (frame.a + frame.b), space).astype(np.float32))
+    pictures = [to_display(image, "lookdev") for image in images]
+    difference = 128.0 + 4.0 * (pictures[1].astype(float) - pictures[0])
+    write_pixels(picture, np.concatenate([*pictures, np.clip(difference, 0.0, 255.0).astype(np.uint8)], axis=1))
 
 
 if __name__ == "__main__":

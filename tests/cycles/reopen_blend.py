@@ -18,7 +18,7 @@ LONGEST_TABLE = 8192  # of lookdev.cycles.engine, which is not imported here
 
 def facts() -> dict[str, Any]:
     opens = bpy.context.window_manager.windows[0].scene.name
-    trees = [*bpy.data.node_groups, *(each.node_tree for each in [*bpy.data.materials, *bpy.data.worlds])]
+    trees = [*bpy.data.node_groups, *(datablock.node_tree for datablock in [*bpy.data.materials, *bpy.data.worlds])]
     return {
         "opens": opens,
         "scenes": {scene.name: scene_facts(scene) for scene in bpy.data.scenes},
@@ -39,13 +39,15 @@ def scene_facts(scene: Any) -> dict[str, Any]:
     for frame in [step / 2 for step in range(2 * scene.frame_start, 2 * scene.frame_end + 1)]:
         scene.frame_set(int(frame), subframe=frame % 1.0)
         root, camera = (item.evaluated_get(scene.view_layers[0].depsgraph) for item in (asset, scene.camera))
-        shown = scene.view_layers[0].depsgraph
-        lights = {item.name: [*item.evaluated_get(shown).location] for item in scene.objects if item.type == "LIGHT"}
-        stands = {"turn": root.rotation_euler.z, "asset": [*root.location], "lights": lights}
-        frames.append({"camera": [*camera.location]} | stands)
-    rigs = [each for each in scene.view_layers[0].layer_collection.children if each.name.startswith("rig ")]
+        depsgraph = scene.view_layers[0].depsgraph
+        lights = {
+            item.name: [*item.evaluated_get(depsgraph).location] for item in scene.objects if item.type == "LIGHT"
+        }
+        placement = {"turn": root.rotation_euler.z, "asset": [*root.location], "lights": lights}
+        frames.append({"camera": [*camera.location]} | placement)
+    rigs = [rig for rig in scene.view_layers[0].layer_collection.children if rig.name.startswith("rig ")]
     return {
-        "rigs": {each.name: [not each.exclude, sorted(item.name for item in each.collection.objects)] for each in rigs},
+        "rigs": {rig.name: [not rig.exclude, sorted(item.name for item in rig.collection.objects)] for rig in rigs},
         "engine": scene.render.engine,
         "world": scene.world.name,
         "view": scene.view_settings.view_transform,
@@ -68,12 +70,12 @@ def render(name: str, world: str, frame: str, seed: str, samples: str, out: str)
     settings, image = scene.cycles, scene.render.image_settings
     settings.use_sample_subset = True
     # As before every frame of lookdev: Cycles' table of sample points has its full length, so that points are the same.
-    shown = scene.render
-    shown.use_persistent_data = True
-    shown.use_border, shown.border_max_x, shown.border_max_y = True, 0.1, 0.1
+    render_settings = scene.render
+    render_settings.use_persistent_data = True
+    render_settings.use_border, render_settings.border_max_x, render_settings.border_max_y = True, 0.1, 0.1
     settings.samples, settings.sample_offset, settings.sample_subset_length = LONGEST_TABLE, 0, 1
     bpy.ops.render.render()
-    shown.use_border = False
+    render_settings.use_border = False
     settings.seed, settings.samples = int(seed), 2 * int(samples)
     settings.sample_offset = settings.sample_subset_length = int(samples)
     image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"

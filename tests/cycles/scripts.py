@@ -1,4 +1,4 @@
-"""Programs of this folder, run in processes of their own: they import bpy."""
+"""Runs of this folder's programs in separate processes, because they import bpy."""
 
 import subprocess
 import sys

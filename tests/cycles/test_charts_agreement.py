@@ -1,4 +1,4 @@
-"""Reference props as Cycles renders them, beside published colours and the float64 reference."""
+"""Reference props rendered by Cycles, compared with published colours and the float64 reference."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,9 +29,9 @@ SIZE = (192, 144)
 STRIP = Strip("bottom", 0.3, SIZE)
 
 
-def rendered(worker: Worker, lights: list[object], samples: int) -> tuple[FrameTask, Rendered]:
-    seen = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
-    scene = props_scene(STRIP, seen, lights)  # type: ignore[arg-type]
+def render_charts(worker: Worker, lights: list[object], samples: int) -> tuple[FrameTask, Rendered]:
+    camera = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
+    scene = props_scene(STRIP, camera, lights)  # type: ignore[arg-type]
     task = make_setup("charts", "light", scene, Sampling(samples=samples, bounces=3)).task
     worker.start()
     frame = replace(one_frame(task, Pose(0.0, 200.0), "charts"), exposure=0.5)
@@ -39,17 +39,17 @@ def rendered(worker: Worker, lights: list[object], samples: int) -> tuple[FrameT
 
 
 def test_patches_under_a_uniform_dome_are_as_published(worker: Worker, light_of: Callable[[str], Dome]) -> None:
-    task, frame = rendered(worker, [light_of("white")], 8)
+    task, frame = render_charts(worker, [light_of("white")], 8)
     readings = check_charts(task, STRIP, frame)
     colors = np.concatenate([np.full((1, 3), GREY), patch_colors()]) * 2.0**0.5
-    for each, expected in zip(readings, colors, strict=True):
-        assert each.measured == pytest.approx(expected, rel=2e-3, abs=1e-12), each.name
+    for reading, expected in zip(readings, colors, strict=True):
+        assert reading.measured == pytest.approx(expected, rel=2e-3, abs=1e-12), reading.name
         # What is measured has no noise here: float32 is left, and the noise of the prediction. A ball has facets, which
         # cut off what arrives between them and the horizon of its normal.
-        exact = 5e-4 if each.name == "grey ball" else 1e-5
-        assert each.measured == pytest.approx(expected, rel=exact, abs=1e-12), each.name
-        assert (np.abs(each.measured - each.predicted) <= 2e-3 * each.predicted).all(), each.name
-        assert (np.abs(each.predicted - expected) <= 5.0 * each.error + exact * expected).all(), each.name
+        exact = 5e-4 if reading.name == "grey ball" else 1e-5
+        assert reading.measured == pytest.approx(expected, rel=exact, abs=1e-12), reading.name
+        assert (np.abs(reading.measured - reading.predicted) <= 2e-3 * reading.predicted).all(), reading.name
+        assert (np.abs(reading.predicted - expected) <= 5.0 * reading.error + exact * expected).all(), reading.name
 
 
 @pytest.mark.parametrize(
@@ -59,16 +59,18 @@ def test_props_agree_with_the_reference(worker: Worker, light_of, light: str, sa
     if light == "slopes":
         lights: list[object] = [light_of(light)]
     else:
-        lights = [each.scaled(1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(light)).lights]
-    task, frame = rendered(worker, lights, samples)
+        lights = [source.scaled(1.0, (0.0, 0.0, 0.0)) for source in load_rig(rig_file(light)).lights]
+    task, frame = render_charts(worker, lights, samples)
     readings = check_charts(task, STRIP, frame)
     assert list(charts_doubts(readings)) == []
-    z = np.array([(each.measured - each.predicted) / each.error for each in readings if each.name != "cyan"])
+    z = np.array(
+        [(reading.measured - reading.predicted) / reading.error for reading in readings if reading.name != "cyan"]
+    )
     assert np.abs(z).max() < 6.0
-    # Some neighbours share what is predicted, so that their z are alike.
+    # Some neighbours share a prediction, so that their z are similar.
     assert np.sqrt((z**2).mean()) < 2.0
-    # Sensitive enough that a hundredth is no noise.
-    assert max(each.error.max() / each.predicted.max() for each in readings) < 0.01
+    # Sensitive enough to tell a hundredth from noise.
+    assert max(reading.error.max() / reading.predicted.max() for reading in readings) < 0.01
 
 
 def run(folder: Path, more: str = "") -> list[str]:

@@ -1,4 +1,4 @@
-"""What coincides with a surface does not shadow it: faces, meshes and instances that are doubled show one surface."""
+"""Coincident surfaces do not shadow each other: doubled faces, meshes and instances look like one surface."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from lookdev.scene import Pose
 pytestmark = pytest.mark.cycles
 
 
-def _again(mesh: Mesh, order: Any, side: float) -> Mesh:
+def _repeat_faces(mesh: Mesh, order: Any, side: float) -> Mesh:
     """Return a mesh with each face a second time, its corners in another order."""
 
     def twice(values: Any, sign: float = 1.0) -> Any:
@@ -36,7 +36,7 @@ def _again(mesh: Mesh, order: Any, side: float) -> Mesh:
 
 
 def doubled_faces(asset: Asset) -> Asset:
-    return replace(asset, meshes=tuple(_again(mesh, slice(None), 1.0) for mesh in asset.meshes))
+    return replace(asset, meshes=tuple(_repeat_faces(mesh, slice(None), 1.0) for mesh in asset.meshes))
 
 
 def reversed_faces(asset: Asset) -> Asset:
@@ -44,7 +44,7 @@ def reversed_faces(asset: Asset) -> Asset:
     for mesh in asset.meshes:
         ends = np.cumsum(mesh.face_sizes)
         order = np.repeat(2 * ends - mesh.face_sizes - 1, mesh.face_sizes) - np.arange(len(mesh.corner_points))
-        meshes.append(_again(mesh, order, -1.0))
+        meshes.append(_repeat_faces(mesh, order, -1.0))
     return replace(asset, meshes=tuple(meshes))
 
 
@@ -74,8 +74,8 @@ def _row(assets: Sequence[Asset], scale: float) -> Asset:
         matrix = np.diag([scale, scale, scale, 1.0])
         matrix[0, 3] = 2.5 * scale * (number - 0.5 * (len(assets) - 1))
         for instance in asset.instances:
-            placed = replace(instance, mesh=instance.mesh + len(meshes), matrix=matrix @ instance.matrix)
-            instances.append(placed)
+            moved = replace(instance, mesh=instance.mesh + len(meshes), matrix=matrix @ instance.matrix)
+            instances.append(moved)
         meshes += asset.meshes
     return make_asset("row", meshes, instances, assets[0].slots)
 
@@ -89,7 +89,7 @@ def _row(assets: Sequence[Asset], scale: float) -> Asset:
 )
 def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backend: str) -> None:
     single, size = make_sphere(96, 48), 80
-    # Without bounces: what neighbours reflect has other noise where a ray meets another copy first.
+    # Without bounces: light reflected by neighbours has other noise where a ray hits another copy first.
     options = {"pose": Pose(0.0, 75.0), "size": size, "backend": backend, "bounces": 0}
     rows = [[single] * len(DOUBLES), [double(single) for double in DOUBLES]]
     once, twice = (render(_row(row, scale), [Layer("Base", "disney")], light_of("slopes"), **options) for row in rows)
@@ -101,16 +101,20 @@ def test_coincident_surfaces_shade_as_one(render, light_of, scale: float, backen
             ball = np.zeros((size, size), np.bool_)
             ball[:, left:right] = once.alpha[:, left:right] == 1.0
             assert np.count_nonzero(ball) > 60
-            one, two = ((frame.a + frame.b)[ball] for frame in (once, twice))
+            single_colors, double_colors = ((frame.a + frame.b)[ball] for frame in (once, twice))
             # Four standard errors of a mean over so many pixels.
-            off = 4.0 * noise / np.sqrt(np.count_nonzero(ball))
-            np.testing.assert_allclose(two.mean(axis=0), one.mean(axis=0), rtol=off, err_msg=double.__name__)
-            assert np.sqrt(((two - one) ** 2).mean()) < noise * one.mean(), double.__name__
+            tolerance = 4.0 * noise / np.sqrt(np.count_nonzero(ball))
+            np.testing.assert_allclose(
+                double_colors.mean(axis=0), single_colors.mean(axis=0), rtol=tolerance, err_msg=double.__name__
+            )
+            assert np.sqrt(((double_colors - single_colors) ** 2).mean()) < noise * single_colors.mean(), (
+                double.__name__
+            )
 
 
 @pytest.mark.parametrize("backend", ["exact", pytest.param("nodes", marks=pytest.mark.proof)])
 def test_light_between_coincident_surfaces_is_kept(render, light_of, backend: str) -> None:
-    """Indirect light passes what coincides at both of its ends."""
+    """Indirect light passes surfaces that coincide with its start and with its end."""
     single = load_asset(builtin="shaderball")
     options = {"backend": backend, "bounces": 2, "samples": 32, "size": 32}
 

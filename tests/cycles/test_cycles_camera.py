@@ -1,4 +1,4 @@
-"""Cameras in Cycles: frames of any camera agree with the reference, and a turned asset covers what it is framed to."""
+"""Cameras in Cycles: frames of any camera agree with the reference, and a rotating asset fills its framing."""
 
 from dataclasses import replace
 
@@ -70,8 +70,8 @@ def test_every_backend_has_the_same_camera(name: str, worker: Worker, light_of) 
         assert np.abs(alpha - exact).max() < 5.0 * np.sqrt(0.5 / samples)
 
 
-def stretched(asset: Asset, *scale: float) -> Asset:
-    instances = [replace(each, matrix=np.diag([*scale, 1.0]) @ each.matrix) for each in asset.instances]
+def stretch(asset: Asset, *scale: float) -> Asset:
+    instances = [replace(instance, matrix=np.diag([*scale, 1.0]) @ instance.matrix) for instance in asset.instances]
     return make_asset("stretched", asset.meshes, instances, asset.slots)
 
 
@@ -81,7 +81,7 @@ OTHERS = [("suzanne", (1.0, 1.0, 1.0), 20.0), ("plane", (10.0, 1.0, 0.02), 0.0),
 
 @pytest.mark.parametrize(("name", "scale", "elevation"), quick_among([CARD, *OTHERS], [CARD]))
 def test_a_turntable_covers_what_it_is_framed_to(name: str, scale, elevation: float, worker: Worker, light_of) -> None:
-    asset, size = stretched(load_asset(builtin=name), *scale), (100, 80)
+    asset, size = stretch(load_asset(builtin=name), *scale), (100, 80)
     camera = frame_fill(outline(asset), size, elevation=elevation)
     scene = Scene.of_look(asset, BLACK, light_of("white"), size, camera)
     # After half a turn, a plane about its axis covers what it covered before.
@@ -90,7 +90,7 @@ def test_a_turntable_covers_what_it_is_framed_to(name: str, scale, elevation: fl
         for angle in np.arange(0.0, 180.0 if name == "plane" else 360.0, 9.0).tolist()
     ]
     rows, columns = np.nonzero(np.max(alphas, axis=0) > 0.0)
-    width, height = (np.ptp(each) + 1 for each in (columns, rows))
+    width, height = (np.ptp(indices) + 1 for indices in (columns, rows))
     assert width == pytest.approx(70, abs=1) or height == pytest.approx(56, abs=1)
     assert width <= 71
     assert height <= 57

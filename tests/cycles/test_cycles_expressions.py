@@ -65,8 +65,8 @@ def _code(text: str) -> str:
     elements = elements_of(parse(text).evaluate(values, dict.fromkeys(values, "float")))
     block = Block("v", indent=1)
     block.prepare(elements)
-    (shown,) = [block.expression(element) for element in elements]
-    return "\n".join([*block.lines, f"    value = color({shown});"])
+    (operands,) = [block.expression(element) for element in elements]
+    return "\n".join([*block.lines, f"    value = color({operands});"])
 
 
 def _tiles_code(texture: Texture) -> str:
@@ -91,8 +91,8 @@ def answers(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) -
         texture = Texture(folder / "dirt.<UDIM>.exr", "rgb", "raw", transform=(0.5, 0.05, 0.9, -0.05, 0.5, 1.0))
         probes = {f"e{number}": (_points(), _code(text)) for number, text in enumerate(EXPRESSIONS)}
         probes["tiles"] = _points(), _tiles_code(texture)
-        _, found = evaluate(blender, probes, expand_template("texture.h", {}))
-        return found | {"wanted tiles": sample_texture(texture, _points()[:, :2])}
+        _, values = evaluate(blender, probes, expand_template("texture.h", {}))
+        return values | {"expected tiles": sample_texture(texture, _points()[:, :2])}
 
 
 def test_every_function_is_there() -> None:
@@ -104,14 +104,14 @@ def test_every_function_is_there() -> None:
 @pytest.mark.parametrize("number", range(len(EXPRESSIONS)), ids=EXPRESSIONS)
 def test_an_expression_means_the_same_in_float32(answers: dict[str, Any], number: int) -> None:
     values = dict(zip("xyz", _points().T, strict=True))
-    wanted = parse(EXPRESSIONS[number]).evaluate(values, dict.fromkeys(values, "float"))
+    expected = parse(EXPRESSIONS[number]).evaluate(values, dict.fromkeys(values, "float"))
     got = answers[f"e{number}"][:, 0]
     assert np.isfinite(got).all()
-    np.testing.assert_allclose(got, np.broadcast_to(wanted, got.shape), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(got, np.broadcast_to(expected, got.shape), rtol=1e-4, atol=1e-4)
 
 
 def test_tiles_are_found(answers: dict[str, Any]) -> None:
-    wanted = answers["wanted tiles"]
+    expected = answers["expected tiles"]
     # Some places have a tile, some have none.
-    assert 0.1 < np.mean(wanted.max(axis=-1) > 0.0) < 0.9
-    np.testing.assert_allclose(answers["tiles"], wanted, atol=2e-5)
+    assert 0.1 < np.mean(expected.max(axis=-1) > 0.0) < 0.9
+    np.testing.assert_allclose(answers["tiles"], expected, atol=2e-5)

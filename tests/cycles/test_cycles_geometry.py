@@ -1,4 +1,4 @@
-"""The data of Blender that show an asset: what each mesh carries, and where its instances stand."""
+"""The data of Blender that show an asset: the attributes of meshes, and the transforms of instances."""
 
 from dataclasses import replace
 from typing import Any
@@ -24,12 +24,12 @@ def source(name: str, *attributes: AttributeBinding) -> ShaderSource:
 
 
 PLAIN = source("plain")
-WORN = source("worn", AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,)))
+WEATHERED = source("worn", AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,)))
 TINTED = source(
     "tinted", AttributeBinding("w", "wear", "float", (0.75,)), AttributeBinding("t", "tint", "color", (0.1, 0.2, 0.3))
 )
 LEANING = source("leaning", AttributeBinding("h", HANDEDNESS, "float"), AttributeBinding("t", TANGENT, "vector"))
-SOURCES = (PLAIN, WORN, TINTED, LEANING)
+SOURCES = (PLAIN, WEATHERED, TINTED, LEANING)
 # Names that Blender cuts, or that mean something else in it; and one of both a UV set and a primvar.
 ODD_UVS, ODD_PRIMVARS = ("u" * 63, "position", "st"), ("w" * 60, "w" * 68, "größe", "material_index", "lookdev_normal")
 ODD = source(
@@ -49,7 +49,7 @@ def balls() -> Asset:
     """Return five balls: the second has two slots, the last has a primvar of its own and two UV sets."""
     halves = (np.arange(FACES) >= FACES // 2).astype(np.int32)
     slots = [np.zeros(FACES, np.int32), 1 + halves, *(np.full(FACES, slot, np.int32) for slot in (3, 4, 5))]
-    meshes = [replace(BALL, name=f"/{i}", face_slots=each) for i, each in enumerate(slots)]
+    meshes = [replace(BALL, name=f"/{i}", face_slots=face_slots) for i, face_slots in enumerate(slots)]
     meshes[4] = replace(meshes[4], primvars={"wear": WEAR}, uvs=BALL.uvs | {"more": BALL.uvs["st"]})
     instances = [Instance(i, moved(3.0 * i)) for i in range(5)]
     return make_asset("balls", meshes, instances, [Slot(f"/{slot}") for slot in range(6)])
@@ -75,10 +75,10 @@ def sharing() -> Asset:
     return make_asset("shared", meshes, [Instance(i, moved(3.0 * i)) for i in range(3)], [Slot("/a")])
 
 
-def crowd(each: int = 3) -> Asset:
+def crowd(count: int = 3) -> Asset:
     """Return two meshes, each shown several times, and one that is shown once."""
     meshes = [replace(BALL, name=name) for name in ("/a", "/b", "/c")]
-    instances = [Instance(i % 2, moved(3.0 * i, 0.1 * i)) for i in range(2 * each)]
+    instances = [Instance(i % 2, moved(3.0 * i, 0.1 * i)) for i in range(2 * count)]
     return make_asset("crowd", meshes, [*instances, Instance(2, moved(-5.0))], [Slot("/a")])
 
 
@@ -124,9 +124,9 @@ def test_a_mesh_carries_what_its_sources_read(built: dict[str, Any]) -> None:
 
 
 def test_names_of_attributes_are_neither_cut_nor_mixed_up(built: dict[str, Any]) -> None:
-    found = built["odd"]["meshes"]["/odd"]["attributes"]
-    np.testing.assert_array_equal(found["lookdev_normal"], BALL.normals)
-    stored = {(binding.kind, binding.attribute): found[binding.stored] for binding in ODD.attributes}
+    mesh_attributes = built["odd"]["meshes"]["/odd"]["attributes"]
+    np.testing.assert_array_equal(mesh_attributes["lookdev_normal"], BALL.normals)
+    stored = {(binding.kind, binding.attribute): mesh_attributes[binding.stored] for binding in ODD.attributes}
     for i, name in enumerate(ODD_UVS):
         np.testing.assert_array_equal(stored["uv", name], BALL.uvs["st"] + np.float32(i))
     for i, name in enumerate(ODD_PRIMVARS):
@@ -135,10 +135,12 @@ def test_names_of_attributes_are_neither_cut_nor_mixed_up(built: dict[str, Any])
 
 
 def test_what_a_mesh_lacks_has_the_fallback_of_each_faces_source(built: dict[str, Any]) -> None:
-    found = built["balls"]["meshes"]["/1"]["attributes"]
+    mesh_attributes = built["balls"]["meshes"]["/1"]["attributes"]
     second = np.repeat(np.arange(FACES) >= FACES // 2, BALL.face_sizes)
-    np.testing.assert_array_equal(found["primvars:wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32))
-    np.testing.assert_allclose(found["primvars:tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
+    np.testing.assert_array_equal(
+        mesh_attributes["primvars:wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32)
+    )
+    np.testing.assert_allclose(mesh_attributes["primvars:tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
 
 
 @pytest.mark.parametrize("domain", ["FACE", "POINT", "CORNER"])
@@ -159,16 +161,16 @@ def test_a_pass_of_coordinates_finds_a_uv_set(built: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("case", "each", "objects"), [("crowd", 3, 2), ("crowd apart", 3, 7), ("crowd of many", 1000, 2)]
+    ("case", "count", "objects"), [("crowd", 3, 2), ("crowd apart", 3, 7), ("crowd of many", 1000, 2)]
 )
-def test_every_instance_stands_in_its_place(built: dict[str, Any], case: str, each: int, objects: int) -> None:
-    asset = crowd(each)
+def test_every_instance_stands_in_its_place(built: dict[str, Any], case: str, count: int, objects: int) -> None:
+    asset = crowd(count)
     assert built[case]["objects"] == objects
     # Instances of nodes have their object's colour: one assignment controls all of them.
-    expected = sorted((asset.meshes[one.mesh].name, one.matrix.tolist()) for one in asset.instances)
-    found = sorted((name, matrix.tolist()) for name, matrix, _ in built[case]["seen"])
-    assert [name for name, _ in found] == [name for name, _ in expected]
-    np.testing.assert_allclose([place for _, place in found], [place for _, place in expected], rtol=1e-6)
+    expected = sorted((asset.meshes[instance.mesh].name, instance.matrix.tolist()) for instance in asset.instances)
+    visible = sorted((name, matrix.tolist()) for name, matrix, _ in built[case]["seen"])
+    assert [name for name, _ in visible] == [name for name, _ in expected]
+    np.testing.assert_allclose([matrix for _, matrix in visible], [matrix for _, matrix in expected], rtol=1e-6)
 
 
 def test_instances_have_the_colour_of_their_object(built: dict[str, Any]) -> None:

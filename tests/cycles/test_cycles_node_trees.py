@@ -1,4 +1,4 @@
-"""What Cycles' nodes compute of a traced expression, of textures and of their slopes is what NumPy computes."""
+"""Cycles' nodes compute the same as NumPy for traced expressions, textures and slopes of textures."""
 
 import itertools
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def stacked(*values: Any) -> Any:
     return np.stack(values, axis=-1)
 
 
-# Of numbers a and b in (0, 2), and of vectors u and v; nowhere near a jump, and nothing negative.
+# Expressions of numbers a and b in (0, 2) and of vectors u and v, away from jumps and without negative values.
 EXPRESSIONS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
     "sums": lambda a, b, u, v: stacked(a + b, a - b + 2.0, 1.0 - 0.3 * a),
     "products": lambda a, b, u, v: stacked(a * b, a / b, a * b + 1.0),
@@ -44,7 +44,7 @@ EXPRESSIONS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
     "angles": lambda a, b, u, v: stacked(np.sin(a) + 1.0, np.cos(b) + 1.0, np.tan(0.5 * a)),
     "the whole circle": lambda a, b, u, v: stacked(np.arctan2(a - 1.0, b - 1.0) + 4.0, np.floor(3.1 * a), a),
     "ends": lambda a, b, u, v: stacked(np.maximum(a, b), np.minimum(a, b), np.abs(a - b)),
-    "comparisons": lambda a, b, u, v: stacked(*(np.where(each, 1.0, 0.0) for each in (a > b, a < b, a >= 1.01 * b))),
+    "comparisons": lambda a, b, u, v: stacked(*(np.where(mask, 1.0, 0.0) for mask in (a > b, a < b, a >= 1.01 * b))),
     "more comparisons": lambda a, b, u, v: stacked(
         np.where(a <= 1.01 * b, a, b), np.where(np.floor(2.1 * a) == np.floor(2.1 * b), a, b), np.where(a < 1.0, 2.0, a)
     ),
@@ -64,17 +64,17 @@ EXPRESSIONS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
 
 
 def arguments(x: Any, y: Any) -> tuple[Any, ...]:
-    """Return a, b, u and v at a place of the square: constant over a pixel, wherever in it the sample is."""
-    a, b = ((np.floor((place + 1.0) * (0.5 * SIDE)) + 0.5) * (2.0 / SIDE) for place in (x, y))
+    """Return a, b, u and v at a point of the square; they are constant over a pixel, whatever its sample."""
+    a, b = ((np.floor((coordinate + 1.0) * (0.5 * SIDE)) + 0.5) * (2.0 / SIDE) for coordinate in (x, y))
     return a, b, stacked(a, b, 0.5 * a + 0.3), stacked(0.5 * b + 0.1, a * 0.9, b)
 
 
 def source(name: str) -> NodeSource:
-    """Return a surface that shines by an expression."""
+    """Return a surface that emits the value of an expression."""
     graph, builder = Graph(), TreeBuilder(name)
     builder.bind([f"place_{i}" for i in range(3)], Link(builder.add("NewGeometry"), "Position"))
-    place = symbols(graph, [f"place_{i}" for i in range(3)])
-    value = EXPRESSIONS[name](*arguments(place[0], place[1]))
+    position = symbols(graph, [f"place_{i}" for i in range(3)])
+    value = EXPRESSIONS[name](*arguments(position[0], position[1]))
     emission = builder.add("Emission", inputs={"Color": builder.vector(elements_of(value)), "Strength": 1.0})
     builder.add("OutputMaterial", inputs={"Surface": Link(emission, "Emission")})
     return NodeSource(name, (builder.tree(),), (), name, exact=False)
@@ -82,8 +82,8 @@ def source(name: str) -> NodeSource:
 
 @pytest.fixture(scope="module")
 def pictures(blender: BlenderProcess) -> dict[str, Any]:
-    found: dict[str, Any] = blender.call("probes.render_trees", {name: source(name) for name in EXPRESSIONS}, SIDE)
-    return found
+    results: dict[str, Any] = blender.call("probes.render_trees", {name: source(name) for name in EXPRESSIONS}, SIDE)
+    return results
 
 
 @pytest.mark.parametrize("name", EXPRESSIONS)
@@ -108,8 +108,8 @@ def picture(file: Path, seed: int) -> Path:
     return file
 
 
-def on_the_square(tree: NodeTree) -> NodeTree:
-    """Let the place on the probe's square be the UV map, which it has none of."""
+def use_positions_as_uv(tree: NodeTree) -> NodeTree:
+    """Use positions on the probe's square in place of the UV map, which the square lacks."""
     nodes = []
     for node in tree.nodes:
         inputs = {
@@ -121,8 +121,8 @@ def on_the_square(tree: NodeTree) -> NodeTree:
     return replace(tree, nodes=tuple(nodes))
 
 
-def emitting(source: Any) -> NodeSource:
-    """Return a material that emits what a look would read."""
+def emission_material(source: Any) -> NodeSource:
+    """Return a material that emits the value that a look reads."""
     inputs = Inputs(Graph(), image_file)
     if isinstance(source, Bump):
         x, y, _ = elements_of(Values(inputs)._bump(source) + 20.0)
@@ -133,7 +133,7 @@ def emitting(source: Any) -> NodeSource:
     bind_inputs(builder, inputs, [str(node.args[0]) for node in reachable(value) if node.op == "symbol"])
     light = builder.add("Emission", inputs={"Color": builder.vector(value)})
     builder.add("OutputMaterial", inputs={"Surface": Link(light, "Emission")})
-    return NodeSource("emitting", (on_the_square(builder.tree()),), (), "", False)
+    return NodeSource("emitting", (use_positions_as_uv(builder.tree()),), (), "", False)
 
 
 @pytest.mark.both_pythons
@@ -153,20 +153,22 @@ def test_cycles_looks_up_what_the_reference_does(blender: BlenderProcess, tmp_pa
         f"bump {s} {t}": Bump(Texture(file, "g", "raw", s, t, "st", TRANSFORM))
         for s, t in (*((wrap, wrap) for wrap in WRAPS), ("mirror", "clamp"))
     }
-    place = Formula(parse("st + 2"), {"st": Coordinates("st")}, {"st": "color"})
-    sources = {name: emitting(each) for name, each in {**textures, **bumps, "place": place}.items()}
+    coordinates = Formula(parse("st + 2"), {"st": Coordinates("st")}, {"st": "color"})
+    sources = {
+        name: emission_material(look_up) for name, look_up in {**textures, **bumps, "place": coordinates}.items()
+    }
 
     pictures = blender.call("probes.render_trees", sources, 32)
     st = pictures["place"][..., :2].astype(np.float64) - 2.0
     # Coordinates of a few units, and values of a few, in float32; slopes between texels of about 10 a unit.
     for name, texture in textures.items():
-        wanted = sample_texture(texture, st)
-        wanted = wanted[..., None] * np.ones(3) if wanted.ndim == 2 else wanted
-        np.testing.assert_allclose(pictures[name], wanted, rtol=0.0, atol=2e-5, err_msg=name)
+        expected = sample_texture(texture, st)
+        expected = expected[..., None] * np.ones(3) if expected.ndim == 2 else expected
+        np.testing.assert_allclose(pictures[name], expected, rtol=0.0, atol=2e-5, err_msg=name)
     m = np.reshape(TRANSFORM, (2, 3))
     image = st @ m[:, :2].T + m[:, 2]
     # Away from the lines where slopes jump, at which the last digit of a coordinate decides.
     clear = (np.abs(image - np.round(image)) > 1e-5).all(axis=-1)
     for name, bump in bumps.items():
-        wanted = 20.0 - sample_slopes(bump.height, st)
-        np.testing.assert_allclose(pictures[name][clear, :2], wanted[clear], rtol=0.0, atol=3e-4, err_msg=name)
+        expected = 20.0 - sample_slopes(bump.height, st)
+        np.testing.assert_allclose(pictures[name][clear, :2], expected[clear], rtol=0.0, atol=3e-4, err_msg=name)

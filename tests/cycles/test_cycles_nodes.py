@@ -38,20 +38,20 @@ def shoot(worker: Worker) -> RenderSource:
     """Return a function that renders a built-in asset with a source in all its slots."""
 
     @cache
-    def stored(which: str) -> tuple[Asset, Content]:
-        asset = load_asset(builtin=which)
+    def load_stored(name: str) -> tuple[Asset, Content]:
+        asset = load_asset(builtin=name)
         return asset, Content.of(save_asset(asset))
 
     def render_one(
-        which: str, source: Source, light: Dome, *, pose: Pose = POSE, device: str = "cpu", **given: Any
+        name: str, source: Source, light: Dome, *, pose: Pose = POSE, device: str = "cpu", **options: Any
     ) -> Rendered:
-        asset, file = stored(which)
-        sampling = Sampling(**{"samples": 64, "bounces": 0} | given)
+        asset, file = load_stored(name)
+        sampling = Sampling(**{"samples": 64, "bounces": 0} | options)
         camera = orbit_camera(asset.center, asset.radius)
-        worn = (0,) * len(asset.slots)
+        slot_sources = (0,) * len(asset.slots)
         exact = isinstance(source, NodeSource) and source.exact
         backend = "principled" if isinstance(source, PrincipledSource) else "nodes-exact" if exact else "nodes"
-        scene = SceneTask(file, backend, (source,), worn, (light,), (48, 48), sampling, camera, device)
+        scene = SceneTask(file, backend, (source,), slot_sources, (light,), (48, 48), sampling, camera, device)
         worker.start()
         return worker.render(one_frame(scene, pose, "frame"), lambda progress: None)
 
@@ -90,8 +90,8 @@ def test_it_is_as_bright_as_the_diffuse_part_of_principled(shoot: RenderSource, 
 
 @pytest.fixture(scope="module")
 def probed(blender: BlenderProcess, light_of) -> dict[str, Any]:
-    found: dict[str, Any] = blender.call("probes.build_nodes", light_of("city"))
-    return found
+    facts: dict[str, Any] = blender.call("probes.build_nodes", light_of("city"))
+    return facts
 
 
 @pytest.mark.both_pythons
@@ -228,7 +228,8 @@ def mean_color(frame: Rendered) -> Any:
 def test_white_light_is_reflected_as_by_the_exact_lobes(name: str, render: RenderScene, light_of) -> None:
     layers, options = SHEEN if name == "sheen" else LOOKS[name], {"samples": 64, "size": 32, "bounces": 1}
     exact, nodes = (
-        mean_color(render("sphere", layers, light_of("white"), backend=each, **options)) for each in ("exact", "nodes")
+        mean_color(render("sphere", layers, light_of("white"), backend=backend, **options))
+        for backend in ("exact", "nodes")
     )
     # The albedo over all views: documented to 1 % for each view. The noise of some 600 pixels is a tenth of that.
     np.testing.assert_allclose(nodes, exact, rtol=0.01)

@@ -84,19 +84,19 @@ def _random_numbers(rng: np.random.Generator, layer: PointLayer) -> dict[str, Fl
     return numbers
 
 
-def assert_close(got: Floats, wanted: Floats, tolerance: float = RELATIVE) -> None:
+def assert_close(got: Floats, expected: Floats, tolerance: float = RELATIVE) -> None:
     assert np.isfinite(got).all()
     assert (got >= 0.0).all()
     # OSL's exp() ends at 2^-126 instead of 0.
-    assert (got[wanted == 0.0] < 1e-25).all()
-    assert np.count_nonzero(wanted > VISIBLE) > got.size // 4
-    assert_values_close(got, wanted, tolerance)
+    assert (got[expected == 0.0] < 1e-25).all()
+    assert np.count_nonzero(expected > VISIBLE) > got.size // 4
+    assert_values_close(got, expected, tolerance)
 
 
-def assert_values_close(got: Floats, wanted: Floats, tolerance: float = RELATIVE) -> None:
-    visible = wanted > VISIBLE
-    np.testing.assert_allclose(got[visible], wanted[visible], rtol=tolerance)
-    np.testing.assert_allclose(got[~visible], wanted[~visible], atol=tolerance * VISIBLE)
+def assert_values_close(got: Floats, expected: Floats, tolerance: float = RELATIVE) -> None:
+    visible = expected > VISIBLE
+    np.testing.assert_allclose(got[visible], expected[visible], rtol=tolerance)
+    np.testing.assert_allclose(got[~visible], expected[~visible], atol=tolerance * VISIBLE)
 
 
 def disney(variant: str = "2014", mode: Any = "over", options: bool = False, **tokens: str) -> PointLayer:
@@ -147,15 +147,15 @@ AVERAGED = RELATIVE + 2.0 * np.sqrt(20.0 * 1.2e5) * 3.0 * 2.0**-24
 )
 def test_random_cases(layers: tuple[PointLayer, ...]) -> None:
     batch = random_batch(*layers)
-    (f, density), (f_wanted, density_wanted) = evaluate_cycles(batch), evaluate_numpy(batch)
+    (f, density), (f_expected, density_expected) = evaluate_cycles(batch), evaluate_numpy(batch)
     tolerance = AVERAGED if [layer.mode for layer in layers].count("transmit") > 1 else RELATIVE
     if "filmThickness" not in layers[0].constants and layers[0].model == "disney":
         # Where a film reflects next to nothing, its terms cancel: four roundings of what a mirror reflects.
         ones = {"baseColor": np.ones((COUNT, 3)), "metallic": np.ones(COUNT), "k": np.full((COUNT, 3), 20.0)}
         mirror, _ = evaluate_numpy(replace(batch, numbers=(batch.numbers[0] | ones,)))
-        f = np.where(np.abs(f - f_wanted) <= 4.0 * 2.0**-24 * mirror, f_wanted, f)
-    assert_close(f, f_wanted, tolerance)
-    assert_close(density, density_wanted, tolerance)
+        f = np.where(np.abs(f - f_expected) <= 4.0 * 2.0**-24 * mirror, f_expected, f)
+    assert_close(f, f_expected, tolerance)
+    assert_close(density, density_expected, tolerance)
 
 
 # Parameters with which no lobe is dark everywhere.
@@ -180,16 +180,16 @@ def test_one_lobe_alone(layer: PointLayer, name: str) -> None:
     numbers = {**batch.numbers[0]}
     for parameter, (low, high) in _BRIGHT[layer.model].items():
         numbers[parameter] = _float32(np.clip(numbers[parameter], low, high))
-    numbers |= {each: np.ones(COUNT) for each in numbers if each.endswith("Scale") and each != "normalScale"}
+    numbers |= {key: np.ones(COUNT) for key in numbers if key.endswith("Scale") and key != "normalScale"}
     numbers["presence"] = np.ones(COUNT)
     batch = replace(batch, numbers=(numbers,))
     whole = batch.bsdf()
     bsdf = replace(whole, lobes=lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name))
     f, density = evaluate_cycles(batch, [name])
-    wanted = evaluate(bsdf, batch.wo, batch.wi)
+    expected = evaluate(bsdf, batch.wo, batch.wi)
     # A narrow lobe is dark nearly everywhere: only a third of the cases are near its peak, on one side.
-    assert np.count_nonzero(wanted > VISIBLE) > wanted.size // 20
-    assert_values_close(f, wanted)
+    assert np.count_nonzero(expected > VISIBLE) > expected.size // 20
+    assert_values_close(f, expected)
     assert_values_close(density, pdf(bsdf, batch.wo, batch.wi))
 
 
@@ -202,26 +202,26 @@ def test_normals_of_the_lobes() -> None:
     normals = {"diffuseNormal": _float32(tilted[:, 0]), "highlightNormal": _float32(tilted[:, 1])}
     narrow = {name: np.ones(COUNT) for name in batch.numbers[0] if name.endswith("ConeScale")}
     batch = replace(batch, numbers=(batch.numbers[0] | normals | narrow,))
-    (f, density), (f_wanted, density_wanted) = evaluate_cycles(batch), evaluate_numpy(batch)
+    (f, density), (f_expected, density_expected) = evaluate_cycles(batch), evaluate_numpy(batch)
     cone = np.radians(np.maximum(0.25, 10.0 * batch.numbers[0]["roughness"]))
     power = np.log(10.0) / np.sin(cone) ** 2
     turn = 4.0 * 2.0**-24 / np.linalg.norm(np.abs(batch.wo + batch.wi), axis=-1)
     tolerance = RELATIVE + 2.0 * np.sqrt(20.0 * power) * turn
     assert np.quantile(tolerance, 0.5) < 2.0 * RELATIVE
-    for got, wanted in ((f.max(axis=-1), f_wanted.max(axis=-1)), (density, density_wanted)):
-        seen = (wanted > VISIBLE) & (tolerance < 0.1)
+    for got, expected in ((f.max(axis=-1), f_expected.max(axis=-1)), (density, density_expected)):
+        seen = (expected > VISIBLE) & (tolerance < 0.1)
         assert np.count_nonzero(seen) > COUNT // 3
-        assert (np.abs(got - wanted)[seen] <= (tolerance * wanted)[seen]).all()
+        assert (np.abs(got - expected)[seen] <= (tolerance * expected)[seen]).all()
 
 
 def oracle_values(name: str, is_chosen: Callable[[str], bool] = bool) -> tuple[Floats, Floats]:
     """Return the values of Cycles and of an oracle, where Cycles gets its float64 directions in float32."""
     lines = (Path(__file__).parents[1] / "oracles" / f"{name}.jsonl").read_text().splitlines()
     lines = [line for line in lines if is_chosen(line)]
-    shown, wanted = (
-        np.array([json.loads(line)["f"] for line in each]) for each in (evaluate_lines(lines, "cycles"), lines)
+    got, expected = (
+        np.array([json.loads(line)["f"] for line in answers]) for answers in (evaluate_lines(lines, "cycles"), lines)
     )
-    return shown, wanted
+    return got, expected
 
 
 @pytest.mark.both_pythons
@@ -245,14 +245,14 @@ _MICROFACETS = {
 )
 def test_the_oracle_of_the_classics(microfacets: set[tuple[str, ...]] | None) -> None:
     def is_chosen(line: str) -> bool:
-        given = json.loads(line)["params"]
-        model = tuple(given.get(name) for name in ("distribution", "geometry", "normalisation"))
-        return not microfacets or "geometry" not in given or model in microfacets
+        params = json.loads(line)["params"]
+        model = tuple(params.get(name) for name in ("distribution", "geometry", "normalisation"))
+        return not microfacets or "geometry" not in params or model in microfacets
 
-    got, wanted = oracle_values("classic", is_chosen)
+    got, expected = oracle_values("classic", is_chosen)
     # Directions rounded to float32 alone change the narrowest highlights by up to 2e-3.
-    visible = wanted > VISIBLE
-    error = np.abs(got - wanted)[visible] / wanted[visible]
+    visible = expected > VISIBLE
+    error = np.abs(got - expected)[visible] / expected[visible]
     assert np.quantile(error, 0.99) < RELATIVE
     assert error.max() < 0.05
-    np.testing.assert_allclose(got[~visible], wanted[~visible], atol=RELATIVE * VISIBLE)
+    np.testing.assert_allclose(got[~visible], expected[~visible], atol=RELATIVE * VISIBLE)

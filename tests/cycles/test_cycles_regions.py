@@ -30,34 +30,34 @@ def test_a_rectangle_is_that_part_of_the_frame(backend: str, blender: BlenderPro
     asset = load_asset(builtin="shaderball")
     look = Look("copper", (COPPER,))
     camera = orbit_camera(asset.center, asset.radius)
-    shown = Scene.of_look(asset, look, light_of("studio"), (WIDTH, HEIGHT), camera)
-    task = one_frame(scene_task(shown, Sampling(), backend), POSE, "regions")
-    found = blender.call("probes.render_regions", task, BOXES, 4)
+    scene = Scene.of_look(asset, look, light_of("studio"), (WIDTH, HEIGHT), camera)
+    task = one_frame(scene_task(scene, Sampling(), backend), POSE, "regions")
+    pictures = blender.call("probes.render_regions", task, BOXES, 4)
     for number, (left, bottom, right, top) in enumerate(BOXES):
-        part = found[f"part{number}"]
+        part = pictures[f"part{number}"]
         assert part.shape == (top - bottom, right - left, 4)
         for other in ("before", "again", "after"):
-            np.testing.assert_array_equal(part, found[f"{other}{number}"], err_msg=f"box {number}, {other}")
-    assert any(found[f"part{number}"][..., :3].any() for number in (0, 2)), "the boxes show nothing"
+            np.testing.assert_array_equal(part, pictures[f"{other}{number}"], err_msg=f"box {number}, {other}")
+    assert any(pictures[f"part{number}"][..., :3].any() for number in (0, 2)), "the boxes show nothing"
 
 
 TARGET = 6e-3
 
 
 def test_rectangles_bring_a_frame_to_its_target(render: RenderScene, light_of: Callable[[str], Dome]) -> None:
-    def frame(**given):
-        return render("shaderball", [PLASTIC], light_of("studio"), size=32, **given)
+    def frame(**options):
+        return render("shaderball", [PLASTIC], light_of("studio"), size=32, **options)
 
-    found = frame(samples=4096, error=TARGET, seed=3)
+    adaptive = frame(samples=4096, error=TARGET, seed=3)
     # What else is rendered in between does not matter.
     converged = frame(samples=256, seed=1000)
     again = frame(samples=4096, error=TARGET, seed=3)
     # Rounds over the whole frame alone would end at a power of two.
-    assert found.samples & (found.samples - 1), f"nothing was adaptive at {found.samples} samples"
+    assert adaptive.samples & (adaptive.samples - 1), f"nothing was adaptive at {adaptive.samples} samples"
     for name in ("a", "b", "alpha"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
-    assert found.relmse <= TARGET
-    true = relmse(0.5 * (found.a + found.b), 0.5 * (converged.a + converged.b), converged.alpha)
-    assert 0.5 < found.relmse / true < 2.0, (found.relmse, true, found.samples)
+        np.testing.assert_array_equal(getattr(adaptive, name), getattr(again, name))
+    assert adaptive.relmse <= TARGET
+    true = relmse(0.5 * (adaptive.a + adaptive.b), 0.5 * (converged.a + converged.b), converged.alpha)
+    assert 0.5 < adaptive.relmse / true < 2.0, (adaptive.relmse, true, adaptive.samples)
     # At a silhouette alpha is a mean as the colours are.
-    assert np.abs(found.alpha - converged.alpha)[converged.alpha > 0.0].mean() < 0.03
+    assert np.abs(adaptive.alpha - converged.alpha)[converged.alpha > 0.0].mean() < 0.03

@@ -116,17 +116,17 @@ def probes(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) ->
         drawn = np.stack([rng.integers(0, bins.COUNT, 8192), *rng.integers(0, 2**24, (2, 8192))], axis=-1)
         drawn[4096:, :2] = drawn[0, :2]
         drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
-        of_slot = (
+        sample_code = (
             "vector wi; float ratio; float within;"
             " int slot = dome_numbered(sobol_hash(int(in[1])), sobol_hash(int(in[2])), within); color got"
             f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), slot, within, in[3], wi, '
             "ratio);"
         )
-        looked_up = f'dome_look_up("{light.radiance_file.path}", in[0], in[1], DOME_WIDTH, DOME_HEIGHT)'
-        of_normal = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
+        look_up_code = f'dome_look_up("{light.radiance_file.path}", in[0], in[1], DOME_WIDTH, DOME_HEIGHT)'
+        bin_code = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
         places = _texture_places()
-        asked: dict[str, tuple[Floats, str]] = {
+        snippets: dict[str, tuple[Floats, str]] = {
             "texture": (places, _texture_code("lookdev_texture", lambda s, t: linear, "looked")),
             "alpha": (places, _texture_code("lookdev_texture", lambda s, t: linear, "color(alpha)")),
             "slopes": (places, _texture_code("lookdev_slopes", slopes, "looked")),
@@ -136,44 +136,44 @@ def probes(blender: BlenderProcess, tmp_path_factory: pytest.TempPathFactory) ->
                 directions,
                 f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y); value = color(x, y, 0);",
             ),
-            "radiance": (beyond, f"value = {looked_up};"),
-            "bin": (normals, f"{of_normal} value = color(bin);"),
-            "axis": (normals, f"{of_normal} value = axis;"),
+            "radiance": (beyond, f"value = {look_up_code};"),
+            "bin": (normals, f"{bin_code} value = color(bin);"),
+            "axis": (normals, f"{bin_code} value = axis;"),
             "scale": (np.arange(float(bins.COUNT + 1))[:, None], "value = color(dome_bins[2 * int(in[0])]);"),
             "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(dome_widened(in[0]));"),
-            "sample": (drawn, f"{of_slot} value = wi;"),
-            "sample_radiance": (drawn, f"{of_slot} value = got;"),
-            "sample_ratio": (drawn, f"{of_slot} value = color(ratio);"),
+            "sample": (drawn, f"{sample_code} value = wi;"),
+            "sample_radiance": (drawn, f"{sample_code} value = got;"),
+            "sample_ratio": (drawn, f"{sample_code} value = color(ratio);"),
         }
         samples = {f"time{count}": count for count in _SAMPLES}
         for name, count in samples.items():
             code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
-            asked[name] = np.arange(4096.0)[:, None] % count, code
+            snippets[name] = np.arange(4096.0)[:, None] % count, code
         parameters = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
         arrays = {"slots": np.load(light.slots_file.path), "numbers": np.load(light.bins_file.path)}
-        given = {"dome_slots": arrays["slots"], "dome_bins": arrays["numbers"]}
-        rounded, values = evaluate(blender, asked, headers, parameters, given, samples)
+        array_parameters = {"dome_slots": arrays["slots"], "dome_bins": arrays["numbers"]}
+        rounded, values = evaluate(blender, snippets, headers, parameters, array_parameters, samples)
         points = read_exr(light.points_file.path, "RGBA").reshape(-1, 4)
         yield Probes(rounded, values, image, light, points, **arrays)
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
 def test_textures_and_slopes_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
-    chosen = probes.tables["texture"][:, 2] == list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
-    st = probes.tables["texture"][chosen, :2]
+    has_wraps = probes.tables["texture"][:, 2] == list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
+    st = probes.tables["texture"][has_wraps, :2]
     image = replace(probes.image, wrap_s=wrap_s, wrap_t=wrap_t)
-    shown = {name: probes.values[name][chosen] for name in ("texture", "alpha", "slopes")}
+    results = {name: probes.values[name][has_wraps] for name in ("texture", "alpha", "slopes")}
     # A place is known to 2^-24 of up to 4, times 8 texels: the weights are off by as much.
-    np.testing.assert_allclose(shown["texture"], sample_texture(image, st), atol=1e-5)
-    np.testing.assert_allclose(shown["alpha"][:, 0], sample_texture(replace(image, channel="a"), st), atol=1e-5)
+    np.testing.assert_allclose(results["texture"], sample_texture(image, st), atol=1e-5)
+    np.testing.assert_allclose(results["alpha"][:, 0], sample_texture(replace(image, channel="a"), st), atol=1e-5)
     # Slopes are up to 8 times larger.
-    np.testing.assert_allclose(shown["slopes"][:, :2], sample_slopes(replace(image, channel="g"), st), atol=1e-4)
+    np.testing.assert_allclose(results["slopes"][:, :2], sample_slopes(replace(image, channel="g"), st), atol=1e-4)
 
 
 def test_texels_are_exact(probes: Probes) -> None:
     column, row = ((probes.tables["texel"][:, k] + 0.5) / size for k, size in ((0, 8), (1, 4)))
-    wanted = sample_texture(probes.image, np.stack([column, 1.0 - row], axis=-1))
-    np.testing.assert_array_equal(probes.values["texel"], wanted)
+    expected = sample_texture(probes.image, np.stack([column, 1.0 - row], axis=-1))
+    np.testing.assert_array_equal(probes.values["texel"], expected)
 
 
 @pytest.mark.parametrize("number", range(len(_SEEDS)))
@@ -207,9 +207,9 @@ def test_the_map_and_its_inverse(probes: Probes) -> None:
 
 def test_the_light_is_that_of_numpy(probes: Probes) -> None:
     x, y = probes.tables["radiance"][:, :2].T
-    wanted = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))
+    expected = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))
     # Texels up to 100; places known to 2^-24 of 32 texels.
-    np.testing.assert_allclose(probes.values["radiance"], wanted, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(probes.values["radiance"], expected, rtol=1e-4, atol=1e-3)
 
 
 def test_bins_are_those_of_numpy(probes: Probes) -> None:
@@ -218,12 +218,12 @@ def test_bins_are_those_of_numpy(probes: Probes) -> None:
     row = np.minimum(down.astype(int), bins.ROWS - 1)
     cells = np.array(bins.CELLS)[row]
     around = cells * ((np.arctan2(normal[1], normal[0]) - turn) / (2.0 * np.pi) % 1.0)
-    wanted = np.array(bins.FIRST)[row] + around.astype(int)
+    expected = np.array(bins.FIRST)[row] + around.astype(int)
     got = probes.values["bin"][:, 0]
     # On the borders rounding and OSL's arc tangents, good to 1e-5, decide.
     inside = (np.abs(down - np.rint(down)) > 1e-4) & (np.abs(around - np.rint(around)) > 1e-4)
     assert inside.mean() > 0.9
-    np.testing.assert_array_equal(got[inside], wanted[inside])
+    np.testing.assert_array_equal(got[inside], expected[inside])
     assert np.isin(got, np.arange(bins.COUNT)).all()
     assert len(np.unique(got)) == bins.COUNT
 
@@ -240,12 +240,12 @@ def test_the_weight_of_a_bin_is_that_of_numpy(probes: Probes) -> None:
     np.testing.assert_array_equal(probes.values["scale"][:, 0], probes.numbers[:, 0])
     assert (probes.numbers > 0.0).all()
     # Rounding under the root matters only where the sine is small, and there the weight is 1 or 0.
-    wanted = bins.widened_cosine(probes.tables["widened"][:, 0])
-    np.testing.assert_allclose(probes.values["widened"][:, 0], wanted, atol=_ROUNDING)
+    expected = bins.widened_cosine(probes.tables["widened"][:, 0])
+    np.testing.assert_allclose(probes.values["widened"][:, 0], expected, atol=_ROUNDING)
 
 
 def _hash(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Return what `sobol_hash` does."""
+    """Hash numbers like `sobol_hash`."""
     x = value ^ (value >> 16)
     x = x * np.uint32(0x7FEB352D)
     x = x ^ (x >> 15)
@@ -262,19 +262,19 @@ def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
     first, count = (slots >> 12) & 0xFFFFF, slots & 4095
     # The light is broad: no point fills several slots.
     assert (count <= MOST_POINTS).all()
-    wanted = probes.numbers[bin_number, 1] * count
-    np.testing.assert_allclose(probes.values["sample_ratio"][:, 0], wanted, rtol=_ROUNDING)
+    expected = probes.numbers[bin_number, 1] * count
+    np.testing.assert_allclose(probes.values["sample_ratio"][:, 0], expected, rtol=_ROUNDING)
     u = (_hash(seed ^ (number * np.uint32(0x2C1B3C6D) + np.uint32(0x297A2D39))) >> 8).astype(np.float32) / 2**24
     point = first + np.floor(count * u).astype(np.int64)
     # Many points of a slot that is drawn from often occur.
     assert (first[4096:] == first[-1]).all()
     assert len(np.unique(point[4096:])) > 0.9 * count[-1] > 100
     azimuth, z = probes.points[point, :2].astype(np.float64).T
-    place = np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1)
-    wanted = rotate_z(uv_to_direction(place), np.degrees(probes.tables["sample"][:, 3]))
-    np.testing.assert_allclose(probes.values["sample"], wanted, atol=_ROUNDING)
+    uv = np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1)
+    expected = rotate_z(uv_to_direction(uv), np.degrees(probes.tables["sample"][:, 3]))
+    np.testing.assert_allclose(probes.values["sample"], expected, atol=_ROUNDING)
     # 12 bits of thrice the mean for each channel; texels differ a thousandfold within one map: relative to the mean.
-    light = lookup(probes.light.table, place)
+    light = lookup(probes.light.table, uv)
     mean = light.mean(axis=-1, keepdims=True)
     np.testing.assert_allclose(probes.values["sample_radiance"] / mean, light / mean, atol=2e-3)
 
@@ -283,8 +283,8 @@ def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
 def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> None:
     # In each pixel one number occurs once among the samples; the sums check all numbers.
     indices = np.arange(samples)
-    wanted = np.array([1.0 / samples, indices.mean(), (indices**2).mean()])
-    right = np.isclose(probes.values[f"time{samples}"], wanted, rtol=1e-6)
+    expected = np.array([1.0 / samples, indices.mean(), (indices**2).mean()])
+    right = np.isclose(probes.values[f"time{samples}"], expected, rtol=1e-6)
     # Where a number is within 2e-6 of its stratum's end, rounding may put it into the next: at most 2e-6 N for each of
     # N samples and two ends. Four standard deviations of so few pixels come on top.
     doubt = 4e-6 * samples**2
@@ -300,8 +300,8 @@ def test_a_shader_that_does_not_compile_is_named(blender: BlenderProcess, tmp_pa
     (refused,) = (file for file in (tmp_path / "cache").rglob("*") if file.is_file())
     number, line = next(row for row in enumerate(refused.read_text().splitlines(), 1) if "c = nope" in row[1])
     assert line.strip() == "c = nope;"
-    place, reason = f"{refused}:{number}", "error: 'nope' was not declared in this scope"
-    assert str(caught.value).strip() == f"RenderError: the shader of 'paint' does not compile: {place}: {reason}"
+    location, reason = f"{refused}:{number}", "error: 'nope' was not declared in this scope"
+    assert str(caught.value).strip() == f"RenderError: the shader of 'paint' does not compile: {location}: {reason}"
 
 
 def test_arrays_are_read_from_memory(blender: BlenderProcess) -> None:

@@ -53,8 +53,8 @@ def closed_form_pixels(model: str, scene: Scene, bounces: int) -> Arrays:
             for j in range(count):
                 x, y = pixels.T + (np.array([[i], [j]]) + rng.random((2, len(pixels)))) / count
                 origin, ray = camera_rays(scene.camera, POSE, size, x, y)
-                hit, place = sphere.hit(origin, ray)
-                values[hit, scramble] += CLOSED_FORMS[model](place[hit], ray[hit], radiance, bounces)
+                is_hit, points = sphere.intersect(origin, ray)
+                values[is_hit, scramble] += CLOSED_FORMS[model](points[is_hit], ray[is_hit], radiance, bounces)
     values /= count**2
     error = values.std(axis=1, ddof=1) / np.sqrt(scrambles)
     numbers = {"samples": np.array(count**2), "scrambles": np.array(scrambles)}
@@ -74,7 +74,7 @@ def mirror_sphere(n: Floats, ray: Floats, radiance: Callable[[Floats], Floats], 
 
 
 def glass_sphere(n: Floats, ray: Floats, radiance: Callable[[Floats], Floats], bounces: int) -> Floats:
-    """What enters is mirrored inside at one angle, again and again, and a part of it leaves at each place."""
+    """Return the radiance of a glass sphere: light inside is reflected at one angle, and a part leaves at each hit."""
     cosine = -dot(n, ray)
     inner = np.sqrt(1.0 - (1.0 - cosine**2) / 1.5**2)
     s, p = (cosine - 1.5 * inner) / (cosine + 1.5 * inner), (1.5 * cosine - inner) / (1.5 * cosine + inner)
@@ -95,9 +95,9 @@ CLOSED_FORMS = {"mirror": mirror_sphere, "glass": glass_sphere}
 def check_sphere(stored: StoredReference, frames: list[Rendered], model: str, scene: Scene, bounces: int) -> Finding:
     """Compare frames with the closed form of light that is reflected inside up to `bounces` times."""
     name = f"{model} sphere {bounces}"
-    found = stored(name, closed_form_pixels, model=model, scene=scene, bounces=bounces)
+    reference = stored(name, closed_form_pixels, model=model, scene=scene, bounces=bounces)
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    return check_frame(name, halves, frames[0].alpha, SEEDS * SAMPLES, found["pixels"], estimate_of(found))
+    return check_frame(name, halves, frames[0].alpha, SEEDS * SAMPLES, reference["pixels"], estimate_of(reference))
 
 
 @pytest.mark.parametrize(
@@ -111,8 +111,8 @@ def check_sphere(stored: StoredReference, frames: list[Rendered], model: str, sc
 def test_a_sphere_is_its_closed_form(look: Look, bounces: int, worker: Worker, light_of, stored_reference) -> None:
     scene = scene_of(load_asset(builtin="sphere"), look, (light_of("city"),), SIZE)
     frames = frames_of(worker, scene, bounces)
-    found = check_sphere(stored_reference, frames, look.name, scene, bounces)
-    assert found.passed, "\n".join((found.summary, *found.details))
+    finding = check_sphere(stored_reference, frames, look.name, scene, bounces)
+    assert finding.passed, "\n".join((finding.summary, *finding.details))
     if bounces == 4:
         assert not check_sphere(stored_reference, frames, look.name, scene, 1).passed
 
@@ -131,13 +131,15 @@ def test_planted_faults_are_found(worker: Worker, light_of: Callable[[str], Ligh
     assert not check_sphere(compute_live, frames, "glass", scene, 4).passed
 
 
-def blended(model: str) -> Look:
+def blend(model: str) -> Look:
     """Return plastic of which a part, that varies, is smooth."""
     return Look(model, (PLASTIC, Layer("top", model, {}, mask=Primvar("wear", 0.5))))
 
 
-def mirrored(asset: Asset) -> Asset:
-    instances = [replace(each, matrix=np.diag([-1.0, 1.2, 1.0, 1.0]) @ each.matrix) for each in asset.instances]
+def mirror(asset: Asset) -> Asset:
+    instances = [
+        replace(instance, matrix=np.diag([-1.0, 1.2, 1.0, 1.0]) @ instance.matrix) for instance in asset.instances
+    ]
     return make_asset("mirrored", asset.meshes, instances, asset.slots)
 
 
@@ -151,15 +153,15 @@ BESIDE = RectLight(width=1.0, height=1.0, position=(0.0, -1.9, 0.4), axes=FACING
         pytest.param(GLASS, ("studio",), False, marks=pytest.mark.proof, id="glass"),
         pytest.param(GLASS, ("studio",), True, id="glass in a mirror"),
         pytest.param(MIRROR, ("studio",), False, marks=pytest.mark.proof, id="mirror"),
-        pytest.param(blended("glass"), ("studio",), False, marks=pytest.mark.proof, id="glass blend"),
-        pytest.param(blended("mirror"), ("studio", BESIDE), False, id="mirror blend under a lamp"),
+        pytest.param(blend("glass"), ("studio",), False, marks=pytest.mark.proof, id="glass blend"),
+        pytest.param(blend("mirror"), ("studio", BESIDE), False, id="mirror blend under a lamp"),
     ],
 )
 def test_shapes_agree_with_the_reference(
     worker: Worker, light_of, look: Look, lights: tuple[Any, ...], flipped: bool, stored_reference: StoredReference
 ) -> None:
     asset = load_asset(builtin="suzanne")
-    asset = mirrored(asset) if flipped else asset
+    asset = mirror(asset) if flipped else asset
     lights = tuple(light_of(light) if isinstance(light, str) else light for light in lights)
     scene = scene_of(asset, look, lights, SIZE)
     frames = frames_of(worker, scene, 2)

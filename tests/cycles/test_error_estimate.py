@@ -84,8 +84,8 @@ COPPER = Layer("copper", "disney", {"metallic": 1.0, "roughness": 0.35, "baseCol
 
 
 def test_a_denoised_frame_is_nearer_and_its_error_is_measured(render: RenderScene, light_of: Callable[[str], Dome]):
-    def frame(**given: Any) -> Rendered:
-        return render("sphere", [COPPER], light_of("city"), **given)
+    def frame(**options: Any) -> Rendered:
+        return render("sphere", [COPPER], light_of("city"), **options)
 
     truth = mean(frame(samples=256, seed=7))
     raw, smooth = (frame(samples=16, denoise=choice) for choice in ("off", "measured"))
@@ -93,14 +93,14 @@ def test_a_denoised_frame_is_nearer_and_its_error_is_measured(render: RenderScen
     # The same halves were denoised.
     np.testing.assert_allclose(smooth.raw, mean(raw), rtol=1e-5, atol=1e-6)
     assert smooth.raw_relmse == pytest.approx(raw.relmse, rel=1e-4)
-    before, after = (relmse(mean(each), truth, raw.alpha) for each in (raw, smooth))
+    before, after = (relmse(mean(rendered), truth, raw.alpha) for rendered in (raw, smooth))
     assert after < 0.6 * before
     assert after / 2.0 < smooth.relmse < 2.0 * after
 
 
 @pytest.mark.both_pythons
 def test_a_target_is_reached_by_the_denoised_frame(render: RenderScene, light_of: Callable[[str], Dome]):
-    given = {"samples": 1024, "error": TARGET}
-    raw, smooth = (render("shaderball", [COPPER], light_of("city"), **given, denoise=d) for d in ("off", "measured"))
+    options = {"samples": 1024, "error": TARGET}
+    raw, smooth = (render("shaderball", [COPPER], light_of("city"), **options, denoise=d) for d in ("off", "measured"))
     assert smooth.relmse <= TARGET < smooth.raw_relmse
     assert 16 < smooth.samples < raw.samples

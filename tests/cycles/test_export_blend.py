@@ -1,4 +1,4 @@
-"""An exported .blend, opened where lookdev is not loaded, renders what lookdev renders."""
+"""An exported .blend, opened without lookdev, renders the same pictures as lookdev."""
 
 import json
 import math
@@ -30,7 +30,7 @@ LOOKS = {
     "rubber": batches.look_text("Disney", baseColor=(0.1, 0.5, 0.2), roughness=0.7),
 }
 # Looks, worlds and frames: one of each turntable.
-SHOWN = [("chips", "city", 2), ("rubber", "city", 5)]
+FRAMES = [("chips", "city", 2), ("rubber", "city", 5)]
 JOB = {
     "look": '[{ name = "chips", material = "chips.usda" }, { name = "rubber", material = "rubber.usda" }]',
     "ibl": '[{ name = "city", builtin = "city", exposure = 1.0, rotation = 20.0 }, '
@@ -52,17 +52,17 @@ class Case:
     def task(self, look: str, ibl: str, frame: int) -> FrameTask:
         """Return the task of a frame of the timeline."""
         job = self.prepared.job
-        rotation = next(each.rotation for each in job.ibl if each.name == ibl)
-        poses = [pose for each in job.turntable for pose in turntable_poses(each, rotation)]
-        wanted = look, ibl, poses[frame - 1]
+        rotation = next(light.rotation for light in job.ibl if light.name == ibl)
+        poses = [pose for turntable in job.turntable for pose in turntable_poses(turntable, rotation)]
+        key = look, ibl, poses[frame - 1]
         tasks = [planned.task for planned in self.prepared.plan.frames]
-        (task,) = (task for task in tasks if (task.labels["look"], task.labels["ibl"], task.pose) == wanted)
+        (task,) = (task for task in tasks if (task.labels["look"], task.labels["ibl"], task.pose) == key)
         return task
 
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """Return a job and what a new process finds in its .blend: facts, and renders with the seed of a first half."""
+    """Return a job, facts that a new process reads from its .blend, and renders with the seed of a first half."""
     folder, written, elsewhere = (tmp_path_factory.mktemp(name) for name in ("job", "written", "moved"))
     for name, text in LOOKS.items():
         (folder / f"{name}.usda").write_text(text)
@@ -71,24 +71,24 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     job = batches.write_job(folder, **JOB)
     export_blend(job, written / "look.blend")
     moved, facts = written.rename(elsewhere / "to another place"), elsewhere / "facts.json"
-    files = {frame: elsewhere / f"{i}.exr" for i, frame in enumerate([*SHOWN, ("rubber", "studio", 5)])}
+    files = {frame: elsewhere / f"{i}.exr" for i, frame in enumerate([*FRAMES, ("rubber", "studio", 5)])}
     renders = [word for frame, out in files.items() for word in (*frame, 64 * SEED, SAMPLES // 2, out)]
     run_script("reopen_blend.py", moved / "look.blend", facts, *renders)
     pictures = {frame: oiio.ImageBuf(str(out)).get_pixels(oiio.FLOAT) for frame, out in files.items()}
     return Case(prepare_job(job, backend="nodes"), json.loads(facts.read_text()), pictures)
 
 
-def direct(worker: Worker, task: FrameTask) -> Rendered:
+def render_direct(worker: Worker, task: FrameTask) -> Rendered:
     worker.start()
     return worker.render(task, lambda progress: None)
 
 
 @pytest.mark.both_pythons
-@pytest.mark.parametrize("shown", SHOWN, ids=["element", "lighting"])
-def test_the_reopened_file_renders_the_same_picture(shown: tuple[str, str, int], case: Case, worker: Worker) -> None:
-    task = case.task(*shown)
-    ours = direct(worker, task)
-    theirs = case.pictures[shown]
+@pytest.mark.parametrize("frame", FRAMES, ids=["element", "lighting"])
+def test_the_reopened_file_renders_the_same_picture(frame: tuple[str, str, int], case: Case, worker: Worker) -> None:
+    task = case.task(*frame)
+    ours = render_direct(worker, task)
+    theirs = case.pictures[frame]
     assert ours.alpha.max() == 1.0
     assert ours.a[ours.alpha == 1.0].mean() > 0.02
     # The same samples of the same scene, of which nothing is rounded on its way through the file.
@@ -134,20 +134,20 @@ def test_every_frame_stands_at_its_pose(case: Case) -> None:
     for look, scene in case.facts["scenes"].items():
         for frame in range(1, 8):
             pose = case.task(look, "city", frame).pose
-            found = scene["half_frames"][2 * (frame - 1)]
-            off = math.remainder(math.degrees(found["turn"]) - pose.element + pose.lighting, 360.0)
-            assert off == pytest.approx(0.0, abs=1e-3)
+            placement = scene["half_frames"][2 * (frame - 1)]
+            difference = math.remainder(math.degrees(placement["turn"]) - pose.element + pose.lighting, 360.0)
+            assert difference == pytest.approx(0.0, abs=1e-3)
             # Seen from the asset, whose origin is its centre, the camera has gone round by -element.
             start, _ = camera_rays(camera, pose, (SIZE, SIZE), 0.5, 0.5)
-            x, y, z = np.subtract(found["camera"], found["asset"])
-            back = -found["turn"]
-            seen = (x * math.cos(back) - y * math.sin(back), x * math.sin(back) + y * math.cos(back), z)
-            np.testing.assert_allclose(seen, start - center, atol=1e-5 * camera.distance)
+            x, y, z = np.subtract(placement["camera"], placement["asset"])
+            back = -placement["turn"]
+            from_asset = (x * math.cos(back) - y * math.sin(back), x * math.sin(back) + y * math.cos(back), z)
+            np.testing.assert_allclose(from_asset, start - center, atol=1e-5 * camera.distance)
 
 
 def test_between_frames_nothing_turns_back(case: Case) -> None:
     for scene in case.facts["scenes"].values():
-        steps = np.degrees(np.diff([each["turn"] for each in scene["half_frames"]]))
+        steps = np.degrees(np.diff([placement["turn"] for placement in scene["half_frames"]]))
         steps = np.where(np.abs(steps) > 180.0, steps - np.copysign(360.0, steps), steps)
         # 120 degrees a frame; then 90 of the light, the other way. Where a turn is whole, a key lies 1/64 before.
         np.testing.assert_allclose(steps[0:4], 60.0, atol=120.0 / 64.0)
@@ -157,11 +157,11 @@ def test_between_frames_nothing_turns_back(case: Case) -> None:
 
 
 def test_another_world_shows_the_jobs_other_light(case: Case, worker: Worker) -> None:
-    ours = direct(worker, case.task("rubber", "studio", 5))
+    ours = render_direct(worker, case.task("rubber", "studio", 5))
     theirs = case.pictures["rubber", "studio", 5][..., :3]
     # Its map is turned, so its samples are others: as far from either half as these are from each other.
     noise = np.mean((ours.a - ours.b) ** 2)
     assert np.mean((theirs - ours.b) ** 2) < 2.0 * noise
     # Not turned, the picture is another one.
-    unturned = direct(worker, case.task("rubber", "studio", 6)).a
+    unturned = render_direct(worker, case.task("rubber", "studio", 6)).a
     assert np.mean((theirs - unturned) ** 2) > 4.0 * noise

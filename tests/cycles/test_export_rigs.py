@@ -1,4 +1,4 @@
-"""Rigs in an exported .blend: opened where lookdev is not loaded, they light as lookdev's frames."""
+"""Rigs in an exported .blend: opened without lookdev, they give the light of lookdev's frames."""
 
 import functools
 import json
@@ -12,7 +12,7 @@ from frames import scene_of
 from scripts import run_script
 
 from lookdev.asset import load_asset
-from lookdev.export.blend import EXPORT_COMMAND, _run
+from lookdev.export.blend import EXPORT_COMMAND, _run_exporter
 from lookdev.light import LIGHT_KINDS, Emission, Light, native_images
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
@@ -56,12 +56,12 @@ def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], 
         scenes={look: replace(task_of(look, "studio"), device="cuda") for look in COLORS},
         rigs=tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in rigs().items()),
         turntables=(BlendTurntable("sun", POSES),),
-        images=tuple(BlendImage(each, "maps/sky.exr") for each in native_images(rigs()["sky"])),
+        images=tuple(BlendImage(image, "maps/sky.exr") for image in native_images(rigs()["sky"])),
         pack=True,
         view="Un-tone-mapped",
         show_light=False,
     )
-    _run(task, EXPORT_COMMAND, 300.0)
+    _run_exporter(task, EXPORT_COMMAND, 300.0)
     assert [*folder.iterdir()] == [task.file]
     # Without a GPU, Blender renders on the CPU.
     picture, facts = folder / "out.exr", folder / "facts.json"
@@ -83,12 +83,12 @@ def test_a_light_that_does_not_turn_has_keys(reopened: tuple[dict[str, Any], Any
     center, axis = np.array(load_asset(builtin="suzanne").center), np.array((*PIVOT, 0.0))
     for scene in facts["scenes"].values():
         # Frames 1 and 2, of steps of a half.
-        for stands, pose in zip(scene["half_frames"][::2], POSES, strict=False):
+        for placement, pose in zip(scene["half_frames"][::2], POSES, strict=False):
             key, still = (np.array(light.position) for light in LAMPS)
-            # What is shown is turned against the rig: so the rig stands still, and this light does not.
-            turned = rotate_z(still - axis, -pose.lighting) + axis
-            np.testing.assert_allclose(stands["lights"]["key"], key - center, atol=1e-6)
-            np.testing.assert_allclose(stands["lights"]["sphere 2"], turned - center, atol=1e-6)
+            # The scene is rotated against the rig: so the rig stands still, and this light does not.
+            rotated = rotate_z(still - axis, -pose.lighting) + axis
+            np.testing.assert_allclose(placement["lights"]["key"], key - center, atol=1e-6)
+            np.testing.assert_allclose(placement["lights"]["sphere 2"], rotated - center, atol=1e-6)
 
 
 def test_the_reopened_rig_renders_the_same_picture(reopened: tuple[dict[str, Any], Any], worker: Worker) -> None:

@@ -11,9 +11,9 @@ def test_the_shipped_suzanne_is_what_the_script_makes(tmp_path):
     out = tmp_path / "suzanne.npz"
     subprocess.run([sys.executable, "-m", "lookdev.cycles.export_suzanne", out], check=True, capture_output=True)
     shipped = resources.files("lookdev.asset").joinpath("data", "suzanne.npz")
-    with np.load(out) as made, shipped.open("rb") as stream, np.load(stream) as kept:
-        assert set(made.files) == set(kept.files) == {"points", "faces", "uvs"}
-        np.testing.assert_array_equal(made["faces"], kept["faces"])
+    with np.load(out) as exported, shipped.open("rb") as stream, np.load(stream) as expected:
+        assert set(exported.files) == set(expected.files) == {"points", "faces", "uvs"}
+        np.testing.assert_array_equal(exported["faces"], expected["faces"])
         # Blender's subdivision runs in float32: a few roundings of coordinates around 1.
-        np.testing.assert_allclose(made["points"], kept["points"], atol=1e-6)
-        np.testing.assert_allclose(made["uvs"], kept["uvs"], atol=1e-6)
+        np.testing.assert_allclose(exported["points"], expected["points"], atol=1e-6)
+        np.testing.assert_allclose(exported["uvs"], expected["uvs"], atol=1e-6)

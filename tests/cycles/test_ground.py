@@ -1,4 +1,4 @@
-"""Assets on the ground: closed forms, the float64 reference, and what a catcher leaves as it is."""
+"""Assets on the ground: closed forms, the float64 reference, and pixels that a catcher must not change."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,35 +55,37 @@ def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list
 
 
 def ground_pixels(scene: Scene) -> Arrays:
-    """Return pixels of the asset and of its ground, whose edge is not among them."""
+    """Return pixels of the asset and of its ground, without those at the edge of the ground."""
     meshes = MeshScene(scene.asset, scene.looks)
     covered = np.argwhere(coverage(meshes, scene.camera, POSE, SIZE) == 1.0)
     pixels = np.random.default_rng(3).permutation(covered)[:60, ::-1]
     options = {"bounces": 2, "samples": 128, "scrambles": 8}
-    found = frame_pixels(meshes, scene.lights, scene.camera, POSE, SIZE, pixels, **options)
-    return {"pixels": pixels, "value": found.value, "error": found.error}
+    estimate = frame_pixels(meshes, scene.lights, scene.camera, POSE, SIZE, pixels, **options)
+    return {"pixels": pixels, "value": estimate.value, "error": estimate.error}
 
 
-def on_own_ground(frame: Rendered) -> np.ndarray:
-    """Return a frame with a catcher over the ground that it was rendered with."""
-    kept = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
-    return (frame.a.astype(float) + frame.b) / 2.0 + kept[..., None] * frame.passes["bare"]
+def composite_on_ground(frame: Rendered) -> np.ndarray:
+    """Composite a frame with a catcher over the ground of its render."""
+    transmittance = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
+    return (frame.a.astype(float) + frame.b) / 2.0 + transmittance[..., None] * frame.passes["bare"]
 
 
-def assert_like(pictures: list[np.ndarray], expected: np.ndarray, error: np.ndarray, chosen: np.ndarray) -> None:
-    """Compare pixels (n, 2), row and column, of independent pictures (H, W) with what is expected, (n,)."""
-    values = np.stack([picture[tuple(chosen.T)] for picture in pictures])
+def assert_pixels_agree(
+    pictures: list[np.ndarray], expected: np.ndarray, error: np.ndarray, pixels: np.ndarray
+) -> None:
+    """Compare pixels (n, 2), row and column, of independent pictures (H, W) with expected values (n,)."""
+    values = np.stack([picture[tuple(pixels.T)] for picture in pictures])
     noise = np.sqrt(values.var(axis=0, ddof=1) / len(values) + error**2)
     t = (values.mean(axis=0) - expected) / np.maximum(noise, 1e-6)
     freedom = len(values) - 1
-    assert abs(t.mean()) < 4.0 * np.sqrt(freedom / (freedom - 2) / len(chosen))
+    assert abs(t.mean()) < 4.0 * np.sqrt(freedom / (freedom - 2) / len(pixels))
     # Sidak-corrected to 1e-3 over all pixels; edges are binary variables, whose tails are heavier: a quarter more.
-    limit = stats.t.ppf(1.0 - (1.0 - (1.0 - 1e-3) ** (1.0 / len(chosen))) / 2.0, freedom)
+    limit = stats.t.ppf(1.0 - (1.0 - (1.0 - 1e-3) ** (1.0 / len(pixels))) / 2.0, freedom)
     assert np.abs(t).max() < 1.25 * limit
 
 
 def rig(name: str) -> list[Light]:
-    return [each.scaled(1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(name)).lights]
+    return [light.scaled(1.0, (0.0, 0.0, 0.0)) for light in load_rig(rig_file(name)).lights]
 
 
 def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, light_of) -> None:
@@ -101,27 +103,27 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, 
     origin, ray = camera_rays(near, POSE, SIZE, *np.broadcast_arrays(x, y))
     along = np.einsum("...i,i->...", ray, origin)
     meets_ball = along**2 > origin @ origin - 1.0
-    place = origin + ((-1.0 - origin[2]) / ray[..., 2])[..., None] * ray
-    radius = np.hypot(place[..., 0], place[..., 1])
+    point = origin + ((-1.0 - origin[2]) / ray[..., 2])[..., None] * ray
+    radius = np.hypot(point[..., 0], point[..., 1])
     shadow = (radius**2 + 1.0) ** -1.5
-    seen = (ray[..., 2] < 0.0) & (radius < 9.0)
+    is_seen = (ray[..., 2] < 0.0) & (radius < 9.0)
     # Rays to the ground before the ball's contact pass under its bulge.
-    before = np.einsum("...i,...i->...", place - origin, ray) < -along
-    ground = (seen & (~meets_ball | before)).all(axis=(-2, -1))
+    before = np.einsum("...i,...i->...", point - origin, ray) < -along
+    ground = (is_seen & (~meets_ball | before)).all(axis=(-2, -1))
     assert ground.sum() > 150
     expected = shadow.mean(axis=(-2, -1))
-    chosen = np.argwhere(ground)
+    pixels = np.argwhere(ground)
     # Next to the contact hardly a ray arrives: the spread of few frames is 0 there, that of independent rays is not.
     rays = len(frames) * 32 * scene_task(scene, Sampling(bounces=0)).shaders[-1].directions[0]
     error = np.sqrt(expected[ground] * (1.0 - expected[ground]) / rays)
-    assert_like([frame.alpha for frame in frames], expected[ground], error, chosen)
+    assert_pixels_agree([frame.alpha for frame in frames], expected[ground], error, pixels)
 
     # Nothing but shadow, and the darker the nearer to the contact.
     mean = np.mean([frame.alpha for frame in frames], axis=0)
     light = np.mean([(frame.a + frame.b) / 2.0 for frame in frames], axis=0)
     assert np.abs(light[ground]).max() < 1e-6
     order = np.argsort(expected[ground])
-    binned = [each.mean() for each in np.array_split(mean[ground][order], 8)]
+    binned = [values.mean() for values in np.array_split(mean[ground][order], 8)]
     assert (np.diff(binned) > 0.0).all()
     assert expected[ground].max() > 0.8, "the contact is not seen"
     assert mean[ground].argmax() in np.argsort(expected[ground])[-6:]
@@ -130,18 +132,20 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, 
 GROUNDS = [("slopes", GLOSSY), ("slopes", GREY), ("three_point", GLOSSY)]
 
 
-@pytest.mark.parametrize(("lit", "under"), quick_among(GROUNDS, [("slopes", GLOSSY)]))
+@pytest.mark.parametrize(("light_name", "under"), quick_among(GROUNDS, [("slopes", GLOSSY)]))
 def test_a_frame_over_its_ground_is_that_of_the_reference(
-    worker: Worker, light_of: Callable[[str], Dome], lit: str, under: Look, stored_reference: StoredReference
+    worker: Worker, light_of: Callable[[str], Dome], light_name: str, under: Look, stored_reference: StoredReference
 ) -> None:
-    lights: list[Light] = [light_of("slopes")] if lit == "slopes" else rig(lit)
+    lights: list[Light] = [light_of("slopes")] if light_name == "slopes" else rig(light_name)
     scene = scene_of(lights, RED, under, catcher=True)
     frames = frames_of(worker, scene, 6, samples=32, bounces=2)
-    pictures = [on_own_ground(frame) for frame in frames]
-    found = stored_reference("ball on glossy ground", ground_pixels, scene=scene)
-    with comparison(np.mean(pictures, axis=0), found["value"], found["pixels"]):
+    pictures = [composite_on_ground(frame) for frame in frames]
+    reference = stored_reference("ball on glossy ground", ground_pixels, scene=scene)
+    with comparison(np.mean(pictures, axis=0), reference["value"], reference["pixels"]):
         values = [picture.mean(axis=-1) for picture in pictures]
-        assert_like(values, found["value"].mean(axis=-1), found["error"].mean(axis=-1), found["pixels"][:, ::-1])
+        assert_pixels_agree(
+            values, reference["value"].mean(axis=-1), reference["error"].mean(axis=-1), reference["pixels"][:, ::-1]
+        )
     # There is a shadow, and light that the ball reflects onto the ground and, if it is glossy, its image.
     mean = np.mean([frame.alpha for frame in frames], axis=0)
     covered = np.mean([frame.passes["bare"].sum(axis=-1) for frame in frames], axis=0) > 0.0
@@ -174,23 +178,23 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
     plain = scene_of(lights, half, GREY, catcher=False, asset=card)
     ours = frames_of(worker, caught, 6, samples=32, bounces=1)
     theirs = frames_of(worker, plain, 6, samples=32, bounces=1)
-    chosen = np.random.default_rng(5).permutation(np.argwhere(theirs[0].alpha > 0.0))[:300]
-    expected = np.stack([((f.a + f.b) / 2.0).mean(axis=-1)[tuple(chosen.T)] for f in theirs])
+    pixels = np.random.default_rng(5).permutation(np.argwhere(theirs[0].alpha > 0.0))[:300]
+    expected = np.stack([((f.a + f.b) / 2.0).mean(axis=-1)[tuple(pixels.T)] for f in theirs])
     error = np.sqrt(expected.var(axis=0, ddof=1) / len(expected))
-    assert_like([on_own_ground(f).mean(axis=-1) for f in ours], expected.mean(axis=0), error, chosen)
+    assert_pixels_agree([composite_on_ground(f).mean(axis=-1) for f in ours], expected.mean(axis=0), error, pixels)
 
 
 @pytest.mark.proof
 def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]) -> None:
-    """Over the true ground, the error of a frame is what its halves differ by."""
+    """Over the true ground, the error of a frame is that estimated from its halves."""
     scene = scene_of([light_of("slopes")], RED, GREY, catcher=True)
     frames = frames_of(worker, scene, 8, samples=16, bounces=1)
     bare = np.mean([frame.passes["bare"] for frame in frames], axis=0)
-    shown = []
+    pictures = []
     for frame in frames:
-        kept = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
-        shown.append((frame.a.astype(float) + frame.b) / 2.0 + kept[..., None] * bare)
-    measured = np.var(shown, axis=0, ddof=1).mean()
+        transmittance = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
+        pictures.append((frame.a.astype(float) + frame.b) / 2.0 + transmittance[..., None] * bare)
+    measured = np.var(pictures, axis=0, ddof=1).mean()
     claimed = np.mean([((frame.a.astype(float) - frame.b) / 2.0) ** 2 for frame in frames])
     assert 0.5 < claimed / measured < 2.0
 

@@ -1,4 +1,4 @@
-"""Measured reflectance inside Cycles, in float32: values beside float64 look-ups, and pictures."""
+"""Measured reflectance inside Cycles, in float32: values compared with float64 look-ups, and pictures."""
 
 import json
 import tempfile
@@ -36,7 +36,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(autouse=True, scope="module")
 def _small_tables() -> Iterator[None]:
-    """Draw directions of anisotropic data by a quarter of the tables, which take seconds; they are kept here alone."""
+    """Sample anisotropic data with a quarter of the tables, which take seconds; the cache is of this module alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(proposal, "_VIEW_CELLS", proposal._VIEW_CELLS | {True: (VIEWS, VIEWS)})
         patch.setattr("lookdev.brdf.measured._make_cached_proposal", lru_cache(proposal.make_proposal))
@@ -44,7 +44,7 @@ def _small_tables() -> Iterator[None]:
 
 
 def write_measured(folder: Path, name: str) -> Path:
-    """Write what Disney's model measures: isotropic, or anisotropic in another format."""
+    """Write synthetic measurements of Disney's model: isotropic, or anisotropic in another format."""
     parameters = PARAMETERS[name]
     file = folder / (f"{name}.dat" if "anisotropic" in parameters else f"{name}.binary")
     write_synthetic(file, model_named("disney").bsdf(complete_parameters("disney", parameters)))
@@ -58,7 +58,7 @@ def file_of(tmp_path_factory: pytest.TempPathFactory) -> FileOf:
 
 
 def measured_pixels(name: str, **case: Any) -> Arrays:
-    """Return pixels of a sphere of measured data, which the digest of a stored reference has by their name."""
+    """Return pixels of a sphere of measured data; the digest of the stored reference has the name of the data."""
     with tempfile.TemporaryDirectory() as folder:
         file = write_measured(Path(folder), name)
         return shape_pixels(layers=[Layer("base", "measured", {"file": str(file)})], **case)
@@ -93,17 +93,17 @@ def test_values_in_float32(name: str, interpolation: str, arrays: bool, file_of:
     if not arrays:
         monkeypatch.setattr(block, "_LARGEST_ARRAY", 10_000)
     lines = _lines(file_of(name), interpolation)
-    wanted, got = (
+    expected, got = (
         np.array([json.loads(line)["f"] for line in evaluate_lines(lines, backend)]) for backend in ("numpy", "cycles")
     )
-    error = np.abs(got - wanted) / np.maximum(wanted, 1e-4)
+    error = np.abs(got - expected) / np.maximum(expected, 1e-4)
     assert (error < 2e-4).mean() > 0.99
     if interpolation == "linear":
         assert error.max() < 0.05
     else:
         # Roundings of an angle put a few directions in a thousand into the cell beside.
         assert (error < 0.05).mean() > 0.998
-    assert np.count_nonzero(wanted > 1e-4) > wanted.size // 2
+    assert np.count_nonzero(expected > 1e-4) > expected.size // 2
 
 
 @pytest.mark.parametrize("name", [pytest.param("plastic", marks=pytest.mark.proof), "satin"])

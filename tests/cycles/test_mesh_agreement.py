@@ -35,7 +35,7 @@ SIZE = 48
 
 @pytest.fixture
 def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
-    """Return a function that compares frames of a scene with the reference, and finds that light bounces in them."""
+    """Return a function that compares frames of a scene with the reference, and checks that light bounces in them."""
 
     def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> Finding:
         samples = 32
@@ -43,11 +43,11 @@ def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
         # Four frames have the fewest halves.
         frames = render_seeds(worker, scene, range(4), backend=backend, **options)
         name = f"{scene.asset.name} {scene.looks[0].name}"
-        found = assert_scene_agreement(name, frames, scene, samples, stored_reference, count=80, bounces=bounces)
+        finding = assert_scene_agreement(name, frames, scene, samples, stored_reference, count=80, bounces=bounces)
         others = {f"{name} direct": (scene, 0)} | ({f"{name} wrong": (wrong, bounces)} if wrong else {})
         for label, (other, depth) in others.items():
             assert not check_scene(label, frames, other, samples, stored_reference, count=80, bounces=depth).passed
-        return found
+        return finding
 
     return agree
 
@@ -66,9 +66,9 @@ def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
 )
 def test_meshes_agree_within_their_own_noise(name: str, look, assert_agrees: Agree, light_of, tmp_path: Path) -> None:
     layers = Look(look.__name__, look(tmp_path))
-    found = assert_agrees(scene_of(load_asset(builtin=name), layers, (light_of("city"),), SIZE))
+    finding = assert_agrees(scene_of(load_asset(builtin=name), layers, (light_of("city"),), SIZE))
     # The comparison is accurate enough for a fault of a few percent to show.
-    assert found.figures["bias_limit"] < 0.05
+    assert finding.figures["bias_limit"] < 0.05
 
 
 def test_a_reflected_instance_has_its_bitangent_on_the_other_side(assert_agrees: Agree, light_of) -> None:
@@ -82,12 +82,12 @@ def test_a_reflected_instance_has_its_bitangent_on_the_other_side(assert_agrees:
 def tangent_pixels(asset: Asset, look: Look, light: Light) -> Mapping[str, Floats]:
     """Return pixels of a mesh with its tangents, and with others, a quarter turn from them."""
     (mesh,), (tangents,) = asset.meshes, tangents_of(asset.meshes)
-    found = {}
+    arrays = {}
     for name, directions in (("right", tangents), ("turned", np.cross(mesh.normals, tangents))):
         other = replace(asset, meshes=(replace(mesh, tangents=directions),))
         reference = scene_pixels(scene_of(other, look, (light,), SIZE), POSE, 200)
-        found |= {"pixels": reference["pixels"], name: reference["value"]}
-    return found
+        arrays |= {"pixels": reference["pixels"], name: reference["value"]}
+    return arrays
 
 
 @pytest.mark.parametrize(
@@ -112,32 +112,38 @@ def test_looks_that_read_tangents_get_them(
     look = Look("look", (Layer("Metal", "disney", inputs),))
     scene = scene_of(asset, look, (light,), SIZE)
     frames = render_seeds(worker, scene, range(2), backend=backend, samples=64, bounces=0)
-    found = stored_reference(f"tangents {name}", tangent_pixels, asset=asset, look=look, light=light)
-    columns, rows = found["pixels"].T
+    reference = stored_reference(f"tangents {name}", tangent_pixels, asset=asset, look=look, light=light)
+    columns, rows = reference["pixels"].T
     picture = np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0)
-    with comparison(picture, found["right"], found["pixels"]):
-        shown, right, turned = picture[rows, columns], found["right"], found["turned"]
-        assert np.abs(shown - right).mean() < 0.25 * np.abs(turned - right).mean()
+    with comparison(picture, reference["right"], reference["pixels"]):
+        pixels, right, turned = picture[rows, columns], reference["right"], reference["turned"]
+        assert np.abs(pixels - right).mean() < 0.25 * np.abs(turned - right).mean()
 
 
-def of_view(text: str, **inputs: Any) -> Formula:
+def view_formula(text: str, **inputs: Any) -> Formula:
     return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **dict.fromkeys(inputs, "float")})
 
 
 def pearl(bump: Bump | None = None, exponent: int = 2) -> tuple[Layer, ...]:
-    """Two-tone paint, rougher where it faces the viewer, under dust that is seen where the view grazes."""
+    """Return two-tone paint, rougher where it faces the viewer, under dust that is visible at grazing views."""
     inputs = {
-        "baseColor": of_view(f"mix([.8, .1, .05], [.05, .2, .8], (1 - view) ^ {exponent})"),
-        "roughness": of_view("0.2 + 0.5 * view"),
+        "baseColor": view_formula(f"mix([.8, .1, .05], [.05, .2, .8], (1 - view) ^ {exponent})"),
+        "roughness": view_formula("0.2 + 0.5 * view"),
         "metallic": 0.5,
     }
-    dust = Layer("Dust", "pixar", {"surfaceColor": (0.6, 0.5, 0.3)}, of_view("smoothstep(1 - view, 0.4, 0.9)"))
+    dust = Layer("Dust", "pixar", {"surfaceColor": (0.6, 0.5, 0.3)}, view_formula("smoothstep(1 - view, 0.4, 0.9)"))
     return Layer("Paint", "disney", inputs | ({"normal": bump} if bump else {})), dust
 
 
 VEIL = Look(
     "veil",
-    (Layer("Veil", "pixar", {"presence": of_view("0.9 - 0.6 * view"), "clear": 0.4, "back": of_view("1 - view")}),),
+    (
+        Layer(
+            "Veil",
+            "pixar",
+            {"presence": view_formula("0.9 - 0.6 * view"), "clear": 0.4, "back": view_formula("1 - view")},
+        ),
+    ),
 )
 
 
@@ -173,9 +179,9 @@ def test_albedos_are_those_of_each_view(backend: str, worker) -> None:
         worker.start()
         return worker.render(task, lambda progress: None)
 
-    found = check_albedo(Look("pearl", pearl()), render, angles=(0.0, 45.0, 80.0), backend=backend)
-    assert found.figures["curves"] == 1.0
-    assert found.passed, "\n".join((found.summary, *found.details))
+    finding = check_albedo(Look("pearl", pearl()), render, angles=(0.0, 45.0, 80.0), backend=backend)
+    assert finding.figures["curves"] == 1.0
+    assert finding.passed, "\n".join((finding.summary, *finding.details))
 
 
 COPPER: dict[str, Any] = {"baseColor": (0.95, 0.64, 0.54), "metallic": 1.0, "roughness": 0.45}
@@ -187,25 +193,25 @@ Compare = Callable[[Callable[[str], str]], Finding]
 def compare(request: pytest.FixtureRequest, worker: Worker, light_of, stored_reference: StoredReference) -> Compare:
     """Return a function that renders recesses of glossy looks by altered OSL and compares them with the reference.
 
-    They have the directions that suit them, of which roulette chooses those that are traced.
+    The looks have their usual numbers of directions, of which Russian roulette chooses those that are traced.
     """
     look = Look("look", (Layer("Metal", "disney", COPPER | {"anisotropic": request.param}),))
     scene = scene_of(load_asset(builtin="shaderball"), look, (light_of("slopes"),), SIZE)
 
-    def found(alter: Callable[[str], str]) -> Finding:
+    def compare_altered(alter: Callable[[str], str]) -> Finding:
         frames = render_seeds(worker, scene, range(4), alter=alter, samples=32)
         options = {"count": 80, "bounces": Sampling.bounces}
         return check_scene(f"recess {request.param}", frames, scene, 32, stored_reference, **options)
 
-    return found
+    return compare_altered
 
 
 @pytest.mark.parametrize("alter", [pytest.param(str, marks=pytest.mark.proof), OFTEN], ids=["as is", "often"])
 def test_few_directions_and_roulette_keep_the_mean(alter: Callable[[str], str], compare: Compare) -> None:
-    """Also where roulette ends more than half of the light's directions."""
-    found = compare(alter)
-    assert found.passed, "\n".join((found.summary, *found.details))
-    assert found.figures["bias_limit"] < 0.05
+    """The mean is right even if roulette ends more than half of the light's directions."""
+    finding = compare(alter)
+    assert finding.passed, "\n".join((finding.summary, *finding.details))
+    assert finding.figures["bias_limit"] < 0.05
 
 
 @pytest.mark.proof

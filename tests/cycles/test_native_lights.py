@@ -1,4 +1,4 @@
-"""Lights as Cycles' own: what they send is what they send in NumPy, and frames of rigs agree with the reference."""
+"""Lights as Cycles' own: they emit the same as in NumPy, and frames of rigs agree with the reference."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -33,13 +33,13 @@ pytestmark = pytest.mark.cycles
 
 Floats = NDArray[np.float64]
 
-PLACE, NORMAL = np.array([0.3, -0.2, 0.5]), np.array([0.0, -0.6, 0.8])
+POSITION, NORMAL = np.array([0.3, -0.2, 0.5]), np.array([0.0, -0.6, 0.8])
 LEFT_HANDED = ((-1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
 BEAM = Emission((3.0, 2.0, 1.0), shaping=Shaping(70.0, 0.6, 2.0, (0.1, 0.2, 0.3)))
 
 
 def pictured() -> RectLight:
-    """Return a rectangle whose texture is unlike itself mirrored and turned."""
+    """Return a rectangle with a texture that has no symmetry."""
     texels = np.random.default_rng(2).uniform(0.2, 1.0, (6, 4, 3))
     texels[:2, :2] *= 6.0
     return replace(RectLight.example(), texture=prepare_texture(make_environment("picture", texels)))
@@ -66,45 +66,45 @@ CASES: dict[str, Light] = {
 def towards() -> Mapping[str, Floats]:
     """Return a direction to each light, well above the surface."""
     u = 0.05 + 0.9 * np.random.default_rng(3).random((64, 2))
-    drawn = {name: light.sample(np.broadcast_to(PLACE, (64, 3)), u) for name, light in CASES.items()}
-    return {name: wi[np.argmax(wi @ NORMAL > 0.4)] for name, wi in drawn.items()}
+    directions = {name: light.sample(np.broadcast_to(POSITION, (64, 3)), u) for name, light in CASES.items()}
+    return {name: wi[np.argmax(wi @ NORMAL > 0.4)] for name, wi in directions.items()}
 
 
 @pytest.fixture(scope="module")
 def measured(blender: BlenderProcess, towards: Mapping[str, Floats]) -> Mapping[str, dict[str, Any]]:
-    """Return what a diffuse square and a mirror show of each light."""
-    found: Mapping[str, dict[str, Any]] = blender.call("probes.measure_lamps", CASES, towards, PLACE, NORMAL)
-    return found
+    """Return the values that a diffuse square and a mirror show of each light."""
+    results: Mapping[str, dict[str, Any]] = blender.call("probes.measure_lamps", CASES, towards, POSITION, NORMAL)
+    return results
 
 
 def irradiances(lights: Mapping[str, Light], cells: int) -> Mapping[str, Floats]:
-    """Return the irradiance (3,) at the place of each light by its own directions, by the midpoint rule."""
+    """Return the irradiance (3,) of each light at POSITION from the light's own samples, by the midpoint rule."""
     step = (np.arange(cells) + 0.5) / cells
     u = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
-    places = np.broadcast_to(PLACE, (len(u), 3))
+    positions = np.broadcast_to(POSITION, (len(u), 3))
 
     def irradiance(light: Light) -> Floats:
-        wi = light.sample(places, u)
-        value, pdf = light.radiance(places, wi) * np.maximum(wi @ NORMAL, 0.0)[:, None], light.pdf(places, wi)
-        drawn = np.divide(value, pdf[:, None], out=np.zeros_like(value), where=pdf[:, None] > 0.0)
-        return np.asarray(drawn.mean(axis=0))
+        wi = light.sample(positions, u)
+        value, pdf = light.radiance(positions, wi) * np.maximum(wi @ NORMAL, 0.0)[:, None], light.pdf(positions, wi)
+        samples = np.divide(value, pdf[:, None], out=np.zeros_like(value), where=pdf[:, None] > 0.0)
+        return np.asarray(samples.mean(axis=0))
 
     return {name: irradiance(light) for name, light in lights.items()}
 
 
 def test_a_diffuse_surface_is_lit_alike(measured: Mapping[str, dict[str, Floats]], stored_reference) -> None:
     expected = stored_reference("irradiance of lamps", irradiances, lights=CASES, cells=400)
-    assert_alike(measured["diffuse"], expected)
+    assert_close(measured["diffuse"], expected)
 
 
 @pytest.mark.both_pythons
 def test_a_mirror_shows_the_light(measured: Mapping[str, dict[str, Floats]], towards: Mapping[str, Floats]) -> None:
-    assert_alike(measured["mirror"], {name: CASES[name].radiance(PLACE, towards[name]) for name in CASES})
+    assert_close(measured["mirror"], {name: CASES[name].radiance(POSITION, towards[name]) for name in CASES})
 
 
-def assert_alike(shown: Mapping[str, Floats], expected: Mapping[str, Floats]) -> None:
-    apart = [name for name in CASES if not np.allclose(shown[name], expected[name], rtol=5e-3, atol=0.0)]
-    assert {name: (shown[name], expected[name]) for name in apart} == {}
+def assert_close(measured: Mapping[str, Floats], expected: Mapping[str, Floats]) -> None:
+    differing = [name for name in CASES if not np.allclose(measured[name], expected[name], rtol=5e-3, atol=0.0)]
+    assert {name: (measured[name], expected[name]) for name in differing} == {}
 
 
 LOOK = (Layer("White", "disney", {"baseColor": (0.8, 0.8, 0.8), "roughness": 1.0, "specular": 0.0}),)
@@ -139,14 +139,14 @@ def test_frames_of_rigs_agree_with_the_reference(name: str, samples: int, worker
     (frame,) = render_seeds(worker, scene, pose=pose, backend="nodes", samples=samples, bounces=0)
     picture = (frame.a.astype(np.float64) + frame.b) / 2.0
 
-    def off(pose: Pose) -> float:
+    def relative_error(pose: Pose) -> float:
         label = f"rig {name} {pose.element:g} {pose.lighting:g}"
-        found = stored_reference(label, scene_pixels, scene=scene, pose=pose, count=120, samples=64)
-        columns, rows = found["pixels"].T
-        return float(np.abs(picture[rows, columns] - found["value"]).mean() / found["value"].mean())
+        reference = stored_reference(label, scene_pixels, scene=scene, pose=pose, count=120, samples=64)
+        columns, rows = reference["pixels"].T
+        return float(np.abs(picture[rows, columns] - reference["value"]).mean() / reference["value"].mean())
 
     # Noise, and what the closures' fit leaves: 2.4 % under the dome of `RIGS` alone.
-    assert off(pose) < 0.035
+    assert relative_error(pose) < 0.035
     # Another turn of the rig, or of all.
-    assert off(Pose(30.0, 45.0)) > 0.07
-    assert off(Pose(0.0, 45.0)) > 0.07
+    assert relative_error(Pose(30.0, 45.0)) > 0.07
+    assert relative_error(Pose(0.0, 45.0)) > 0.07

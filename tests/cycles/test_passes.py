@@ -1,4 +1,4 @@
-"""The passes of a frame, beside rays of the camera and parts that are rendered alone."""
+"""The passes of a frame, compared with rays of the camera and with parts rendered alone."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ POSE = Pose(40.0, 15.0)
 SIZE, SMALL = (40, 30), (20, 15)
 CENTER = np.array([3.0, -2.0, 1.0])
 PARTS = {"/set/ball": ((0.0, 0.0, 0.0), 1.0), "/set/left": ((-1.1, -0.9, 0.2), 0.6), "/set/top": ((0.3, 0.2, 1.0), 0.5)}
-"""The places about `CENTER` and the radii of balls, by their prims."""
+"""The positions relative to `CENTER` and the radii of balls, by their prims."""
 CAMERA = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0)
 RED, GREY = (
     Look(name, (Layer("paint", "disney", {"baseColor": color}),))
@@ -43,9 +43,9 @@ def balls(names: tuple[str, ...] = tuple(PARTS)) -> Asset:
     meshes = [replace(mesh, face_slots=np.full(len(mesh.face_sizes), i, np.int32)) for i in range(2)]
     instances = []
     for name in names:
-        place, radius = PARTS[name]
+        position, radius = PARTS[name]
         matrix = np.diag([radius, radius, radius, 1.0])
-        matrix[:3, 3] = CENTER + place
+        matrix[:3, 3] = CENTER + position
         instances.append(Instance(int(name != "/set/ball"), matrix, name))
     asset = make_asset("balls", meshes, instances, [Slot("/set/ball"), Slot("/set/others")])
     # Framed alike, whatever it has.
@@ -54,37 +54,37 @@ def balls(names: tuple[str, ...] = tuple(PARTS)) -> Asset:
 
 def task_of(
     asset: Asset, passes: tuple[str, ...], backend: str = "exact", size: tuple[int, int] = SIZE, ball: Look = GREY,
-    others: Look = GREY, lights: tuple[Light, ...] = (), **given: object,
+    others: Look = GREY, lights: tuple[Light, ...] = (), **options: object,
 ) -> FrameTask:  # fmt: skip
     """Return a frame of balls; their light is by default ``studio``."""
     lights = lights or (prepare_light(load_environment(builtin="studio")),)
     scene = Scene(asset, {"/set/ball": ball, "/set/others": others}, lights, CAMERA, Film(size))
-    sampling = Sampling(**{"samples": 16, "bounces": 1, "passes": passes} | given)
-    return one_frame(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {given}")
+    sampling = Sampling(**{"samples": 16, "bounces": 1, "passes": passes} | options)
+    return one_frame(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {options}")
 
 
-def rendered(worker: Worker, task: FrameTask) -> Rendered:
+def render_task(worker: Worker, task: FrameTask) -> Rendered:
     worker.start()
     return worker.render(task, lambda progress: None)
 
 
 def world(points: np.ndarray) -> np.ndarray:
-    """Turn places of the asset as POSE does, about the vertical through its centre."""
+    """Rotate points of the asset by POSE, about the vertical through its centre."""
     angle = np.radians(POSE.element)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     return (points - CENTER) @ turn.T + CENTER
 
 
 @pytest.fixture(scope="module")
-def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rays through the centres of pixels: where they meet, place, outward direction and depth (H, W, ...)."""
+def camera_hits() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Trace rays through the centres of pixels: whether they hit, position, outward normal and depth (H, W, ...)."""
     width, height = SIZE
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     # The camera of the world, which the asset turns before.
     origin, direction = camera_rays(CAMERA, Pose(0.0, 0.0), SIZE, x, y)
     nearest, normal = np.full(x.shape, np.inf), np.zeros((*x.shape, 3))
-    for place, radius in PARTS.values():
-        middle = world(CENTER + np.array(place))
+    for position, radius in PARTS.values():
+        middle = world(CENTER + np.array(position))
         start = origin - middle
         b = direction @ start
         root = b * b - (start @ start - radius**2)
@@ -92,10 +92,10 @@ def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         nearer = distance < nearest
         outward = (start + np.where(nearer, distance, 0.0)[..., None] * direction) / radius
         nearest, normal = np.where(nearer, distance, nearest), np.where(nearer[..., None], outward, normal)
-    hit = np.isfinite(nearest)
-    distance = np.where(hit, nearest, 0.0)[..., None]
+    is_hit = np.isfinite(nearest)
+    distance = np.where(is_hit, nearest, 0.0)[..., None]
     _, _, back = CAMERA.frame
-    return hit, origin + distance * direction, normal, distance[..., 0] * -(direction @ back)
+    return is_hit, origin + distance * direction, normal, distance[..., 0] * -(direction @ back)
 
 
 # The facets of a ball of radius 1 are up to 1 - cos(pi / 96) below it along meridians, and as much across; by the
@@ -106,40 +106,40 @@ FACETS = 2.0 * (1.0 - np.cos(np.pi / 96.0)) / COSINE
 
 @pytest.mark.both_pythons
 @pytest.mark.parametrize("backend", ["exact", "nodes", "nodes-exact"])
-def test_places_are_those_that_rays_meet(backend: str, worker: Worker, seen: tuple[np.ndarray, ...]) -> None:
-    hit, place, normal, depth = seen
-    wanted = tuple(name for name in ("depth", "position", "normal") if backend != "nodes-exact" or name != "normal")
-    shown = rendered(worker, task_of(balls(), wanted, backend)).passes
-    assert {*shown} == {*wanted}
-    there = np.abs(shown["position"]).sum(axis=-1) > 0.0
-    assert np.count_nonzero(there != hit) <= 2  # at the rim
+def test_places_are_those_that_rays_meet(backend: str, worker: Worker, camera_hits: tuple[np.ndarray, ...]) -> None:
+    is_hit, position, normal, depth = camera_hits
+    requested = tuple(name for name in ("depth", "position", "normal") if backend != "nodes-exact" or name != "normal")
+    passes = render_task(worker, task_of(balls(), requested, backend)).passes
+    assert {*passes} == {*requested}
+    is_covered = np.abs(passes["position"]).sum(axis=-1) > 0.0
+    assert np.count_nonzero(is_covered != is_hit) <= 2  # at the rim
     _, _, back = CAMERA.frame
     grazing = np.abs(normal @ back)
-    inside = hit & there & (grazing > COSINE)
+    inside = is_hit & is_covered & (grazing > COSINE)
     assert np.count_nonzero(inside) > 200
     # Between two balls a pixel's centre may be on either.
-    off = np.abs(shown["position"] - place).max(axis=-1)
-    assert np.quantile(off[inside], 0.98) < FACETS
-    assert np.quantile(np.abs(shown["depth"][..., 0] - depth)[inside], 0.98) < FACETS
-    assert (shown["depth"][~there] == 1e10).all()
-    if "normal" in wanted:
-        np.testing.assert_allclose(np.linalg.norm(shown["normal"], axis=-1)[inside], 1.0, atol=1e-6)
+    difference = np.abs(passes["position"] - position).max(axis=-1)
+    assert np.quantile(difference[inside], 0.98) < FACETS
+    assert np.quantile(np.abs(passes["depth"][..., 0] - depth)[inside], 0.98) < FACETS
+    assert (passes["depth"][~is_covered] == 1e10).all()
+    if "normal" in requested:
+        np.testing.assert_allclose(np.linalg.norm(passes["normal"], axis=-1)[inside], 1.0, atol=1e-6)
         # Interpolated over a facet, a normal is off by its curvature, 1e-3.
-        assert np.quantile(np.abs(shown["normal"] - normal).max(axis=-1)[inside], 0.98) < 4e-3
+        assert np.quantile(np.abs(passes["normal"] - normal).max(axis=-1)[inside], 0.98) < 4e-3
 
 
-def test_texture_coordinates_are_the_spheres(worker: Worker, seen: tuple[np.ndarray, ...]) -> None:
-    hit, _, normal, _ = seen
-    uv = rendered(worker, task_of(balls(), ("uv",))).passes["uv"]
+def test_texture_coordinates_are_the_spheres(worker: Worker, camera_hits: tuple[np.ndarray, ...]) -> None:
+    is_hit, _, normal, _ = camera_hits
+    uv = render_task(worker, task_of(balls(), ("uv",))).passes["uv"]
     _, _, back = CAMERA.frame
     # v is the latitude: linear in it but for half a facet.
     latitude = 0.5 + np.arcsin(np.clip(normal[..., 2], -1.0, 1.0)) / np.pi
-    inside = hit & (normal @ back > COSINE)
+    inside = is_hit & (normal @ back > COSINE)
     assert np.quantile(np.abs(uv[..., 1] - latitude)[inside], 0.98) < 2e-3
 
 
 def test_an_albedo_is_that_of_the_look_times_alpha(worker: Worker) -> None:
-    frame = rendered(worker, task_of(balls(("/set/ball",)), ("albedo", "samples"), ball=RED))
+    frame = render_task(worker, task_of(balls(("/set/ball",)), ("albedo", "samples"), ball=RED))
     middle = frame.passes["albedo"][SIZE[1] // 2, SIZE[0] // 2]
     # Disney's specular lobe adds some percent to the base colour, in equal parts.
     assert (middle > [0.69, 0.1, 0.1]).all()
@@ -148,27 +148,31 @@ def test_an_albedo_is_that_of_the_look_times_alpha(worker: Worker) -> None:
     assert (frame.passes["samples"] == 16.0).all()
 
 
-def decoded(path: Path, matte: str) -> dict[str, np.ndarray]:
+def decode_matte(path: Path, matte: str) -> dict[str, np.ndarray]:
     """Decode a Cryptomatte by its specification: the coverage (H, W) of each name in its manifest."""
     buffer = oiio.ImageBuf(str(path))
     names, pixels = list(buffer.spec().channelnames), buffer.get_pixels(oiio.FLOAT)
-    entries = {each.name: each.value for each in buffer.spec().extra_attribs if each.name.startswith("cryptomatte/")}
+    entries = {
+        attribute.name: attribute.value
+        for attribute in buffer.spec().extra_attribs
+        if attribute.name.startswith("cryptomatte/")
+    }
     (key,) = [name.split("/")[1] for name, value in entries.items() if name.endswith("/name") and value == matte]
     assert entries[f"cryptomatte/{key}/hash"] == "MurmurHash3_32"
     assert entries[f"cryptomatte/{key}/conversion"] == "uint32_to_float32"
     manifest = json.loads(entries[f"cryptomatte/{key}/manifest"])
-    found = {name: np.zeros(pixels.shape[:2]) for name in manifest}
+    coverages = {name: np.zeros(pixels.shape[:2]) for name in manifest}
     for channel in names:
         if channel.startswith(matte) and channel[-1] in "RB":
             coverage = pixels[..., names.index(channel[:-1] + ("G" if channel[-1] == "R" else "A"))]
             bits = np.ascontiguousarray(pixels[..., names.index(channel)]).view(np.uint32)
             for name, digits in manifest.items():
-                found[name] += np.where(bits == int(digits, 16), coverage, 0.0)
-    return found
+                coverages[name] += np.where(bits == int(digits, 16), coverage, 0.0)
+    return coverages
 
 
 def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[str, np.ndarray]:
-    """Return the coverage of parts by a grid of rays in each pixel, the parts alone deciding which is before which."""
+    """Return the coverage of parts by a grid of rays in each pixel; each is traced alone, the nearest is visible."""
     width, height = size
     x, y = ((np.arange(side * pixels) + 0.5) / side for pixels in size)
     grid_x, grid_y = (values.ravel() for values in np.meshgrid(x, y))
@@ -176,11 +180,11 @@ def covered(names: tuple[str, ...], size: tuple[int, int], side: int) -> dict[st
     distances = []
     for name in names:
         alone = MeshScene(balls((name,)), [RED, GREY])
-        hit, places = alone.hit(origin, direction)
-        distances.append(np.where(hit, np.linalg.norm(alone.points(places) - origin, axis=-1), np.inf))
+        is_hit, hits = alone.intersect(origin, direction)
+        distances.append(np.where(is_hit, np.linalg.norm(alone.points(hits) - origin, axis=-1), np.inf))
     first = np.argmin(distances, axis=0)
-    shown = np.isfinite(np.min(distances, axis=0))
-    parts = {name: ((first == i) & shown).reshape(height, side, width, side) for i, name in enumerate(names)}
+    is_hit_any = np.isfinite(np.min(distances, axis=0))
+    parts = {name: ((first == i) & is_hit_any).reshape(height, side, width, side) for i, name in enumerate(names)}
     return {name: part.mean(axis=(1, 3)) for name, part in parts.items()}
 
 
@@ -192,10 +196,10 @@ def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_
     size = (16, 12)
     task = task_of(balls(), ("cryptomatte",), backend, size, RED, samples=4096, bounces=0)
     task = replace(task, files=(tmp_path / "frame.exr",))
-    frame = rendered(worker, task)
+    frame = render_task(worker, task)
     store(task, frame)
     expected = stored_reference("coverage of balls", covered, names=tuple(PARTS), size=size, side=96)
-    objects, looks, assets = (decoded(task.files[0], f"Crypto{kind}") for kind in ("Object", "Material", "Asset"))
+    objects, looks, assets = (decode_matte(task.files[0], f"Crypto{kind}") for kind in ("Object", "Material", "Asset"))
     assert {*objects} == {*PARTS}
     assert {*looks} == {"red", "grey"}
     assert {*assets} == {"balls"}
@@ -209,16 +213,16 @@ def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_
 
 
 def test_passes_leave_the_beauty_as_it_is(worker: Worker) -> None:
-    plain = rendered(worker, task_of(balls(), ()))
+    plain = render_task(worker, task_of(balls(), ()))
     assert not plain.passes
-    shown = rendered(worker, task_of(balls(), ("depth", "position", "normal", "albedo", "samples")))
+    with_passes = render_task(worker, task_of(balls(), ("depth", "position", "normal", "albedo", "samples")))
     # Shaders of more modes are compiled to other instructions of the same arithmetic.
-    np.testing.assert_allclose(shown.a, plain.a, rtol=1e-5, atol=1e-6)
-    np.testing.assert_array_equal(shown.alpha, plain.alpha)
+    np.testing.assert_allclose(with_passes.a, plain.a, rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(with_passes.alpha, plain.alpha)
 
 
 def test_every_pass_has_a_channel_of_its_own() -> None:
-    channels = [channel for each in PASSES.values() for names in each.arrays.values() for channel in names]
+    channels = [channel for listed in PASSES.values() for names in listed.arrays.values() for channel in names]
     assert len(channels) == len({*channels})
     assert not {*channels} & {*"RGBA"}
 
@@ -227,10 +231,10 @@ PARTS_OF_LIGHT = (("diffuse", "specular", "clearcoat", "transmission"), ("direct
 COATED = Look("coated", (Layer("paint", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
 
 
-@pytest.mark.parametrize("given", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
-def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker) -> None:
-    options = {"samples": 64, "bounces": 2} | given
-    frame = rendered(worker, task_of(balls(), ("lobes", "direct"), ball=COATED, others=COATED, **options))
+@pytest.mark.parametrize("changes", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
+def test_parts_of_the_light_sum_up_to_it(changes: dict[str, float], worker: Worker) -> None:
+    options = {"samples": 64, "bounces": 2} | changes
+    frame = render_task(worker, task_of(balls(), ("lobes", "direct"), ball=COATED, others=COATED, **options))
     beauty = 0.5 * (frame.a + frame.b)
     for parts in PARTS_OF_LIGHT:
         total = sum(frame.passes[name] for name in parts)
@@ -246,7 +250,7 @@ def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker
 @pytest.mark.proof  # a wrong share of indirect light is found here alone
 @pytest.mark.parametrize(("name", "without"), [("diffuse", "specular"), ("specular", "diffuse")])
 def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(name: str, without: str, worker: Worker) -> None:
-    """Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay alike."""
+    """Light of one bounce reaches the camera by the ball's lobe after other balls reflect it, which do not change."""
     inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0}
     other = Look("both too", (Layer("p", "modified-phong", inputs),))
     lights = (prepare_light(load_environment(builtin="white")),)
@@ -257,37 +261,37 @@ def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(name: str, without
         """Return the means over the ball of the lobe's and of indirect light, (2, 8, 3), by seeds."""
         options = {"ball": Look("ball", (Layer("p", "modified-phong", inputs | changed),)), "others": other}
         tasks = [task_of(balls(), ("lobes", "direct"), lights=lights, samples=64, seed=n, **options) for n in range(8)]
-        frames = [rendered(worker, task).passes for task in tasks]
+        frames = [render_task(worker, task).passes for task in tasks]
         return np.array([[frame[part][on_ball].mean(axis=0) for frame in frames] for part in (name, "indirect")])
 
-    (shown, _), (alone, indirect) = means(), means(**{without: (0.0, 0.0, 0.0)})
-    noise = np.sqrt((shown.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(shown))
-    off = np.abs(shown.mean(axis=0) - alone.mean(axis=0))
+    (recorded, _), (alone, indirect) = means(), means(**{without: (0.0, 0.0, 0.0)})
+    noise = np.sqrt((recorded.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(recorded))
+    difference = np.abs(recorded.mean(axis=0) - alone.mean(axis=0))
     # Student's t of 7 degrees of freedom and more: beyond 6 by chance once in a thousand.
-    assert (off < 6.0 * noise).all(), (off, noise)
+    assert (difference < 6.0 * noise).all(), (difference, noise)
     assert (indirect.mean(axis=0) > 12.0 * noise).all(), "the test would not notice half of the indirect light"
 
 
 def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
-    plain, shown = (
-        rendered(worker, task_of(balls(), passes, size=SMALL, ball=COATED, others=COATED, samples=64))
+    plain, recorded = (
+        render_task(worker, task_of(balls(), passes, size=SMALL, ball=COATED, others=COATED, samples=64))
         for passes in ((), ("lobes", "direct"))
     )
-    a, b = (0.5 * (each.a + each.b) for each in (plain, shown))
+    a, b = (0.5 * (frame.a + frame.b) for frame in (plain, recorded))
     # Other noise of indirect light.
-    noise = np.sqrt(sum((standard_error(each.a, each.b) ** 2).sum(axis=(0, 1)) for each in (plain, shown)))
+    noise = np.sqrt(sum((standard_error(frame.a, frame.b) ** 2).sum(axis=(0, 1)) for frame in (plain, recorded)))
     assert (np.abs((a - b).sum(axis=(0, 1))) < 4.0 * noise).all()
-    np.testing.assert_array_equal(plain.alpha, shown.alpha)
+    np.testing.assert_array_equal(plain.alpha, recorded.alpha)
 
 
 def test_a_worker_renders_frames_with_mattes_one_after_another(worker: Worker) -> None:
-    """What Cycles sorts after a frame's mattes would lie behind the next frame's first, tiny render."""
+    """Sorting the mattes of a frame must not read beyond the pixels of the next frame's first, tiny render."""
     scene = task_of(balls(), ("cryptomatte",)).scene
     poses = [Pose(angle, 15.0) for angle in (0.0, 40.0, 80.0, 0.0)]
-    shown = [rendered(worker, one_frame(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]
+    frames = [render_task(worker, one_frame(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]
     pid = worker.pid
-    again = rendered(worker, one_frame(scene, poses[1], "mattes again"))
+    again = render_task(worker, one_frame(scene, poses[1], "mattes again"))
     assert worker.pid == pid
-    for one, other in ((shown[0], shown[3]), (shown[1], again)):
-        assert np.array_equal(one.a, other.a)
-        assert all(np.array_equal(one.passes[name], other.passes[name]) for name in one.passes)
+    for first, second in ((frames[0], frames[3]), (frames[1], again)):
+        assert np.array_equal(first.a, second.a)
+        assert all(np.array_equal(first.passes[name], second.passes[name]) for name in first.passes)

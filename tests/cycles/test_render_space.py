@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from test_passes import CAMERA, GREY, POSE, SIZE, balls, rendered
+from test_passes import CAMERA, GREY, POSE, SIZE, balls, render_task
 
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.material import Layer, Look
@@ -47,7 +47,9 @@ def beauty(frame: Rendered) -> np.ndarray:
 @pytest.mark.parametrize(("look", "others"), [(GREY, RED), (GOLD, FILM)], ids=["grey, red", "gold, film"])
 def test_under_white_light_colours_agree_after_conversion(look: Look, others: Look, worker: Worker) -> None:
     light = prepare_light(WHITE)
-    ours, other = (beauty(rendered(worker, task(look, space, light, others=others))) for space in ("rec709", "acescg"))
+    ours, other = (
+        beauty(render_task(worker, task(look, space, light, others=others))) for space in ("rec709", "acescg")
+    )
     # One reflection of white light is linear in what reflects it: only float32 differs, and both have the same samples.
     off = np.abs(to_rec709(other, "acescg") - ours)
     assert (off <= 2e-5 * (ours.max(axis=-1, keepdims=True) + 1e-3)).all()
@@ -55,10 +57,12 @@ def test_under_white_light_colours_agree_after_conversion(look: Look, others: Lo
 
 def test_greys_agree_after_conversion_with_all_bounces(worker: Worker, light_of: Callable[[str], Dome]) -> None:
     light = replace(light_of("slopes"), emission=Emission((1.0, 0.7, 0.4)))
-    ours, other = (rendered(worker, task(GREY, space, light, bounces=2, samples=256)) for space in ("rec709", "acescg"))
+    ours, other = (
+        render_task(worker, task(GREY, space, light, bounces=2, samples=256)) for space in ("rec709", "acescg")
+    )
     a, b = beauty(ours), to_rec709(beauty(other), "acescg")
     # Directions of a light are drawn by the mean of its channels, which differs: the noise is another.
-    noise = np.sqrt(sum(np.var(0.5 * (each.a - each.b), axis=(0, 1)) for each in (ours, other)) / a[..., 0].size)
+    noise = np.sqrt(sum(np.var(0.5 * (frame.a - frame.b), axis=(0, 1)) for frame in (ours, other)) / a[..., 0].size)
     assert (np.abs((a - b).mean(axis=(0, 1))) < 5.0 * noise).all()
     assert (noise < 2e-3 * a.mean(axis=(0, 1))).all(), "the test would notice one percent"
 
@@ -69,7 +73,7 @@ def test_what_coloured_light_and_a_coloured_surface_make_differs_as_the_products
     light = prepare_light(make_environment("blue", np.full((8, 16, 3), blue, np.float32)))
     asked: tuple[Space, ...] = ("rec709", "acescg")
     for space in asked:
-        frame = rendered(worker, task(matte, space, light, samples=64))
+        frame = render_task(worker, task(matte, space, light, samples=64))
         middle = beauty(frame).max(axis=(0, 1))  # an unoccluded place
         np.testing.assert_allclose(middle, to_space(red, space) * to_space(blue, space), rtol=0.02)
 
@@ -79,9 +83,9 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     plain, other = (
         replace(task(RED, space, light), files=(tmp_path / f"{space}.exr",)) for space in ("rec709", "acescg")
     )
-    for each in (plain, other):
-        frame = rendered(worker, each)
-        store(each, frame)
+    for frame_task in (plain, other):
+        frame = render_task(worker, frame_task)
+        store(frame_task, frame)
     with OpenEXR.File(str(other.files[0]), header_only=True) as exr:
         header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)
@@ -89,6 +93,10 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     assert read_header(other.files[0])["space"] == space_of(other.files[0]) == "acescg"
     assert space_of(plain.files[0]) == "rec709"
     assert "space" not in read_header(plain.files[0])
-    (ours, _), (shown, _), (raw, _) = read_frame(plain.files[0]), read_shown(other.files[0]), read_frame(other.files[0])
-    np.testing.assert_allclose(shown, ours, rtol=1e-3, atol=1e-4)
+    (ours, _), (displayed, _), (raw, _) = (
+        read_frame(plain.files[0]),
+        read_shown(other.files[0]),
+        read_frame(other.files[0]),
+    )
+    np.testing.assert_allclose(displayed, ours, rtol=1e-3, atol=1e-4)
     assert np.abs(raw - ours).max() > 0.05

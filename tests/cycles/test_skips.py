@@ -1,4 +1,4 @@
-"""What a scene leaves out changes no picture: each skip is undone, and the frame rendered with what was left out."""
+"""Skips do not change pictures: frames with a skip are compared with frames of an equivalent scene without it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,32 +34,32 @@ def scene_of(asset: Asset, layer: Layer, light: Dome) -> Scene:
     return Scene.of_look(asset, Look("look", (layer,)), light, (48, 48), camera)
 
 
-def same_both_ways(worker: Worker, short: Scene, full: Scene, skips: set[str], **sampling: int) -> None:
-    """A scene that skips something, and the same one so disguised that it does not, have the same picture."""
+def assert_skips_keep_picture(worker: Worker, short: Scene, full: Scene, skips: set[str], **sampling: int) -> None:
+    """Check that a scene with skips has the same picture as an equivalent scene without them."""
     tasks = [scene_task(short, SAMPLING), scene_task(full, replace(SAMPLING, **sampling))]
-    assert skips <= skipped(short, tasks[0])
-    assert not skips & skipped(full, tasks[1])
-    same(*(rendered(worker, task, seed=str(number)) for number, task in enumerate(tasks)))
+    assert skips <= skip_names(short, tasks[0])
+    assert not skips & skip_names(full, tasks[1])
+    assert_equal_means(*(render_task(worker, task, seed=str(number)) for number, task in enumerate(tasks)))
 
 
-def rendered(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> Rendered:
+def render_task(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> Rendered:
     worker.start()
     return worker.render(one_frame(task, pose, seed), lambda progress: None)
 
 
-def same(a: Rendered, b: Rendered) -> None:
-    """Equal within the noise of both, known by their halves: the mean of relative differences, to 1e-3 or better."""
+def assert_equal_means(a: Rendered, b: Rendered) -> None:
+    """Check that the mean relative difference is within the noise of both, which is at most 1e-3."""
     inside = (a.alpha == 1.0) & (b.alpha == 1.0)
-    of_a, of_b = ((each.a + each.b)[inside].astype(float) / 2 for each in (a, b))
-    weight = 1.0 / ((of_a + of_b) / 2 + 0.1)
-    variance = sum((each.a - each.b)[inside].astype(float) ** 2 / 4 for each in (a, b))
+    mean_a, mean_b = ((frame.a + frame.b)[inside].astype(float) / 2 for frame in (a, b))
+    weight = 1.0 / ((mean_a + mean_b) / 2 + 0.1)
+    variance = sum((frame.a - frame.b)[inside].astype(float) ** 2 / 4 for frame in (a, b))
     noise = np.sqrt((weight**2 * variance).sum()) / weight.size
     assert noise < 1e-3
-    assert abs((weight * (of_a - of_b)).mean()) < 4.0 * noise + 1e-6
+    assert abs((weight * (mean_a - mean_b)).mean()) < 4.0 * noise + 1e-6
 
 
-def skipped(scene: Scene, task: SceneTask) -> set[str]:
-    return {what for what, _ in scene_skips(task, scene.looks, SAMPLING)}
+def skip_names(scene: Scene, task: SceneTask) -> set[str]:
+    return {name for name, _ in scene_skips(task, scene.looks, SAMPLING)}
 
 
 @pytest.fixture(scope="module")
@@ -73,19 +73,19 @@ def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
 ) -> None:
     full = replace(sphere, convex=False)
     scenes = [scene_of(asset, layer, light_of("studio")) for asset in (sphere, full)]
-    same_both_ways(worker, *scenes, {"bounces", "shadow rays"})
+    assert_skips_keep_picture(worker, *scenes, {"bounces", "shadow rays"})
 
 
 def test_a_constant_light_needs_no_light_samples(worker: Worker, sphere: Asset, light_of) -> None:
-    """Beside a lamp, however faint, a constant dome is part of a rig, whose light samples stay."""
+    """With a lamp, however faint, a constant dome is part of a rig, which keeps its light samples."""
     faint = SphereLight(radius=0.2, position=(1.0, -3.0, 3.0), emission=Emission((1e-5, 1e-5, 1e-5)))
     short = scene_of(sphere, COAT, light_of("white"))
-    same_both_ways(worker, short, replace(short, lights=(light_of("white"), faint)), {"light samples"})
+    assert_skips_keep_picture(worker, short, replace(short, lights=(light_of("white"), faint)), {"light samples"})
 
 
 def test_a_broad_lobe_needs_no_samples_of_its_own(worker: Worker, sphere: Asset, light_of) -> None:
     scene = scene_of(sphere, CHALK, light_of("studio"))
-    same_both_ways(worker, scene, scene, {"BRDF samples"}, brdf_samples=2)
+    assert_skips_keep_picture(worker, scene, scene, {"BRDF samples"}, brdf_samples=2)
 
 
 def test_a_lobe_that_constants_make_0_needs_no_code(worker: Worker, sphere: Asset, light_of, tmp_path: Path) -> None:
@@ -93,11 +93,13 @@ def test_a_lobe_that_constants_make_0_needs_no_code(worker: Worker, sphere: Asse
     write_exr(tmp_path / "none.exr", "RGB", np.zeros((4, 4, 3), np.float32))
     bare = replace(COAT, inputs={**COAT.inputs, "clearcoat": 0.0})
     full = replace(COAT, inputs={**COAT.inputs, "clearcoat": Texture(tmp_path / "none.exr", "r", "raw")})
-    same_both_ways(worker, *(scene_of(sphere, each, light_of("studio")) for each in (bare, full)), {"1 lobe"})
+    assert_skips_keep_picture(
+        worker, *(scene_of(sphere, layer, light_of("studio")) for layer in (bare, full)), {"1 lobe"}
+    )
 
 
 def test_lights_that_reach_nothing_are_left_out(worker: Worker, sphere: Asset, light_of, monkeypatch) -> None:
-    """A rectangle that is turned away, a beam that passes by, a lamp that is off, and one light that is there."""
+    """A rectangle faces away, a beam misses the asset, a lamp is off; two lights remain."""
     bright = Emission((8.0, 8.0, 8.0))
     behind = RectLight(width=1.0, height=1.0, position=(0.0, 0.0, -3.0), emission=bright)  # shines down, from below
     beam = replace(bright, shaping=Shaping(cone_angle=20.0))
@@ -111,17 +113,19 @@ def test_lights_that_reach_nothing_are_left_out(worker: Worker, sphere: Asset, l
     monkeypatch.setattr(Scene, "without_idle_lights", lambda scene: scene)
     full = scene_task(scene, SAMPLING)
     assert len(full.lights) == 5
-    same(rendered(worker, short), rendered(worker, full))
+    assert_equal_means(render_task(worker, short), render_task(worker, full))
 
 
 @pytest.mark.parametrize(("ibl", "causes"), [("studio", "same all around"), ("white", "constant light")])
 def test_frames_of_other_poses_are_the_one_that_is_rendered(
     ibl: str, causes: str, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
-    """A pose that shares a frame with another, rendered as it was asked for."""
+    """A pose that shares a frame with another is also rendered as requested."""
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
-    asked = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
-    shown = unturned(asked, setup.around, setup.task.light_stays)
-    assert shown == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
-    same(rendered(worker, setup.task, shown), rendered(worker, setup.task, asked, "asked"))
+    requested_pose = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
+    rendered_pose = unturned(requested_pose, setup.around, setup.task.light_stays)
+    assert rendered_pose == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
+    assert_equal_means(
+        render_task(worker, setup.task, rendered_pose), render_task(worker, setup.task, requested_pose, "asked")
+    )

@@ -1,4 +1,4 @@
-"""Workers and scenes: what a worker has shown, whose shader it has, and on which machine it runs changes no picture."""
+"""Workers and scenes: a picture depends neither on earlier scenes, nor on shared shaders, nor on the machine."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -43,9 +43,9 @@ def new_worker(tmp_path: Path) -> Iterator[Callable[[], Worker]]:
 def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
     """Return scenes of every backend that differ in asset, look or light: a card, and balls, which are instances."""
     plane, ball = load_asset(builtin="plane"), make_sphere(segments=32, rings=16)
-    places = np.eye(4) + np.array([[[0, 0, 0, x], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]] for x in (-1.0, 0.5)])
+    matrices = np.eye(4) + np.array([[[0, 0, 0, x], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]] for x in (-1.0, 0.5)])
     card = make_asset("card", plane.meshes, plane.instances, plane.slots)
-    balls = make_asset("balls", ball.meshes, [Instance(0, place) for place in places], ball.slots)
+    balls = make_asset("balls", ball.meshes, [Instance(0, matrix) for matrix in matrices], ball.slots)
     cases = [(card, GREY, "slopes"), (balls, GREY, "slopes"), (balls, RED, "slopes"), (balls, RED, "city")]
     return {
         f"{backend} {asset.name} {look.name} {light}": scene_task(
@@ -74,11 +74,11 @@ def assert_same(one: Rendered, other: Rendered, label: str) -> None:
 def test_a_scene_shows_in_no_picture_of_another(
     backends: tuple[str, ...], worker: Worker, new_worker: Callable[[], Worker], scenes: dict[str, SceneTask]
 ) -> None:
-    """What comes before each scene differs between two workers; the first of a new one comes after nothing."""
+    """The scenes before a scene differ between two workers; a new worker has none before its first."""
     order, other = [name for name in scenes if name.partition(" ")[0] in backends], new_worker()
     first = {name: render(worker, scenes[name]) for name in order}
     assert_same(render(worker, scenes[order[0]]), first[order[0]], f"{order[0]} again")
-    # Neighbours in the first order are none in this one.
+    # Scenes next to each other in the first order are not so in this one.
     for name in (name for start in range(5) for name in order[::-1][start::5]):
         assert_same(render(other, scenes[name]), first[name], name)
 
@@ -97,14 +97,14 @@ def test_a_scene_that_was_prepared_shows_in_no_picture(
 
 @pytest.fixture(scope="module")
 def balls() -> Asset:
-    """Three balls of two parts: one of the first, two instances of the second, of which one is mirrored."""
+    """Return three balls of two parts: one of the first, two instances of the second, one of them mirrored."""
     ball = make_sphere(segments=32, rings=16).meshes[0]
     meshes = [replace(ball, face_slots=np.full_like(ball.face_slots, slot)) for slot in (0, 1)]
-    places = [np.eye(4) for _ in range(3)]
-    for place, x in zip(places, (-2.2, 0.0, 2.2), strict=True):
-        place[0, 3] = x
-    places[2][1, 1] = -1.0
-    instances = [Instance(number, place) for number, place in zip((0, 1, 1), places, strict=True)]
+    matrices = [np.eye(4) for _ in range(3)]
+    for matrix, x in zip(matrices, (-2.2, 0.0, 2.2), strict=True):
+        matrix[0, 3] = x
+    matrices[2][1, 1] = -1.0
+    instances = [Instance(number, matrix) for number, matrix in zip((0, 1, 1), matrices, strict=True)]
     return make_asset("balls", meshes, instances, [Slot("/a", "/a"), Slot("/b", "/b")])
 
 
@@ -122,30 +122,32 @@ PAIRS = [
 
 @pytest.fixture(scope="module")
 def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTask]:
-    """The scenes of two pairs of looks, one program for all four."""
+    """Return the scenes of two pairs of looks, with one program for all four looks."""
     camera = orbit_camera(balls.center, balls.radius)
-    shown = [Scene.of_look(balls, pair[0], light_of("slopes"), (64, 32), camera) for pair in PAIRS]
-    shown = [replace(each, wears={"/a": a, "/b": b}) for each, (a, b) in zip(shown, PAIRS, strict=True)]
-    tasks = [scene_task(scene, Sampling(samples=16), "exact") for scene in shown]
+    pair_scenes = [Scene.of_look(balls, pair[0], light_of("slopes"), (64, 32), camera) for pair in PAIRS]
+    pair_scenes = [replace(scene, wears={"/a": a, "/b": b}) for scene, (a, b) in zip(pair_scenes, PAIRS, strict=True)]
+    tasks = [scene_task(scene, Sampling(samples=16), "exact") for scene in pair_scenes]
     shared = shared_programs(shader for task in tasks for shader in task.shaders)
-    tasks = [replace(task, shaders=tuple(shared[each] for each in task.shaders)) for task in tasks]
+    tasks = [replace(task, shaders=tuple(shared[shader] for shader in task.shaders)) for task in tasks]
     assert len({shader.program for task in tasks for shader in task.shaders}) == 1
     return tasks
 
 
 def test_shared_programs_show_the_pictures_of_own_ones(worker: Worker, paired_scenes: list[SceneTask]) -> None:
     shaders = [tuple(replace(shader, varying=()) for shader in scene.shaders) for scene in paired_scenes]
-    own = [replace(scene, shaders=each) for scene, each in zip(paired_scenes, shaders, strict=True)]
-    expected = [render(worker, scene) for scene in own]
+    constant_scenes = [
+        replace(scene, shaders=scene_shaders) for scene, scene_shaders in zip(paired_scenes, shaders, strict=True)
+    ]
+    expected = [render(worker, scene) for scene in constant_scenes]
     # Shown in one scene that is built once: first its own looks, then others, then its own again.
-    found = [render(worker, paired_scenes[number]) for number in (0, 1, 0)]
-    assert np.array_equal(found[0].a, found[2].a)
-    for ours, theirs in zip(found, (expected[0], expected[1], expected[0]), strict=True):
+    frames = [render(worker, paired_scenes[number]) for number in (0, 1, 0)]
+    assert np.array_equal(frames[0].a, frames[2].a)
+    for ours, theirs in zip(frames, (expected[0], expected[1], expected[0]), strict=True):
         assert ours.alpha.any()
         # Another order of the same operations rounds otherwise.
         np.testing.assert_allclose(ours.a, theirs.a, rtol=2e-5, atol=1e-6)
     # The looks differ visibly, on each part.
-    assert (np.abs(found[0].a - found[1].a).max(axis=(0, 2)).reshape(4, -1).max(axis=1)[[0, 1, 2]] > 0.05).all()
+    assert (np.abs(frames[0].a - frames[1].a).max(axis=(0, 2)).reshape(4, -1).max(axis=1)[[0, 1, 2]] > 0.05).all()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""`lookdev export blend` without Blender: the exporter's task, which files are placed, and what is left of it."""
+"""`lookdev export blend` without Blender: the exporter's task, the files that it writes, and files after a failure."""
 
 import gc
 import json

@@ -105,7 +105,7 @@ def assert_parts_agree(
 def part_of(scene: Scene, pose: Pose, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the instance nearest to the surface at the centre of each pixel (P, 2); -1 where there is no surface."""
     meshes = MeshScene(scene.asset, scene.looks)
-    hit, hits = meshes.hit(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
+    hit, hits = meshes.intersect(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))
     centers = np.array([instance.matrix[:3, 3] for instance in scene.asset.instances])
     instances = np.full(len(pixels), -1)
     instances[hit] = np.linalg.norm(meshes.points(hits)[hit][:, None] - centers, axis=-1).argmin(axis=1)

@@ -89,7 +89,7 @@ def test_normals_are_those_of_the_reference(frames: tuple[Rendered, Rendered], i
     camera, scene = orbit_camera(asset.center, asset.radius), MeshScene(asset, [BRUSHED] * len(asset.slots))
     x, y = (coordinate.ravel() + 0.5 for coordinate in np.meshgrid(*map(np.arange, SIZE)))
     origin, direction = camera_rays(camera, POSE, SIZE, x, y)
-    hit, hits = scene.hit(origin, direction)
+    hit, hits = scene.intersect(origin, direction)
     hit &= frame.passes["depth"].ravel() < 1e9
     assert np.count_nonzero(hit) > 300
     normals = scene.frame(hits[hit], -direction[hit])[0][:, 2]

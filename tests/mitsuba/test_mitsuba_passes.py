@@ -101,7 +101,7 @@ def test_places_are_those_that_rays_meet(solid: Rendered) -> None:
     x, y = (coordinate.ravel() for coordinate in np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5))
     # The reference orbits the camera and leaves the asset where it is.
     origin, direction = camera_rays(camera, POSE, SIZE, x, y)
-    hit, hits = scene.hit(origin, direction)
+    hit, hits = scene.intersect(origin, direction)
     assert 100 < np.count_nonzero(hit) < hit.size - 100
     points = scene.points(hits[hit])
     frame, _ = scene.frame(hits[hit], -direction[hit])

@@ -22,13 +22,13 @@ estimate = partial(diffuse_scenes.estimate, pose=POSE)
 
 @dataclass(frozen=True)
 class Roofed(Plane):
-    """A card with another, larger one in front of it, at y = -1, that occludes it and is not seen itself."""
+    """A card with a larger, invisible card in front of it, at y = -1, that occludes it."""
 
-    def onward(self, place, direction):
+    def trace_onward(self, hits, direction):
         before = direction[:, 1] < 0.0
         distance = -1.0 / np.where(before, direction[:, 1], -1.0)
-        onto = place + distance[:, None] * direction
-        return before & (np.abs(onto[:, [0, 2]]) < 3.0).all(axis=-1), onto
+        points = hits + distance[:, None] * direction
+        return before & (np.abs(points[:, [0, 2]]) < 3.0).all(axis=-1), points
 
 
 def assert_agree(got, expected) -> None:
@@ -47,7 +47,7 @@ def test_a_card_under_a_rectangle_has_its_irradiance() -> None:
     for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
         steps = (np.arange(3) + 0.5) / 3.0
         x, y = (values.ravel() for values in np.meshgrid(*(pixel[:, None] + steps)))
-        _, point = Plane().hit(*camera_rays(CAMERA, POSE, SIZE, x, y, np.empty((9, 0))))
+        _, point = Plane().intersect(*camera_rays(CAMERA, POSE, SIZE, x, y, np.empty((9, 0))))
         # Over the area of the light, whose normal is the card's: cosine^2 / distance^2.
         across, up = np.meshgrid((np.arange(200) + 0.5) / 200 - 0.5, (np.arange(100) + 0.5) / 200 - 0.25)
         surface = np.stack([0.4 + across, np.full_like(across, -1.5), 0.3 + up], axis=-1).reshape(-1, 3)
@@ -98,9 +98,9 @@ def test_a_shadow_is_as_dark_as_the_light_wants(shadow: Shadow, share: tuple[flo
 
 @pytest.mark.parametrize("presence", [0.3, 1.0])
 def test_light_that_casts_no_shadow_is_counted_once_behind_holes(presence: float) -> None:
-    """In a furnace: what is shaded sees all the light, so none is left to come through a hole to it.
+    """In a furnace, a shaded point receives all light directly, so no more may reach it through a hole.
 
-    A path from the camera goes on by half of what is there, inside, and by all that is not, to the wall behind.
+    A path from the camera continues inside by half of the presence, and to the wall behind by the absent share.
     """
     unshadowed = replace(dome(np.ones((1, 1, 3))), emission=Emission(shadow=Shadow(enable=False)))
     for bounces, expected in ((0, presence), (1, presence + 0.5 * presence**2 + (1.0 - presence) * presence)):

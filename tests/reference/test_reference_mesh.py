@@ -55,13 +55,13 @@ def box_scene(matrix=None, mesh=None, looks=(GREY,) * 6):
     return scene_of(mesh or box_mesh(), looks, matrix)
 
 
-def places_in(scene, count, rng):
-    """Return places on the scene that rays from around its middle meet, and the directions back."""
+def trace_hits(scene, count, rng):
+    """Return hits of random rays from near the middle of a scene, and the directions back."""
     ray = rng.normal(size=(count, 3))
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-    hit, place = scene.hit(scene._asset.center + 0.02 * scene._asset.radius * rng.normal(size=3), ray)
-    assert hit.all()
-    return place, -ray
+    is_hit, hits = scene.intersect(scene._asset.center + 0.02 * scene._asset.radius * rng.normal(size=3), ray)
+    assert is_hit.all()
+    return hits, -ray
 
 
 # Polygons in the plane z = 0, counter-clockwise: a fan serves, a dart from its tip, a dart from its side, an L, a star.
@@ -113,16 +113,16 @@ def test_rays_pass_the_groups_that_a_light_spares():
     points = [(x, y, z) for z in (0, 1, 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     scene = scene_of(polygons(points, faces), [GREY] * 3, groups=(0, 1, 2))
     up = np.array([[0.0, 0.0, 1.0]])
-    _, floor = scene.hit(np.array([0.2, 0.3, 0.5]), -up)
+    _, floor = scene.intersect(np.array([0.2, 0.3, 0.5]), -up)
     for excluded, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
-        met, place = scene.onward(floor, up, excluded)
-        assert met[0] == (height is not None)
+        is_hit, hits = scene.trace_onward(floor, up, excluded)
+        assert is_hit[0] == (height is not None)
         if height:
-            np.testing.assert_allclose(scene.points(place), [[0.2, 0.3, height]], atol=1e-7)
+            np.testing.assert_allclose(scene.points(hits), [[0.2, 0.3, height]], atol=1e-7)
     # From a square that is spared itself.
-    _, second = scene.hit(np.array([0.2, 0.3, 1.5]), -up)
-    assert scene.onward(second, -up, (1,))[0].all()
-    assert not scene.onward(second, -up, (0, 1))[0].any()
+    _, second = scene.intersect(np.array([0.2, 0.3, 1.5]), -up)
+    assert scene.trace_onward(second, -up, (1,))[0].all()
+    assert not scene.trace_onward(second, -up, (0, 1))[0].any()
 
 
 def test_a_square_is_split_from_its_first_corner_and_a_dart_from_its_dent():
@@ -142,21 +142,26 @@ def test_rays_meet_a_mesh_where_they_meet_its_shape(name, shape):
     for origin in middle + np.array([[0.7, -4.0, 1.0], [0.7, 4.0, 1.0]]):  # from either side of the card
         ray = middle + rng.uniform(-1.5, 1.5, (500, 3)) * (1.0, name == "sphere", 1.0) - origin
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        (hit, place), (expected, points) = scene.hit(origin, ray), shape.hit(origin, ray)
+        (is_hit, hits), (expected, points) = scene.intersect(origin, ray), shape.intersect(origin, ray)
         assert 50 < expected.sum() < 450
         # 256 rings lack 4e-5 of the radius.
         nearest = np.linalg.norm(np.cross(middle - origin, ray), axis=-1)
-        np.testing.assert_array_equal(hit, expected & (nearest < 0.7 * (1.0 - 4e-5)) if name == "sphere" else expected)
-        place, points, ray = place[hit], points[hit], ray[hit]
+        np.testing.assert_array_equal(
+            is_hit, expected & (nearest < 0.7 * (1.0 - 4e-5)) if name == "sphere" else expected
+        )
+        hits, points, ray = hits[is_hit], points[is_hit], ray[is_hit]
         tolerance = 0.01 if name == "sphere" else 1e-6  # the most at the rim, which rays graze
-        np.testing.assert_allclose(scene.points(place), points, atol=tolerance)
+        np.testing.assert_allclose(scene.points(hits), points, atol=tolerance)
         frames, _ = shape.frame(points, -ray)
-        np.testing.assert_allclose(scene.frame(place, -ray)[0], frames, atol=3.0 * tolerance)
-        (met, far), (expected, far_points) = scene.onward(place, ray), shape.onward(points, ray)
-        np.testing.assert_array_equal(met, expected)
-        np.testing.assert_allclose(scene.points(far[met]), far_points[met], atol=2.0 * tolerance)
-        assert not shape.hit(origin, -ray)[0].any()
-        assert not shape.onward(far_points[met], ray[met])[0].any()
+        np.testing.assert_allclose(scene.frame(hits, -ray)[0], frames, atol=3.0 * tolerance)
+        (is_hit_again, far_hits), (expected, far_points) = (
+            scene.trace_onward(hits, ray),
+            shape.trace_onward(points, ray),
+        )
+        np.testing.assert_array_equal(is_hit_again, expected)
+        np.testing.assert_allclose(scene.points(far_hits[is_hit_again]), far_points[is_hit_again], atol=2.0 * tolerance)
+        assert not shape.intersect(origin, -ray)[0].any()
+        assert not shape.trace_onward(far_points[is_hit_again], ray[is_hit_again])[0].any()
 
 
 @pytest.mark.parametrize(("name", "shape"), [("plane", Plane()), ("sphere", Sphere())])
@@ -198,32 +203,32 @@ def test_every_slot_has_its_own_look(lights):
         assert (got.value > 0.4).all() == (white == 2)
 
 
-@pytest.mark.parametrize(("size", "place"), [(1.0, 0.0), (1e-4, 0.0), (1.0, 1e5), (1e4, -3e5)])
-def test_a_ray_never_meets_the_triangle_that_it_leaves(size, place):
+@pytest.mark.parametrize(("size", "offset"), [(1.0, 0.0), (1e-4, 0.0), (1.0, 1e5), (1e4, -3e5)])
+def test_a_ray_never_meets_the_triangle_that_it_leaves(size, offset):
     matrix = np.diag([size, size, size, 1.0])
-    matrix[:3, 3] = place
+    matrix[:3, 3] = offset
     scene = box_scene(matrix)
     rng = np.random.default_rng(4)
-    places, inward = places_in(scene, 2000, rng)
-    frame, _ = scene.frame(places, inward)
+    hits, inward = trace_hits(scene, 2000, rng)
+    frame, _ = scene.frame(hits, inward)
     # From steep to grazing, inwards and outwards.
     angle, z = rng.uniform(0.0, 2.0 * np.pi, 2000), 10.0 ** rng.uniform(-6.0, -0.01, 2000)
     side = np.sqrt(1.0 - z**2)
     local = np.stack([side * np.cos(angle), side * np.sin(angle), z], axis=-1)
-    met, far = scene.onward(places, np.einsum("nji,nj->ni", frame, local))
-    assert met.all()
-    assert (far["triangle"] != places["triangle"]).all()
-    assert not scene.onward(places, np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0)))[0].any()
+    is_hit, next_hits = scene.trace_onward(hits, np.einsum("nji,nj->ni", frame, local))
+    assert is_hit.all()
+    assert (next_hits["triangle"] != hits["triangle"]).all()
+    assert not scene.trace_onward(hits, np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0)))[0].any()
 
 
 @pytest.mark.both_pythons
 def test_hits_are_exact_to_float64():
     scene = box_scene()
     origin, ray = camera_rays(CAMERA, POSE, SIZE, *np.random.default_rng(2).uniform(20.0, 44.0, (2, 500)))
-    hit, place = scene.hit(origin, ray)
-    points = scene.points(place)[hit]
-    across = np.linalg.norm(np.cross(points - origin, ray[hit]), axis=-1)
-    assert hit.sum() > 400
+    is_hit, hits = scene.intersect(origin, ray)
+    points = scene.points(hits)[is_hit]
+    across = np.linalg.norm(np.cross(points - origin, ray[is_hit]), axis=-1)
+    assert is_hit.sum() > 400
     assert (np.abs(np.abs(points).max(axis=-1) - 1.0) < 1e-12).all()
     assert (across < 1e-12).all()
 
@@ -232,8 +237,8 @@ def test_frames_stay_orthonormal_and_normals_perpendicular_under_any_matrix():
     matrix = np.eye(4)
     matrix[:3, :3] = np.array([[1.0, 0.4, 0.0], [0.0, 0.5, 0.1], [0.2, 0.0, 2.0]])
     scene = box_scene(matrix)
-    places, wo = places_in(scene, 300, np.random.default_rng(7))
-    frame, facet = scene.frame(places, wo)
+    hits, wo = trace_hits(scene, 300, np.random.default_rng(7))
+    frame, facet = scene.frame(hits, wo)
     np.testing.assert_allclose(frame @ frame.swapaxes(1, 2), np.tile(np.eye(3), (300, 1, 1)), atol=1e-12)
     np.testing.assert_allclose(frame[:, 2], facet, atol=1e-6)
     assert ((frame[:, 2] * wo).sum(axis=-1) > 0.0).all()
@@ -242,10 +247,10 @@ def test_frames_stay_orthonormal_and_normals_perpendicular_under_any_matrix():
 def test_a_reflected_instance_reflects_its_frames():
     rng = np.random.default_rng(8)
     plain, mirror = box_scene(), box_scene(np.diag([-1.0, 1.0, 1.0, 1.0]))
-    places, wo = places_in(plain, 50, rng)
+    hits, wo = trace_hits(plain, 50, rng)
     reflection = np.array([-1.0, 1.0, 1.0])
-    frame, _ = plain.frame(places, wo)
-    reflected, _ = mirror.frame(places, wo * reflection)
+    frame, _ = plain.frame(hits, wo)
+    reflected, _ = mirror.frame(hits, wo * reflection)
     np.testing.assert_allclose(reflected, frame * reflection, atol=1e-12)
 
 
@@ -254,8 +259,8 @@ def test_a_normal_that_leans_away_is_bent_towards_its_viewer():
     leaning = mesh.normals + 3.0 * tangents_of([mesh])[0]
     leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
     scene = box_scene(mesh=replace(mesh, normals=leaning.astype(np.float32)))
-    places, wo = places_in(scene, 400, np.random.default_rng(9))
-    frame, facet = scene.frame(places, wo)
+    hits, wo = trace_hits(scene, 400, np.random.default_rng(9))
+    frame, facet = scene.frame(hits, wo)
     lean = (frame[:, 2] * wo).sum(axis=-1)
     assert ((facet * wo).sum(axis=-1) > 0.0).all()
     assert (lean > 0.99e-4).all()
@@ -267,8 +272,8 @@ def test_what_corners_carry_is_interpolated():
     mesh = box_mesh()
     height = mesh.points[mesh.corner_points, 2]
     scene = box_scene(mesh=replace(mesh, primvars={"height": height, "point": mesh.points[mesh.corner_points]}))
-    places, _ = places_in(scene, 100, np.random.default_rng(5))
-    points, surface = scene.points(places), MeshPoints(scene, places, np.ones(100))
+    hits, _ = trace_hits(scene, 100, np.random.default_rng(5))
+    points, surface = scene.points(hits), MeshPoints(scene, hits, np.ones(100))
     np.testing.assert_allclose(surface.uv("st"), points[:, :2], atol=1e-12)
     np.testing.assert_allclose(surface.primvar(Primvar("height", 0.0)), points[:, 2], atol=1e-12)
     np.testing.assert_allclose(surface.primvar(Primvar("point", (0.0, 0.0, 0.0))), points, atol=1e-12)
@@ -284,7 +289,7 @@ def test_what_corners_carry_is_interpolated():
 def test_a_look_that_reads_what_is_not_there_is_refused():
     mesh = box_mesh()
     scene = box_scene(mesh=replace(mesh, primvars={"height": mesh.points[mesh.corner_points, 2]}))
-    surface = MeshPoints(scene, places_in(scene, 10, np.random.default_rng(5))[0], np.ones(10))
+    surface = MeshPoints(scene, trace_hits(scene, 10, np.random.default_rng(5))[0], np.ones(10))
     with pytest.raises(AssetError, match=r"/mesh: no UV set 'other'; it has: st"):
         surface.uv("other")
     with pytest.raises(AssetError, match=r"/mesh: primvar 'height' has 1 numbers a corner, the look reads 3"):
@@ -295,5 +300,5 @@ def test_triangles_without_area_are_not_there():
     mesh = polygons([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 0, 0)], [np.arange(3), np.array([0, 1, 2])])
     line = replace(mesh, corner_points=np.array([0, 1, 2, 0, 1, 3], np.int32))
     rays = np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)])
-    hit, _ = scene_of(line, [GREY] * 2).hit(np.array([1.5, 0.0, 1.0]), rays)
+    hit, _ = scene_of(line, [GREY] * 2).intersect(np.array([1.5, 0.0, 1.0]), rays)
     assert hit.tolist() == [False, True]

@@ -42,8 +42,8 @@ def in_pixel(shape, pixel, pose):
     """Return where nine rays spread over a pixel hit, the frames there, and the rays."""
     x, y = (np.stack(np.meshgrid([1, 3, 5], [1, 3, 5])).reshape(2, -1) / 6.0) + pixel[:, None]
     origin, ray = camera_rays(CAMERA, pose, SIZE, x, y)
-    hit, point = shape.hit(origin, ray)
-    assert hit.all()
+    is_hit, point = shape.intersect(origin, ray)
+    assert is_hit.all()
     return point, shape.frame(point, -ray)[0], ray
 
 
@@ -90,7 +90,9 @@ def test_light_goes_straight_through_what_is_absent(lamps):
     got = estimate(lambert(0.3, 0.6, presence), Sphere(), lamps, bounces=1)
     normals = normals_in_pixels(Sphere())
     # A unit sphere about the origin: the far wall's normal is where it is.
-    far = np.stack([Sphere().onward(point, ray)[1] for point, _, ray in (in_pixel(Sphere(), p, POSE) for p in INSIDE)])
+    far = np.stack(
+        [Sphere().trace_onward(point, ray)[1] for point, _, ray in (in_pixel(Sphere(), p, POSE) for p in INSIDE)]
+    )
     # Through the near wall comes what the far one scatters, and the light itself through the gaps of the far one.
     inside = transmitted * mean_irradiance(lamps) + (1.0 - presence) * irradiance(-normals, lamps)
     straight = (1.0 - presence) * transmitted * irradiance(far, lamps)
@@ -113,16 +115,16 @@ def test_light_may_differ_from_place_to_place():
 
         emission = Emission()
 
-        def radiance(self, place, direction):
-            return (2.0 + place[:, :1]) * np.ones(3)
+        def radiance(self, points, direction):
+            return (2.0 + points[:, :1]) * np.ones(3)
 
-        def pdf(self, place, direction):
+        def pdf(self, points, direction):
             return np.full(len(direction), 0.25 / np.pi)
 
-        def sample(self, place, u):
-            return white_sky.sample(place, u)
+        def sample(self, points, u):
+            return white_sky.sample(points, u)
 
-        def distance(self, place, direction):
+        def distance(self, points, direction):
             return np.full(len(direction), np.inf)
 
     white_sky = dome(np.ones((1, 1, 3)))

@@ -106,7 +106,7 @@ def test_rays_through_a_prop_meet_it(camera: Camera) -> None:
 
         def hits(columns, box=box, scene=scene, u=u):
             x, y = np.meshgrid(columns, box.top + u * box.height)
-            return scene.hit(*camera_rays(seen, pose, strip.resolution, x.ravel(), y.ravel()))[0]
+            return scene.intersect(*camera_rays(seen, pose, strip.resolution, x.ravel(), y.ravel()))[0]
 
         # A ball fills pi / 4 of its box; the long lens brings its silhouette nearer by 1e-4.
         assert hits(box.left + u * box.width).mean() == pytest.approx(1.0 if name == "chart" else math.pi / 4, abs=0.01)

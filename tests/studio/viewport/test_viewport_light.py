@@ -196,7 +196,7 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
     camera, (across, along) = scene.camera, scene.film.resolution
     x, y = np.random.default_rng(8).uniform((0, 0), (across, along), (400, 2)).T
     origin, ray = camera_rays(camera, POSE, (across, along), x, y)
-    hit, _ = MeshScene(scene.asset, scene.looks).hit(origin, ray)
+    hit, _ = MeshScene(scene.asset, scene.looks).intersect(origin, ray)
     share = side / width
     fov = math.degrees(2.0 * math.atan(share * camera.reach))
     for k in np.flatnonzero(hit)[:count]:
