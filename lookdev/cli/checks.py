@@ -16,14 +16,14 @@ _PANEL = "Accuracy and speed"
 
 
 class Evaluator(StrEnum):
-    """What evaluates the models."""
+    """The implementation that evaluates the models."""
 
     numpy = "numpy"
     cycles = "cycles"
 
 
 class Depth(StrEnum):
-    """How much a check compares."""
+    """The number of cases that a check compares."""
 
     quick = "quick"
     default = "default"
@@ -98,7 +98,7 @@ def evaluate(
 ) -> None:
     """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout.
 
-    Of the model "fresnel": lines with cosTheta; the same with F.
+    Lines of the model "fresnel" have cosTheta instead of wo and wi; the answers add F.
     """
     from lookdev.checks.evaluate import evaluate_lines
     from lookdev.text import decoded
