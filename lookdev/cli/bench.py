@@ -61,12 +61,14 @@ def bench(
     scenes: Annotated[str, _names("--scenes", "Scenes, separated by commas.")] = "",
     ibls: Annotated[str, _names("--ibls", "Lights.")] = "",
     looks: Annotated[str, _names("--looks", "Looks.")] = "",
-    backends: Annotated[str, _names("--backends", "What renders them.")] = "",
+    backends: Annotated[str, _names("--backends", "Backends.")] = "",
     samples: Annotated[str, _names("--samples", "Increasing powers of two, like 4,16,64.")] = "",
     resolution: Annotated[int | None, _number("--resolution", "Side of the frame, pixels.")] = None,
-    repeats: Annotated[int | None, _number("--repeats", "Renders of each count.")] = None,
-    reference: Annotated[int | None, _number("--reference", "Samples of a reference, in largest counts.")] = None,
-    seed: Annotated[int | None, _number("--seed", "Chooses the samples.")] = None,
+    repeats: Annotated[int | None, _number("--repeats", "Renders with each number of samples.")] = None,
+    reference: Annotated[
+        int | None, _number("--reference", "Samples of a reference, as a multiple of the largest count.")
+    ] = None,
+    seed: Annotated[int | None, _number("--seed", "Seed of the samples.")] = None,
     frames: Annotated[
         int | None, _number("--frames", "Frames of the sequence whose growth is measured, or of the trial.")
     ] = None,

@@ -89,7 +89,7 @@ def render(
         typer.Option(
             "--path-mapping",
             metavar="FILE",
-            help="Rules of Open Job Description (JSON): where the absolute paths of the job are on this machine.",
+            help="Rules of Open Job Description (JSON), which map the absolute paths of the job to this machine.",
             show_default=False,
         ),
     ] = None,
@@ -97,7 +97,7 @@ def render(
         LogFormat,
         typer.Option(
             "--log-format",
-            help="Write events as text, as lines of JSON, or as sessions of Open Job Description read them.",
+            help="Write events as text, as lines of JSON, or in the format of sessions of Open Job Description.",
         ),
     ] = LogFormat.TEXT,
     dry_run: Annotated[
@@ -163,7 +163,7 @@ def plan(
         typer.Option(
             "--chunks",
             metavar="N[@M]",
-            help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, those for M machines.",
+            help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, the parts for M machines.",
             show_default=False,
         ),
     ] = None,
@@ -171,13 +171,13 @@ def plan(
         bool,
         typer.Option(
             "--measured",
-            help="Divide by the times of frames on disk, and keep these chunks in the output folder; before the first "
-            "is rendered.",
+            help="Divide by the render times of frames on disk, and store the chunks in the output folder; use it "
+            "before the first chunk is rendered.",
         ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List what would be rendered and why: new, stale or done."""
+    """List the frames of a job with their states, new, stale or done, and the reasons."""
     from lookdev.plan.chunks import Division
     from lookdev.plan.prepare import prepare_job
     from lookdev.run.chunks import chunks_data, chunks_text, keep_measured_chunks

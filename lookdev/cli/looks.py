@@ -21,7 +21,7 @@ def validate(
     variants: Variants = None,
     as_json: AsJson = False,
 ) -> None:
-    """List all faults of the looks of a file, in all variants, or in those given; exit code 1 if there are errors."""
+    """List all faults of the looks in a file, in all variants that --variants leaves open; exit code 1 for errors."""
     from lookdev.material.validate.examine import examine
     from lookdev.material.variants import parse_variants
 

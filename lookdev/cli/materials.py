@@ -39,7 +39,7 @@ Folder = Annotated[
     typer.Option(
         "--library",
         metavar="DIR",
-        help="A folder of presets; default: $LOOKDEV_LIBRARY, else those in materials here and of the program.",
+        help="A folder of presets; default: $LOOKDEV_LIBRARY, else ./materials and the presets of the program.",
         show_default=False,
     ),
 ]

@@ -19,7 +19,7 @@ JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML
 LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
 Prim = Annotated[
     str | None,
-    typer.Option("--prim", metavar="PATH", help="The material, where the file has several.", show_default=False),
+    typer.Option("--prim", metavar="PATH", help="The material, if the file has several.", show_default=False),
 ]
 Variants = Annotated[
     list[str] | None,
@@ -53,7 +53,7 @@ def _finite(data: Any) -> Any:
 
 @contextmanager
 def stdout_to_stderr() -> Iterator[None]:
-    """Redirect stdout to stderr meanwhile: output of libraries is not part of a verb's answer."""
+    """Redirect stdout to stderr inside the context: the output of libraries is not part of a verb's answer."""
     sys.stdout.flush()
     saved_stdout = os.dup(1)
     os.dup2(2, 1)

@@ -41,17 +41,19 @@ def plot(
     ],
     subjects: Subjects,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="PNG, SVG, PDF, or CSV: the numbers.")],
-    theta: Annotated[float, typer.Option("--theta", help="Degrees of the view, or of the angle that stays.")] = 45.0,
-    phi: Annotated[float, typer.Option("--phi", help="Degrees of phi_d, or of the view's azimuth.")] = 90.0,
-    axis: Annotated[str, typer.Option("--axis", help="Of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
-    scale: Annotated[str, typer.Option("--scale", help="Of values: linear, sqrt or log.")] = "linear",
-    angles: Annotated[str, typer.Option("--angles", help="Of angles: linear or sqrt.")] = "linear",
+    theta: Annotated[
+        float, typer.Option("--theta", help="Polar angle of the view, or the fixed angle, in degrees.")
+    ] = 45.0,
+    phi: Annotated[float, typer.Option("--phi", help="phi_d, or the azimuth of the view, in degrees.")] = 90.0,
+    axis: Annotated[str, typer.Option("--axis", help="Axis of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
+    scale: Annotated[str, typer.Option("--scale", help="Scale of values: linear, sqrt or log.")] = "linear",
+    angles: Annotated[str, typer.Option("--angles", help="Scale of angles: linear or sqrt.")] = "linear",
     limit: Annotated[float, typer.Option("--limit", help="The largest angle, in degrees.")] = 90.0,
-    channels: Annotated[str, typer.Option("--channels", help="Of curves: luminance or rgb.")] = "luminance",
-    exposure: Annotated[float, typer.Option("--exposure", help="Of pictures, in stops.")] = 0.0,
-    chroma: Annotated[bool, typer.Option("--chroma", help="Pictures divided by their largest channel.")] = False,
-    cosine: Annotated[bool, typer.Option("--cosine", help="f times the cosine of the light.")] = False,
-    size: Annotated[int, typer.Option("--size", help="Samples along an axis, or pixels; 0: the kind's own.")] = 0,
+    channels: Annotated[str, typer.Option("--channels", help="Channels of curves: luminance or rgb.")] = "luminance",
+    exposure: Annotated[float, typer.Option("--exposure", help="Exposure of pictures, in stops.")] = 0.0,
+    chroma: Annotated[bool, typer.Option("--chroma", help="Divide pictures by their largest channel.")] = False,
+    cosine: Annotated[bool, typer.Option("--cosine", help="Plot f times the cosine of the light.")] = False,
+    size: Annotated[int, typer.Option("--size", help="Samples along an axis, or pixels; 0: the kind's default.")] = 0,
     library: Library = None,
 ) -> None:
     """Plot reflectance: models, presets, looks and measured data, in one plot."""
@@ -95,7 +97,7 @@ def fit(
         typer.Option("--only", metavar="NAME", help="Fit this parameter, not all. Repeatable.", show_default=False),
     ] = None,
     loss: Annotated[
-        str | None, typer.Option("--loss", help="Of f cos: log, cbrt or linear. Default: log.", show_default=False)
+        str | None, typer.Option("--loss", help="Loss of f cos: log, cbrt or linear. Default: log.", show_default=False)
     ] = None,
     starts: Annotated[
         int | None,
@@ -131,7 +133,7 @@ def fit(
         typer.Option(
             "--picture",
             metavar="PHOTO.exr",
-            help="Find the parameters of a look of JOB in this picture of it, by derivatives of renders.",
+            help="Fit the parameters of a look of JOB to this picture of it, by derivatives of renders.",
             rich_help_panel=_PICTURES,
             show_default=False,
         ),
@@ -167,7 +169,7 @@ def fit(
         ),
     ] = None,
     exposure: Annotated[
-        bool, typer.Option("--exposure", help="Find the picture's exposure, too.", rich_help_panel=_PICTURES)
+        bool, typer.Option("--exposure", help="Fit the picture's exposure, too.", rich_help_panel=_PICTURES)
     ] = False,
     pixels: Annotated[
         int,

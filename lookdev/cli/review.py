@@ -59,7 +59,7 @@ def review(
 def manifest(
     out: OutputFolder,
     check: Annotated[
-        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 where one differs.")
+        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 if one differs.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
