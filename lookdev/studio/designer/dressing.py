@@ -46,7 +46,7 @@ class Read:
 
 
 class EditedJob:
-    """The job of a Designer: its original `content`, and what is read from the original or the edited content."""
+    """The job of a Designer: its file, its original `content`, and the jobs and assignments in edited contents."""
 
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
@@ -84,14 +84,8 @@ class EditedJob:
         """Return the variants that the job chooses for the material of a slot."""
         look, _ = self._look(read_job, scene_key[0])
         assignments = self._assignments_of(read_job, scene_key[0])
-        assignment = next(
-            (
-                assignments[path]
-                for path in self._paths_of_slots(read_job, scene_key).get(slot, ())
-                if path in assignments
-            ),
-            None,
-        )
+        paths = self._paths_of_slots(read_job, scene_key).get(slot, ())
+        assignment = next((assignments[path] for path in paths if path in assignments), None)
         if assignment is None:
             return {} if look.material is not None else dict(look.variants)
         return dict(look.variants if assignment.assign is None else look.assign[assignment.assign].variants)
@@ -104,9 +98,9 @@ class EditedJob:
         for slot in read_job.scenes.scenes[scene_key].asset.slots:
             part_paths = paths.get(slot.path, [])
             assignment = next((assignments[path] for path in part_paths if path in assignments), None)
-            table = (
-                None if assignment is None else look if assignment.assign is None else look.assign[assignment.assign]
-            )
+            table: JobLook | JobAssign | None = None
+            if assignment is not None:
+                table = look if assignment.assign is None else look.assign[assignment.assign]
             slots[slot.path] = {
                 "paths": part_paths,
                 "by": "asset" if assignment is None else "look" if assignment.assign is None else "assign",
