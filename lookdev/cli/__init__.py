@@ -1,6 +1,6 @@
-"""The command line: verbs and their options, a file a group of verbs.
+"""The command line: verbs and their options, one file for each group of verbs.
 
-What a verb needs is imported when it runs, so that ``lookdev --help`` loads nothing heavy.
+A verb imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 
 def main() -> None:
-    """Run the command line in a process that survives what a damaged file does to it (`lookdev.guard`)."""
+    """Run the command line in a child process; a damaged file crashes at most the child (`lookdev.guard`)."""
     _open_streams()
     try:
         code = supervised(run)
@@ -52,25 +52,25 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Open the standard streams that are closed, and let those for text print any character somehow."""
+    """Open standard streams that are closed; text streams escape the characters that they cannot encode."""
     for stream in range(3):
         try:
             os.fstat(stream)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number
     sys.stdin = sys.stdin or open(0, closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(1, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(2, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
-    for text in (sys.stdout, sys.stderr):
-        if isinstance(text, io.TextIOWrapper):
-            text.reconfigure(errors="backslashreplace")
+    for text_stream in (sys.stdout, sys.stderr):
+        if isinstance(text_stream, io.TextIOWrapper):
+            text_stream.reconfigure(errors="backslashreplace")
 
 
 def run() -> None:
     """Run the command line in this process; an exception becomes a message on stderr and an exit code.
 
-    1: frames failed, or output, disk or renderer did; 2: the input is wrong; 70: a defect of the program, with a report
-    file; 130: interrupted.
+    Exit codes: 1, a frame, the output, the disk or the renderer failed; 2, the input is wrong; 70, a defect of the
+    program, for which a report file is written; 130, interrupted.
     """
     try:
         with ending_at_signals() as interruption:
@@ -87,9 +87,9 @@ def run() -> None:
         _leave(str(error) if count == 1 else f"{count} faults:\n{error}", 2)
     except LookdevError as error:
         _leave(str(error), 2)
-    except OSError as error:  # the machine's fault, as a full disk is, not the program's
-        place = f"{error.filename}: " if error.filename else ""
-        _leave(f"{place}{error.strerror or error}", 1)
+    except OSError as error:  # such as a full disk: not a defect of the program
+        location = f"{error.filename}: " if error.filename else ""
+        _leave(f"{location}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001  the last resort
         _leave_with_report(error)
     finally:

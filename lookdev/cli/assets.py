@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, Variants, nothing_printed, say, say_json
+from lookdev.cli.options import AsJson, Variants, say, say_json, stdout_to_stderr
 
 app = typer.Typer()
 
 
 class Purpose(StrEnum):
-    """The use that geometry is meant for, by UsdGeom.Imageable."""
+    """The purpose of geometry, as UsdGeom.Imageable defines it."""
 
     default = "default"
     render = "render"
@@ -31,7 +31,8 @@ def inspect(
         ),
     ],
     prim: Annotated[
-        str | None, typer.Option("--prim", metavar="PATH", help="Only what is under this prim.", show_default=False)
+        str | None,
+        typer.Option("--prim", metavar="PATH", help="Only this prim and the prims under it.", show_default=False),
     ] = None,
     layer: Annotated[
         Path | None,
@@ -50,13 +51,13 @@ def inspect(
         typer.Option("--png", metavar="FILE", help="Render a picture with a colour for each part.", show_default=False),
     ] = None,
     rig: Annotated[
-        bool, typer.Option("--rig", help="List the lights; default: where there is no geometry beside them.")
+        bool, typer.Option("--rig", help="List the lights; default: only if the file has no geometry.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List what would be rendered of an asset: parts, materials and their translation, and what is not supported.
+    """List what lookdev would render of an asset: parts, materials and their translation, and what it does not support.
 
-    Of a rig, list its lights.
+    For a rig, list its lights.
     """
     from lookdev.errors import LookdevError, close_hint
     from lookdev.inspect.assets import inspect_file
@@ -68,21 +69,21 @@ def inspect(
         asset = rig_file(str(asset))
     elif not asset.exists() and (hint := close_hint(str(asset), BUILTIN_RIGS)):
         raise LookdevError(f"{asset}: no such file or built-in rig ({hint})")
-    # What is missing is listed beside the rest.
+    # Missing files are listed beside the rest.
     composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
-    with nothing_printed():
-        shown_purposes = tuple(purposes or (Purpose.default, Purpose.render))
-        found, shown = inspect_file(composition, time, shown_purposes, rig=rig)
-    if shown is None and (png is not None or time is not None or purposes):
+    with stdout_to_stderr():
+        purpose_names = tuple(purposes or (Purpose.default, Purpose.render))
+        report, inspected_asset = inspect_file(composition, time, purpose_names, rig=rig)
+    if inspected_asset is None and (png is not None or time is not None or purposes):
         raise LookdevError(f"{asset}: is a rig, for which --png, --time and --purpose have no meaning")
     if as_json:
-        say_json(found.data())
+        say_json(report.data())
     else:
-        say(found.text())
-    if png is not None and shown is not None:
+        say(report.text())
+    if png is not None and inspected_asset is not None:
         from lookdev.inspect.portrait import write_portrait
 
-        result = write_portrait(shown, png)
+        result = write_portrait(inspected_asset, png)
         if result.exit_code:
             say(result.summary(), err=True)
         raise typer.Exit(result.exit_code)

@@ -12,21 +12,21 @@ from lookdev.cli.options import say
 
 app = typer.Typer()
 
-_KINDS = "What is measured instead of a few scenes"
-_CHOICE = "Of what"
+_KINDS = "Other benchmarks"
+_CHOICE = "Selection"
 
 
-def _number(name: str, text: str) -> Any:
-    """Return an option of a number whose default depends on the kind."""
-    return typer.Option(name, metavar="N", help=text, show_default=False, rich_help_panel=_CHOICE)
+def _number(name: str, help_text: str) -> Any:
+    """Return the option of a number whose default depends on the kind of benchmark."""
+    return typer.Option(name, metavar="N", help=help_text, show_default=False, rich_help_panel=_CHOICE)
 
 
-def _names(name: str, text: str) -> Any:
-    return typer.Option(name, metavar="NAMES", help=text, show_default=False, rich_help_panel=_CHOICE)
+def _names(name: str, help_text: str) -> Any:
+    return typer.Option(name, metavar="NAMES", help=help_text, show_default=False, rich_help_panel=_CHOICE)
 
 
-def _document(name: str, text: str) -> Any:
-    return typer.Option(name, metavar="FILE", help=text, show_default=False, rich_help_panel=_KINDS)
+def _document(name: str, help_text: str) -> Any:
+    return typer.Option(name, metavar="FILE", help=help_text, show_default=False, rich_help_panel=_KINDS)
 
 
 @app.command(rich_help_panel="Accuracy and speed")
@@ -61,12 +61,14 @@ def bench(
     scenes: Annotated[str, _names("--scenes", "Scenes, separated by commas.")] = "",
     ibls: Annotated[str, _names("--ibls", "Lights.")] = "",
     looks: Annotated[str, _names("--looks", "Looks.")] = "",
-    backends: Annotated[str, _names("--backends", "What renders them.")] = "",
+    backends: Annotated[str, _names("--backends", "Backends.")] = "",
     samples: Annotated[str, _names("--samples", "Increasing powers of two, like 4,16,64.")] = "",
     resolution: Annotated[int | None, _number("--resolution", "Side of the frame, pixels.")] = None,
-    repeats: Annotated[int | None, _number("--repeats", "Renders of each count.")] = None,
-    reference: Annotated[int | None, _number("--reference", "Samples of a reference, in largest counts.")] = None,
-    seed: Annotated[int | None, _number("--seed", "Chooses the samples.")] = None,
+    repeats: Annotated[int | None, _number("--repeats", "Renders with each number of samples.")] = None,
+    reference: Annotated[
+        int | None, _number("--reference", "Samples of a reference, as a multiple of the largest count.")
+    ] = None,
+    seed: Annotated[int | None, _number("--seed", "Seed of the samples.")] = None,
     frames: Annotated[
         int | None, _number("--frames", "Frames of the sequence whose growth is measured, or of the trial.")
     ] = None,
@@ -77,7 +79,7 @@ def bench(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
     show: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
 ) -> None:
-    """Measure time against error, beside other renderers; results so far are kept on Ctrl-C (exit code 130)."""
+    """Measure time against error, beside other renderers; Ctrl-C keeps the results so far (exit code 130)."""
     from rich.console import Console
 
     from lookdev.bench.kinds import KINDS, Order
@@ -88,12 +90,12 @@ def bench(
         say(listing())
         return
     files = {"table": table, "profile": profile, "setup": setup}
-    given: dict[str, Path | None] = {name: file for name, file in files.items() if file}
+    kinds: dict[str, Path | None] = {name: file for name, file in files.items() if file}
     flags = {"sequence": sequence, "denoise-trial": denoise_trial, "scale": scale}
-    given |= {name: None for name, chosen in flags.items() if chosen}
-    if len(given) > 1:
-        raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in given)}")
-    name, document = next(iter(given.items()), ("matrix", None))
+    kinds |= {name: None for name, is_set in flags.items() if is_set}
+    if len(kinds) > 1:
+        raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in kinds)}")
+    name, document = next(iter(kinds.items()), ("matrix", None))
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
         defaults=KINDS[name].defaults,

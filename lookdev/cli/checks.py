@@ -16,14 +16,14 @@ _PANEL = "Accuracy and speed"
 
 
 class Evaluator(StrEnum):
-    """What evaluates the models."""
+    """The implementation that evaluates the models."""
 
     numpy = "numpy"
     cycles = "cycles"
 
 
 class Depth(StrEnum):
-    """How much a check compares."""
+    """The number of cases that a check compares."""
 
     quick = "quick"
     default = "default"
@@ -43,15 +43,15 @@ def check(
         typer.Option(
             "--only",
             metavar="CHECKS",
-            help="Of points,albedo,image,stability; default: all but stability.",
+            help="Some of points,albedo,image,stability; default: all but stability.",
             show_default=False,
         ),
     ] = "",
     stress: Annotated[
         bool, typer.Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
     ] = False,
-    depth: Annotated[Depth, typer.Option("--depth", help="How much is compared.")] = Depth.default,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Chooses cases, places and samples.")] = 0,
+    depth: Annotated[Depth, typer.Option("--depth", help="The number of cases to compare.")] = Depth.default,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of cases, positions and samples.")] = 0,
     prim: Prim = None,
     variants: Variants = None,
     backend: Annotated[
@@ -59,12 +59,12 @@ def check(
         typer.Option(
             "--backend",
             metavar="NAME",
-            help="What renders a look, as the key backend of a job does; default: exact.",
+            help="The backend that renders a look, as in a job; default: exact.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Compare Cycles with the models in float64; exit code 1 where they disagree."""
+    """Compare Cycles with the models in float64; exit code 1 if they disagree."""
     from rich.console import Console
 
     from lookdev.checks.check import check_file, parse_only
@@ -98,7 +98,7 @@ def evaluate(
 ) -> None:
     """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout.
 
-    Of the model "fresnel": lines with cosTheta; the same with F.
+    Lines of the model "fresnel" have cosTheta instead of wo and wi; the answers add F.
     """
     from lookdev.checks.evaluate import evaluate_lines
     from lookdev.text import decoded

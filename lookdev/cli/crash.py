@@ -1,4 +1,4 @@
-"""Reports of exceptions that the program does not expect: what a developer needs to find the defect."""
+"""Reports of unexpected exceptions, for the developers who look for the defect."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import OutputError, shortened
 
 DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
-"""Those whose versions a report contains."""
+"""Distributions whose versions a report contains."""
 
 
 def record_crash(error: Exception, command: Sequence[str]) -> str:
-    """Write a report file on an exception of a command line and return the line that names the file.
+    """Write a report file about an exception of a command line; return a line for the user that names the file.
 
-    The file is in the cache folder, or where that cannot be written in the folder of temporary files. Where no file can
-    be written at all, the report follows the line. It contains the job files that the command line names.
+    The file goes to the cache folder. If that folder cannot be written, it goes to the folder of temporary files. If
+    neither can be written, the returned text has the report after the line. A report contains the job files that the
+    command line names.
     """
     now = datetime.now(UTC)
     report = "\n".join(_report(error, command, now)) + "\n"
-    what = shortened(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
+    headline = shortened(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
     for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
         with suppress(OSError, OutputError):
             file = Path(folder(), f"lookdev-{now:%Y%m%d-%H%M%S}-{os.getpid()}.txt")
             with atomic_path(file) as temporary:
                 temporary.write_text(report, encoding="utf-8", errors="backslashreplace")
-            return f"{what}; this is a defect of lookdev, please send its developers the report {file}"
-    return f"{what}; no report file can be written, so the report follows\n{report}"
+            return f"{headline}; this is a defect of lookdev, please send its developers the report {file}"
+    return f"{headline}; no report file can be written, so the report follows\n{report}"
 
 
 def _report(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:

@@ -56,8 +56,8 @@ def export_openjd(
             "-o",
             "--out",
             metavar="FILE",
-            help="The template to write, YAML or JSON; a name without suffix is the folder of a job bundle, as AWS "
-            "Deadline Cloud takes it.",
+            help="The template to write, YAML or JSON. A name without suffix is the folder of a job bundle for AWS "
+            "Deadline Cloud.",
             show_default=False,
         ),
     ],
@@ -66,15 +66,15 @@ def export_openjd(
         typer.Option(
             "--chunks",
             metavar="N[@M]",
-            help="How many tasks render; with @M, for M hosts that begin them in turn, the last ones small; default: "
-            "of about five minutes.",
+            help="Number of render tasks. With @M, they suit M hosts that take them in turn: the last ones are small. "
+            "Default: tasks of about five minutes.",
             show_default=False,
         ),
     ] = None,
     cores: Annotated[int, typer.Option("--cores", metavar="N", min=1, help="Cores that a host must have.")] = 2,
     memory: Annotated[int, typer.Option("--memory", metavar="MIB", min=1, help="Memory that a host must have.")] = 4096,
     command: Annotated[
-        str, typer.Option("--command", metavar="PROGRAM", help="This program on the hosts.")
+        str, typer.Option("--command", metavar="PROGRAM", help="The command that starts this program on the hosts.")
     ] = "lookdev",
 ) -> None:
     """Write the job for a render farm, as a template of Open Job Description 2023-09."""

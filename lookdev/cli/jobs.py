@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
+from lookdev.cli.options import AsJson, JobFile, say, say_json, stdout_to_stderr
 from lookdev.errors import LookdevError
 from lookdev.run.events import LogFormat
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from lookdev.plan.chunks import Chunk
 
 app = typer.Typer()
-
-
 _PANEL = "Jobs"
 
 
@@ -32,7 +30,7 @@ def render(
         typer.Option(
             "--frame",
             metavar="NAME",
-            help="Render no frame but this, as gold/city/element.0001; repeatable.",
+            help="Render only this frame, for example gold/city/element.0001; repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -41,8 +39,8 @@ def render(
         typer.Option(
             "--chunk",
             metavar="I/N[@M]",
-            help="Render the I-th of N parts of like cost, I from 1, or of N parts for M machines that begin them in "
-            "turn, the last ones small; render the job without it, or with --outputs-only, when all parts are done.",
+            help="Render part I, from 1, of N parts of similar cost. With @M, the parts suit M machines that take them "
+            "in turn: the last ones are small. After all parts, render the job without --chunk or with --outputs-only.",
             show_default=False,
         ),
     ] = None,
@@ -56,7 +54,7 @@ def render(
             "--workers",
             metavar="N",
             min=1,
-            help="Render so many frames at once; default: one, and more while that leaves cores and memory unused.",
+            help="Frames that are rendered at once; default: one, and more while cores and memory are unused.",
             show_default=False,
         ),
     ] = None,
@@ -65,7 +63,7 @@ def render(
         typer.Option(
             "--device",
             metavar="KIND[:N,...]",
-            help="Render on this kind of device instead of the job's, as cuda, or on some of them, as cuda:0,1.",
+            help="Render on this kind of device instead of the job's, for example cuda, or on some devices: cuda:0,1.",
             show_default=False,
         ),
     ] = None,
@@ -74,8 +72,8 @@ def render(
         typer.Option(
             "--executor",
             metavar="NAME[:ADDRESS]",
-            help="What renders: local, workers of this machine; dask, those of a Dask cluster of this machine, or of "
-            "the scheduler at an address; warm:SOCKET, a worker that 'lookdev warm start' keeps.",
+            help="The workers that render. local: of this machine; dask: of a Dask cluster on this machine, or of the "
+            "scheduler at an address; warm:SOCKET: one that 'lookdev warm start' started.",
         ),
     ] = "local",
     shared: Annotated[
@@ -91,7 +89,7 @@ def render(
         typer.Option(
             "--path-mapping",
             metavar="FILE",
-            help="Rules of Open Job Description (JSON): where the absolute paths of the job are on this machine.",
+            help="Rules of Open Job Description (JSON), which map the absolute paths of the job to this machine.",
             show_default=False,
         ),
     ] = None,
@@ -99,7 +97,7 @@ def render(
         LogFormat,
         typer.Option(
             "--log-format",
-            help="Write events as text, as lines of JSON, or as sessions of Open Job Description read them.",
+            help="Write events as text, as lines of JSON, or in the format of sessions of Open Job Description.",
         ),
     ] = LogFormat.TEXT,
     dry_run: Annotated[
@@ -149,7 +147,7 @@ def _list_frames(job: Job, chunk: Chunk | None) -> None:
     from lookdev.run.chunks import plan_of_chunk
     from lookdev.run.listing import plan_text
 
-    with nothing_printed():
+    with stdout_to_stderr():
         prepared = plan_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
@@ -165,7 +163,7 @@ def plan(
         typer.Option(
             "--chunks",
             metavar="N[@M]",
-            help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, those for M machines.",
+            help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, the parts for M machines.",
             show_default=False,
         ),
     ] = None,
@@ -173,13 +171,13 @@ def plan(
         bool,
         typer.Option(
             "--measured",
-            help="Divide by the times of frames on disk, and keep these chunks in the output folder; before the first "
-            "is rendered.",
+            help="Divide by the render times of frames on disk, and store the chunks in the output folder; use it "
+            "before the first chunk is rendered.",
         ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List what would be rendered and why: new, stale or done."""
+    """List the frames of a job with their states, new, stale or done, and the reasons."""
     from lookdev.plan.chunks import Division
     from lookdev.plan.prepare import prepare_job
     from lookdev.run.chunks import chunks_data, chunks_text, keep_measured_chunks
@@ -188,7 +186,7 @@ def plan(
     if measured and chunks is None:
         raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
     division = None if chunks is None else Division.parse(chunks)
-    with nothing_printed():
+    with stdout_to_stderr():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)

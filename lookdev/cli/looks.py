@@ -1,4 +1,4 @@
-"""The verb of look files: validate. Those of the library are in `lookdev.cli.materials`."""
+"""The verb of look files: validate. The verbs of the library are in `lookdev.cli.materials`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, Prim, Variants, nothing_printed, say, say_json
+from lookdev.cli.options import AsJson, Prim, Variants, say, say_json, stdout_to_stderr
 
 app = typer.Typer()
 
@@ -21,11 +21,11 @@ def validate(
     variants: Variants = None,
     as_json: AsJson = False,
 ) -> None:
-    """List all faults of the looks of a file, in every variant that is not given; exit code 1 if there are errors."""
+    """List all faults of the looks in a file, in all variants that --variants leaves open; exit code 1 for errors."""
     from lookdev.material.validate.examine import examine
     from lookdev.material.variants import parse_variants
 
-    with nothing_printed():
+    with stdout_to_stderr():
         report = examine(file, prim, parse_variants(variants or ()))
     if as_json:
         say_json(report.data())

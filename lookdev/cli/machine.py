@@ -1,4 +1,4 @@
-"""The verb about this machine: doctor."""
+"""The verb that checks this machine: doctor."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from lookdev.cli.options import LookFile, Prim, say
 
 
 class _ListByDefault(TyperGroup):
-    """``lookdev materials`` alone, or with options of ``list``, lists."""
+    """A group of verbs whose default verb is ``list``: without a verb, its options are those of ``list``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if not args or (args[0].startswith("-") and args[0] != "--help"):
@@ -26,7 +26,7 @@ app = typer.Typer(cls=_ListByDefault, help="List the library of presets, or edit
 
 
 class LayerMode(StrEnum):
-    """How a layer meets those beneath."""
+    """How a layer combines with the layers beneath."""
 
     over = "over"
     transmit = "transmit"
@@ -39,7 +39,7 @@ Folder = Annotated[
     typer.Option(
         "--library",
         metavar="DIR",
-        help="A folder of presets; default: $LOOKDEV_LIBRARY, else those in materials here and of the program.",
+        help="A folder of presets; default: $LOOKDEV_LIBRARY, else ./materials and the presets of the program.",
         show_default=False,
     ),
 ]
@@ -49,7 +49,7 @@ Inputs = Annotated[
     typer.Option(
         "--input",
         metavar="NAME=SOURCE",
-        help="What a name in an expression is: a number, IMAGE[:CHANNEL], primvar:NAME or uv:NAME. Repeatable.",
+        help="The source of a name in an expression: a number, IMAGE[:CHANNEL], primvar:NAME or uv:NAME. Repeatable.",
         show_default=False,
     ),
 ]
@@ -68,16 +68,16 @@ def list_presets(
     """List the presets of the library; the default of 'lookdev materials'."""
     from lookdev.material.library import library_folders, library_text, read_library
 
-    found = read_library(library_folders(library), category)
-    for fault in found.faults:
+    presets = read_library(library_folders(library), category)
+    for fault in presets.faults:
         say(f"note: {fault}", err=True)
-    say(library_text(found))
+    say(library_text(presets))
     if sheet is not None:
         from lookdev.inspect.thumbnails import write_library_sheet
         from lookdev.run.progress import show_progress
 
         with show_progress(sys.stdout) as report:
-            result = write_library_sheet(found.presets, sheet, report)
+            result = write_library_sheet(presets.presets, sheet, report)
         say(result.summary(), err=result.exit_code != 0)
         raise typer.Exit(result.exit_code)
 
@@ -95,9 +95,9 @@ def new(
     from lookdev.material.library import find_preset
     from lookdev.material.library.edit import new_look
 
-    found = find_preset(preset, library)
-    path = new_look(look, found, name)
-    say(f"{look}: {path} is {found.name}")
+    library_preset = find_preset(preset, library)
+    path = new_look(look, library_preset, name)
+    say(f"{look}: {path} is {library_preset.name}")
 
 
 @app.command()
@@ -106,23 +106,25 @@ def add(
     preset: PresetName,
     mask: Annotated[str, typer.Option("--mask", help=MASK_HELP)] = "1",
     inputs: Inputs = None,
-    mode: Annotated[LayerMode, typer.Option("--mode", help="How it meets the layers beneath.")] = LayerMode.over,
+    mode: Annotated[
+        LayerMode, typer.Option("--mode", help="How the layer combines with the layers beneath.")
+    ] = LayerMode.over,
     prim: Prim = None,
     library: Folder = None,
 ) -> None:
-    """Lay a preset, by reference, over the layers of a look."""
+    """Add a preset, by reference, as the top layer of a look."""
     from lookdev.material.library import find_preset
     from lookdev.material.library.edit import add_layer
     from lookdev.material.library.masks import parse_mask
 
-    found = find_preset(preset, library)
-    number, name = add_layer(look, found, parse_mask(mask, inputs or ()), mode.value, prim)
+    library_preset = find_preset(preset, library)
+    number, name = add_layer(look, library_preset, parse_mask(mask, inputs or ()), mode.value, prim)
     say(f"{look}: layer {number} is {name}")
 
 
 @app.command()
 def remove(look: LookFile, layer: LayerName, prim: Prim = None) -> None:
-    """Take a layer, and what only it used, out of a look."""
+    """Remove a layer, and the prims that only this layer uses, from a look."""
     from lookdev.material.library.edit import remove_layer
 
     number, name, gone = remove_layer(look, layer, prim)

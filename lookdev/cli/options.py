@@ -19,7 +19,7 @@ JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML
 LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
 Prim = Annotated[
     str | None,
-    typer.Option("--prim", metavar="PATH", help="The material, where the file has several.", show_default=False),
+    typer.Option("--prim", metavar="PATH", help="The material, if the file has several.", show_default=False),
 ]
 Variants = Annotated[
     list[str] | None,
@@ -34,12 +34,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document in
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print text, in which nothing that a file or a path contains controls the terminal: what all verbs print by."""
+    """Print text without characters that control the terminal, which files and paths may contain; all verbs use it."""
     typer.echo(printable(text), err=err)
 
 
 def say_json(data: object) -> None:
-    """Print a JSON document; numbers that JSON lacks, NaN and infinity, are null."""
+    """Print a JSON document; NaN and infinity, which JSON lacks, become null."""
     say(json.dumps(_finite(data), indent=2, allow_nan=False))
 
 
@@ -52,13 +52,13 @@ def _finite(data: Any) -> Any:
 
 
 @contextmanager
-def nothing_printed() -> Iterator[None]:
-    """Turn what libraries print to stdout, before the answer of a verb, to stderr."""
+def stdout_to_stderr() -> Iterator[None]:
+    """Redirect stdout to stderr inside the context: the output of libraries is not part of a verb's answer."""
     sys.stdout.flush()
-    kept = os.dup(1)
+    saved_stdout = os.dup(1)
     os.dup2(2, 1)
     try:
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.dup2(saved_stdout, 1)
+        os.close(saved_stdout)

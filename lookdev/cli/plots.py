@@ -15,7 +15,7 @@ from lookdev.errors import LookdevError
 app = typer.Typer()
 _PICTURES = "Pictures"
 
-What = Annotated[
+Subjects = Annotated[
     list[str],
     typer.Argument(
         metavar="WHAT...",
@@ -39,22 +39,24 @@ def plot(
             show_default=False,
         ),
     ],
-    what: What,
+    subjects: Subjects,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="PNG, SVG, PDF, or CSV: the numbers.")],
-    theta: Annotated[float, typer.Option("--theta", help="Degrees of the view, or of the angle that stays.")] = 45.0,
-    phi: Annotated[float, typer.Option("--phi", help="Degrees of phi_d, or of the view's azimuth.")] = 90.0,
-    axis: Annotated[str, typer.Option("--axis", help="Of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
-    scale: Annotated[str, typer.Option("--scale", help="Of values: linear, sqrt or log.")] = "linear",
-    angles: Annotated[str, typer.Option("--angles", help="Of angles: linear or sqrt.")] = "linear",
+    theta: Annotated[
+        float, typer.Option("--theta", help="Polar angle of the view, or the fixed angle, in degrees.")
+    ] = 45.0,
+    phi: Annotated[float, typer.Option("--phi", help="phi_d, or the azimuth of the view, in degrees.")] = 90.0,
+    axis: Annotated[str, typer.Option("--axis", help="Axis of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
+    scale: Annotated[str, typer.Option("--scale", help="Scale of values: linear, sqrt or log.")] = "linear",
+    angles: Annotated[str, typer.Option("--angles", help="Scale of angles: linear or sqrt.")] = "linear",
     limit: Annotated[float, typer.Option("--limit", help="The largest angle, in degrees.")] = 90.0,
-    channels: Annotated[str, typer.Option("--channels", help="Of curves: luminance or rgb.")] = "luminance",
-    exposure: Annotated[float, typer.Option("--exposure", help="Of pictures, in stops.")] = 0.0,
-    chroma: Annotated[bool, typer.Option("--chroma", help="Pictures divided by their largest channel.")] = False,
-    cosine: Annotated[bool, typer.Option("--cosine", help="f times the cosine of the light.")] = False,
-    size: Annotated[int, typer.Option("--size", help="Samples along an axis, or pixels; 0: the kind's own.")] = 0,
+    channels: Annotated[str, typer.Option("--channels", help="Channels of curves: luminance or rgb.")] = "luminance",
+    exposure: Annotated[float, typer.Option("--exposure", help="Exposure of pictures, in stops.")] = 0.0,
+    chroma: Annotated[bool, typer.Option("--chroma", help="Divide pictures by their largest channel.")] = False,
+    cosine: Annotated[bool, typer.Option("--cosine", help="Plot f times the cosine of the light.")] = False,
+    size: Annotated[int, typer.Option("--size", help="Samples along an axis, or pixels; 0: the kind's default.")] = 0,
     library: Library = None,
 ) -> None:
-    """Plot reflectance: models, presets, looks and measured data, over one another."""
+    """Plot reflectance: models, presets, looks and measured data, in one plot."""
     from lookdev.plotting import Options, draw, kind_named, read_subject
     from lookdev.plotting.figure import checked_suffix
 
@@ -64,20 +66,20 @@ def plot(
     )  # fmt: skip
     kind_named(kind)
     checked_suffix(output)
-    made = draw(kind, [read_subject(each, library) for each in what], options)
-    made.write(output)
-    for note in made.notes:
+    figure = draw(kind, [read_subject(words, library) for words in subjects], options)
+    figure.write(output)
+    for note in figure.notes:
         say(note)
     say(f"{output}: {kind}")
 
 
 @app.command(rich_help_panel="Looks")
 def fit(
-    what: Annotated[
+    source: Annotated[
         str,
         typer.Argument(
             metavar="DATA|JOB",
-            help="Measured data, or anything else that plot shows; with --picture, the job that shows the scene.",
+            help="Measured data, or any other subject of plot; with --picture, the job of the scene in the picture.",
             show_default=False,
         ),
     ],
@@ -86,7 +88,7 @@ def fit(
         typer.Option(
             "--model",
             metavar="MODEL",
-            help="The model; parameters given with it stay: disney:sheen=0. Default: disney.",
+            help="The model. Parameters after it are fixed: disney:sheen=0. Default: disney.",
             show_default=False,
         ),
     ] = None,
@@ -95,13 +97,13 @@ def fit(
         typer.Option("--only", metavar="NAME", help="Fit this parameter, not all. Repeatable.", show_default=False),
     ] = None,
     loss: Annotated[
-        str | None, typer.Option("--loss", help="Of f cos: log, cbrt or linear. Default: log.", show_default=False)
+        str | None, typer.Option("--loss", help="Loss of f cos: log, cbrt or linear. Default: log.", show_default=False)
     ] = None,
     starts: Annotated[
         int | None,
         typer.Option(
             "--starts",
-            help="How many of the best random starts are followed. Default: 4, of a picture 2.",
+            help="Number of the best random starts that are optimized. Default: 4; with --picture, 2.",
             show_default=False,
         ),
     ] = None,
@@ -111,7 +113,7 @@ def fit(
             "--output",
             "-o",
             metavar="FILE",
-            help="The difference as a plot; of a picture the page, by default <picture>_fit.html here.",
+            help="A plot of the difference; with --picture, the page, by default <picture>_fit.html in this folder.",
             show_default=False,
         ),
     ] = None,
@@ -120,7 +122,7 @@ def fit(
         typer.Option(
             "--look",
             metavar="FILE",
-            help="The result as a look, USD; of a picture by default <picture>_fitted.usda here.",
+            help="The result as a look, USD; with --picture, by default <picture>_fitted.usda in this folder.",
             show_default=False,
         ),
     ] = None,
@@ -131,7 +133,7 @@ def fit(
         typer.Option(
             "--picture",
             metavar="PHOTO.exr",
-            help="Find the parameters of a look of JOB in this picture of it, by derivatives of renders.",
+            help="Fit the parameters of a look of JOB to this picture of it, by derivatives of renders.",
             rich_help_panel=_PICTURES,
             show_default=False,
         ),
@@ -141,7 +143,7 @@ def fit(
         typer.Option(
             "--parameters",
             metavar="NAMES",
-            help="Which, separated by commas: roughness,Flakes.mask,sheen=0..0.3, with bounds of its own.",
+            help="The parameters to fit, separated by commas, some with bounds: roughness,Flakes.mask,sheen=0..0.3.",
             rich_help_panel=_PICTURES,
             show_default=False,
         ),
@@ -151,7 +153,7 @@ def fit(
         typer.Option(
             "--frame",
             metavar="NAME",
-            help="The frame that the picture is, as gold/city/element.0001, or its beginning; default: the first.",
+            help="The frame in the picture, or the start of its name: gold/city/element.0001; default: the first.",
             rich_help_panel=_PICTURES,
             show_default=False,
         ),
@@ -161,20 +163,20 @@ def fit(
         typer.Option(
             "--mask",
             metavar="FILE",
-            help="An image of the picture's size: by its last channel pixels count.",
+            help="An image of the picture's size; its last channel is the weight of each pixel.",
             rich_help_panel=_PICTURES,
             show_default=False,
         ),
     ] = None,
     exposure: Annotated[
-        bool, typer.Option("--exposure", help="Find the picture's exposure, too.", rich_help_panel=_PICTURES)
+        bool, typer.Option("--exposure", help="Fit the picture's exposure, too.", rich_help_panel=_PICTURES)
     ] = False,
     pixels: Annotated[
         int,
         typer.Option(
             "--pixels",
             min=256,
-            help="Blocks of the picture's pixels are one pixel, as long as so many are left.",
+            help="Average blocks of the picture's pixels, as long as at least this number of pixels is left.",
             rich_help_panel=_PICTURES,
         ),
     ] = 4096,
@@ -184,7 +186,7 @@ def fit(
             "--samples",
             min=8,
             max=4096,
-            help="Of a pixel in each half of the finest renders; a power of two.",
+            help="Samples of a pixel in each half of the finest renders; a power of two.",
             rich_help_panel=_PICTURES,
         ),
     ] = 256,
@@ -192,14 +194,14 @@ def fit(
         bool, typer.Option("--force", help="Replace files that exist.", rich_help_panel=_PICTURES)
     ] = False,
 ) -> None:
-    """Fit parameters: of a model to measured data, a look or another model; of a look to a picture."""
+    """Fit the parameters of a model to measured data, a look or another model; or those of a look to a picture."""
     of_data = {"--model": model, "--only": only, "--loss": loss, "--library": library}
     of_pictures = {"--parameters": parameters, "--frame": frame, "--mask": mask, "--exposure": exposure}
     for name, value in (of_data if picture else of_pictures).items():
         if value:
             raise LookdevError(f"{name} has no meaning {'with' if picture else 'without'} --picture")
     if picture is None:
-        _fit_data(what, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
+        _fit_data(source, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
         return
     from lookdev.fitting.picture import Settings
     from lookdev.fitting.picture.fit import Wish, fit_picture
@@ -209,25 +211,25 @@ def fit(
         raise LookdevError(f"--samples {samples}: a power of two would be right")
     if starts is not None and not 1 <= starts <= Settings.tried:
         raise LookdevError(f"--starts {starts}: 1 to {Settings.tried} would be right")
-    wish = Wish(
-        picture, Path(what), tuple(each for each in parameters.split(",") if each.strip()), frame,
+    request = Wish(
+        picture, Path(source), tuple(name for name in parameters.split(",") if name.strip()), frame,
         look or Path(f"{picture.stem}_fitted.usda"), output or Path(f"{picture.stem}_fit.html"), mask, exposure,
         look_named=look is not None, force=force, pixels=pixels,
         settings=Settings(followed=starts or Settings.followed, finest=samples),
     )  # fmt: skip
     with show_fit(sys.stderr) as report:
-        made = fit_picture(wish, report)
-    for note in made.notes:
+        fit_result = fit_picture(request, report)
+    for note in fit_result.notes:
         say(f"note: {note}", err=True)
     if as_json:
-        say_json(made.data())
+        say_json(fit_result.data())
     else:
-        say(made.text())
-    raise typer.Exit(130 if made.found.interrupted else 0)
+        say(fit_result.text())
+    raise typer.Exit(130 if fit_result.found.interrupted else 0)
 
 
 def _fit_data(
-    what: str,
+    source: str,
     model: str,
     only: Sequence[str],
     loss: str,
@@ -237,7 +239,7 @@ def _fit_data(
     as_json: bool,
     library: Path | None,
 ) -> None:
-    from lookdev.fitting import fit as fitted
+    from lookdev.fitting import fit as fit_model
     from lookdev.fitting import fit_text
     from lookdev.material.library.edit import model_look
     from lookdev.plotting import draw, read_subject
@@ -246,13 +248,13 @@ def _fit_data(
 
     if output is not None:
         checked_suffix(output)
-    data = read_subject(what, library)
-    found = fitted(data, *read_model(model), wanted=only, loss=loss, starts=4 if starts is None else starts)
+    data = read_subject(source, library)
+    result = fit_model(data, *read_model(model), wanted=only, loss=loss, starts=4 if starts is None else starts)
     if as_json:
-        say_json(found.data())
+        say_json(result.data())
     else:
-        say(fit_text(found))
+        say(fit_text(result))
     if output is not None:
-        draw("difference", [data, found.subject]).write(output)
+        draw("difference", [data, result.subject]).write(output)
     if look is not None:
-        model_look(look, found.model, found.values)
+        model_look(look, result.model, result.values)

@@ -1,4 +1,4 @@
-"""The verbs of what is, or was, rendered: review, manifest, status."""
+"""The verbs of a job's output: review, manifest, status."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def review(
     ] = None,
     view: Annotated[
         str | None,
-        typer.Option("--view", metavar="VIEW", help="The OCIO view; default: as pictures have it.", show_default=False),
+        typer.Option("--view", metavar="VIEW", help="The OCIO view; default: the pictures' own.", show_default=False),
     ] = None,
 ) -> None:  # fmt: skip
-    """Write a page that shows turntables, compares looks and versions, and opens without server or network."""
+    """Write a page that shows turntables and compares looks and versions; it needs no server and no network."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -48,7 +48,7 @@ def review(
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("frames", total=None)
         page, written, notes = review(
-            out, against, to, view, lambda done, of: progress.update(task, completed=done, total=of)
+            out, against, to, view, lambda done, total: progress.update(task, completed=done, total=total)
         )
     for note in notes:
         say(f"note: {note}", err=True)
@@ -59,21 +59,21 @@ def review(
 def manifest(
     out: OutputFolder,
     check: Annotated[
-        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 where one differs.")
+        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 if one differs.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what an output consists of and was made of, by the manifest that 'render' wrote."""
+    """Show the files of an output and the inputs of its render, from the manifest that 'render' wrote."""
     from lookdev.output.manifest import read_manifest
     from lookdev.run.manifest import manifest_text, verify
 
-    listed, found = verify(out) if check else (read_manifest(out), None)
+    listed, deviations = verify(out) if check else (read_manifest(out), None)
     if as_json:
-        wrong = [{"file": str(each.file), "kind": each.kind, "state": each.state} for each in found or ()]
-        say_json({**listed, "deviations": wrong} if check else listed)
+        rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
+        say_json({**listed, "deviations": rows} if check else listed)
     else:
-        say(manifest_text(out, listed, found))
-    raise typer.Exit(1 if any(each.fails for each in found or ()) else 0)
+        say(manifest_text(out, listed, deviations))
+    raise typer.Exit(1 if any(row.fails for row in deviations or ()) else 0)
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -84,23 +84,23 @@ def status(
         typer.Option(
             "--metrics",
             metavar="FILE",
-            help="Write it to a file, too, in the text format of Prometheus, as its node exporter collects them.",
+            help="Also write the status to a file, in the text format of Prometheus that its node exporter collects.",
             show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show how far a job is: frames done and failed, which runs are at work, which stand still, the time left."""
+    """Show the progress of a job: frames done and failed, runs that work, runs that have stalled, the time left."""
     from lookdev.cache import atomic_path
     from lookdev.errors import OutputError
     from lookdev.run.status import read_status, status_data, status_metrics, status_text
 
-    found = read_status(out.absolute())
+    job_status = read_status(out.absolute())
     if metrics is not None:
-        text = status_metrics(found)
+        metrics_text = status_metrics(job_status)
         try:
             with atomic_path(metrics) as temporary:
-                temporary.write_text(text)
+                temporary.write_text(metrics_text)
         except OSError as error:
             raise OutputError(f"{metrics}: cannot be written: {error.strerror}") from error
-    say_json(status_data(found)) if as_json else say(status_text(found))
+    say_json(status_data(job_status)) if as_json else say(status_text(job_status))

@@ -20,9 +20,9 @@ _PANEL = "Looks"
 
 @app.command(rich_help_panel=_PANEL)
 def explore(
-    what: Annotated[
+    subjects: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[WHAT]...", help="What the page shows first; as for plot.", show_default=False),
+        typer.Argument(metavar="[WHAT]...", help="The first surfaces, in the words of plot.", show_default=False),
     ] = None,
     root: Annotated[
         list[Path] | None,
@@ -46,19 +46,19 @@ def explore(
     library: Library = None,
 ) -> None:  # fmt: skip
     """Explore reflectance in the browser: sliders, plots, lobes and spheres, side by side."""
-    from lookdev.studio import Address, checked_packages
+    from lookdev.studio import Address, require_packages
 
-    checked_packages()
+    require_packages()
     from lookdev.studio.explorer.run import explore as run
 
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
-    run(what or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
-    _end()
+    run(subjects or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
+    _exit_at_once()
 
 
 @app.command(rich_help_panel=_PANEL)
 def design(
-    what: Annotated[
+    source: Annotated[
         str,
         typer.Argument(
             metavar="JOB|ASSET", help="A job (.toml), an asset (.usd), or a built-in asset.", show_default=False
@@ -69,7 +69,7 @@ def design(
         typer.Option(
             "--material",
             metavar="LOOK",
-            help="What the whole asset wears; default: its own materials.",
+            help="The look of the whole asset; default: the materials that it binds.",
             show_default=False,
         ),
     ] = None,
@@ -91,20 +91,20 @@ def design(
     ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
-    """Design looks in the browser: their parameters live on the turning asset, and saved as USD."""
-    from lookdev.studio import Address, checked_packages
+    """Design looks in the browser: edit parameters live on the turning asset, and save them as USD."""
+    from lookdev.studio import Address, require_packages
 
-    checked_packages()
+    require_packages()
     from lookdev.studio.designer.run import design as run
 
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
-    run(what, material, Address(host, port, tuple(name or ())), browser=browser, say=say)
-    _end()
+    run(source, material, Address(host, port, tuple(name or ())), browser=browser, say=say)
+    _exit_at_once()
 
 
-def _end() -> NoReturn:
-    # Everything is closed and removed. Python's own end would wait for a computation in a thread, which cannot be
-    # stopped, and then for the libraries'; whoever ends a server waits for neither.
+def _exit_at_once() -> NoReturn:
+    # Everything is closed and removed. A normal exit of Python would wait for a computation in a thread, which cannot
+    # be stopped, and then for the threads of libraries. The user who ends a server need not wait for either.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)

@@ -12,19 +12,19 @@ from lookdev.cli.options import say
 app = typer.Typer(help="Keep a render worker from run to run, for 'lookdev render --executor warm:SOCKET'.")
 
 Socket = Annotated[
-    Path, typer.Argument(metavar="SOCKET", help="Where it is reached: a path on a local disk.", show_default=False)
+    Path, typer.Argument(metavar="SOCKET", help="The path of its socket, on a local disk.", show_default=False)
 ]
 
 
 @app.command()
 def start(
     socket: Socket,
-    backend: Annotated[str, typer.Option("--backend", metavar="NAME", help="That of the jobs.")] = "exact",
+    backend: Annotated[str, typer.Option("--backend", metavar="NAME", help="The backend of the jobs.")] = "exact",
     idle: Annotated[
-        int, typer.Option("--idle", metavar="SECONDS", min=1, help="Seconds without a run after which it ends.")
+        int, typer.Option("--idle", metavar="SECONDS", min=1, help="End the worker after this time without a run.")
     ] = 900,
 ) -> None:
-    """Start a worker that stays, with what it has compiled, until 'lookdev warm stop'."""
+    """Start a worker that keeps its compiled shaders from run to run, until 'lookdev warm stop'."""
     from lookdev.rendering.executors.warm import start as start_at
 
     start_at(socket, backend, idle)
@@ -33,7 +33,7 @@ def start(
 
 @app.command()
 def stop(socket: Socket) -> None:
-    """End the worker that is kept at a socket."""
+    """End the worker at a socket."""
     from lookdev.rendering.executors.warm import stop as stop_at
 
     say(f"the worker at {socket} has ended" if stop_at(socket) else f"no worker is kept at {socket}")

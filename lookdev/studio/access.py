@@ -1,7 +1,7 @@
-"""Who may talk to the server: requests for its own names, from its own pages, of bounded size.
+"""Access control: the server accepts requests for its own names, from its own pages, of bounded size.
 
 A page of another site can send requests to a local server, and can make its own name resolve to this machine ("DNS
-rebinding"). Both are seen by the headers: `Host` is the name that the browser was given, `Origin` the site whose page
+rebinding"). The headers reveal both: `Host` is the name in the browser's address, and `Origin` is the site whose page
 sends the request.
 """
 
@@ -19,7 +19,7 @@ from lookdev.errors import shortened
 log = logging.getLogger("lookdev.studio")
 
 LONGEST_BODY = 1 << 16
-"""Bytes of a request's body, but of an upload, which has a limit of its own."""
+"""Largest body of a request, in bytes; uploads have a limit of their own."""
 
 _HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -32,14 +32,14 @@ _HEADERS = {
 
 
 def authorities(names: Iterable[str], port: int) -> frozenset[str]:
-    """Return what `Host` is for names of the server, which it has at a port; an IPv6 address gets its brackets."""
+    """Return the values of `Host` that name the server at a port; IPv6 addresses are in brackets."""
     hosts = [f"[{name}]" if ":" in name else name.lower() for name in names]
-    # Port 80 is not in the header.
+    # Browsers leave port 80 out of the header.
     return frozenset(f"{host}:{port}" for host in hosts) | (frozenset(hosts) if port == 80 else frozenset())
 
 
-class Guarded:
-    """An application behind checks of `Host`, `Origin` and the size of bodies; refusals are logged."""
+class RequestGuard:
+    """An ASGI application that checks `Host`, `Origin` and the size of bodies before `app`, and logs refusals."""
 
     def __init__(self, app: ASGIApp, allowed: frozenset[str], uploads: Iterable[str] = ()) -> None:
         self._app = app
@@ -51,31 +51,31 @@ class Guarded:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        if problem := self._problem(scope, headers):
+        if problem := self._refusal(scope, headers):
             log.warning("refused %s: %s", shortened(scope["path"], 80), problem)
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008, "reason": problem[:100]})
             else:
                 await PlainTextResponse(f"refused: {problem}\n", 403)(scope, receive, send)
             return
-        await self._app(scope, self._bounded(scope, receive), _with_headers(send))
+        await self._app(scope, self._limit_body(scope, receive), _add_headers(send))
 
-    def _problem(self, scope: Scope, headers: Headers) -> str:
+    def _refusal(self, scope: Scope, headers: Headers) -> str:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0].lower() not in self._allowed:
             return f"Host {shortened(', '.join(hosts) or 'missing', 80)} is not this server"
         origins = headers.getlist("origin")
-        if any(origin.lower() not in {f"http://{each}" for each in self._allowed} for origin in origins):
+        if any(origin.lower() not in {f"http://{authority}" for authority in self._allowed} for origin in origins):
             return f"Origin {shortened(', '.join(origins), 80)} is not this server"
-        # Browsers send it with every websocket and every POST: what sends none is no page.
+        # Browsers send Origin with every websocket and every POST: a request without it is not from a page.
         return ""
 
-    def _bounded(self, scope: Scope, receive: Receive) -> Receive:
+    def _limit_body(self, scope: Scope, receive: Receive) -> Receive:
         if scope["type"] != "http" or scope["path"] in self._uploads:
             return receive
         size = 0
 
-        async def bounded() -> Message:
+        async def receive_limited() -> Message:
             nonlocal size
             message = await receive()
             size += len(message.get("body", b""))
@@ -84,15 +84,15 @@ class Guarded:
                 return {"type": "http.disconnect"}
             return message
 
-        return bounded
+        return receive_limited
 
 
-def _with_headers(send: Send) -> Send:
-    async def sending(message: Message) -> None:
+def _add_headers(send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
-            known = {name.lower() for name, _ in message.get("headers", [])}
-            extra = [(k.encode(), v.encode()) for k, v in _HEADERS.items() if k.encode() not in known]
+            present = {name.lower() for name, _ in message.get("headers", [])}
+            extra = [(k.encode(), v.encode()) for k, v in _HEADERS.items() if k.encode() not in present]
             message = {**message, "headers": [*message.get("headers", []), *extra]}
         await send(message)
 
-    return sending
+    return send_with_headers

@@ -1,4 +1,4 @@
-"""Numbers for a page: a header in JSON and arrays of float32, in one binary message."""
+"""Binary messages for a page: a header in JSON, followed by arrays of float32."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 def packet(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return the length of the header as uint32, the header, padded to 4 bytes, and the arrays, all little-endian.
+    """Return a message of a header and arrays, little-endian.
 
-    ``arrays`` of the header has their names and shapes. Numbers beyond float32 become its largest.
+    The message is the length of the header as uint32, the header, padded to 4 bytes, and the arrays. ``arrays`` in the
+    header lists their names and shapes. Numbers beyond the range of float32 become its largest number.
     """
-    shapes = [[name, list(np.shape(each))] for name, each in arrays.items()]
-    text = json.dumps({**header, "arrays": shapes}, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    parts: list[Any] = [len(text).to_bytes(4, "little"), text]
-    for each in arrays.values():
+    shapes = [[name, list(np.shape(values))] for name, values in arrays.items()]
+    header_bytes = json.dumps({**header, "arrays": shapes}, separators=(",", ":")).encode()
+    header_bytes += b" " * (-len(header_bytes) % 4)
+    parts: list[Any] = [len(header_bytes).to_bytes(4, "little"), header_bytes]
+    for values in arrays.values():
         with np.errstate(over="ignore"):
-            array = np.ascontiguousarray(each, "<f4")
+            array = np.ascontiguousarray(values, "<f4")
         if not np.isfinite(array).all():
             array = np.clip(array, -_LARGEST, _LARGEST).astype("<f4")
         parts.append(array.data)

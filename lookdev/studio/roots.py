@@ -1,4 +1,4 @@
-"""The files that a page may have read: those in folders and of names that the server was started with, and uploads."""
+"""The files that a page may read: files and folders of the server's command line, and uploads."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from lookdev.errors import LookdevError, ModelError, shortened
 
 UPLOADS = "uploads"
 LARGEST_UPLOAD = 64 << 20
-"""Bytes of an uploaded file; a MERL binary has 33 MiB."""
+"""Largest size of an upload, in bytes; a MERL binary has 33 MiB."""
 MOST_UPLOADED = 512 << 20
-"""Bytes of all uploaded files together."""
+"""Largest size of all uploads together, in bytes."""
 
-_ODD = re.compile(r"[^A-Za-z0-9._-]+")
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 _MOST_LISTED = 500
 
 
 @dataclass
 class Roots:
-    """Files by names that a page uses: ``<root>/<path>`` of a folder, or the name of a single file.
+    """Files by the names that a page uses: ``<root>/<path>`` for a file in a folder, or the name of a single file.
 
-    `uploads` is a folder that the server owns, empty when it starts.
+    `uploads` is a folder of the server, empty at first.
     """
 
     uploads: Path
@@ -38,62 +38,62 @@ class Roots:
         self.named[UPLOADS] = self.uploads
 
     def add(self, path: Path) -> str:
-        """Name a folder or a file, and return the name; raises LookdevError where there is none."""
-        whole = path.absolute()
-        if not whole.exists():
+        """Add a folder or a file, and return its name; raise LookdevError if the path does not exist."""
+        absolute = path.absolute()
+        if not absolute.exists():
             raise LookdevError(f"{path}: no such file or folder")
-        for name, known in self.named.items():
-            if known == whole:
+        for name, root in self.named.items():
+            if root == absolute:
                 return name
-        plain = _ODD.sub("_", whole.name) or "root"
+        plain = _UNSAFE.sub("_", absolute.name) or "root"
         names = [plain, *(f"{number}_{plain}" for number in range(2, 1000))]
-        name = next(each for each in names if each not in self.named)
-        self.named[name] = whole
+        name = next(candidate for candidate in names if candidate not in self.named)
+        self.named[name] = absolute
         return name
 
     def locate(self, name: str) -> Path:
         """Return the file of a name.
 
-        Raises LookdevError where the name is outside of the roots, also by ``..`` or by a link.
+        Raises LookdevError if the file is outside of the roots, also by ``..`` or by a link.
         """
         parts = PurePosixPath(name).parts
-        refused = LookdevError(f"'{shortened(name, 80)}' is not among the files of this server; start it with --root")
+        error = LookdevError(f"'{shortened(name, 80)}' is not among the files of this server; start it with --root")
         if not parts or "\0" in name or parts[0] not in self.named:
-            raise refused
+            raise error
         root = self.named[parts[0]]
-        place = root.joinpath(*parts[1:])
+        file = root.joinpath(*parts[1:])
         try:
-            inside = place.resolve().is_relative_to(root.resolve())
+            inside = file.resolve().is_relative_to(root.resolve())
         except (OSError, RuntimeError):
             inside = False
         if not inside or ".." in parts:
-            raise refused
-        return place
+            raise error
+        return file
 
     def path_words(self, words: str) -> str:
-        """Return words for a command line: with the paths of files in place of names."""
+        """Return the words of a surface for a command line: names of files become paths."""
         for name in sorted(self.named, key=len, reverse=True):
             words = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.named[name]}", words)  # noqa: B023
         return words
 
-    def listed(self, suffixes: Sequence[str]) -> Iterator[str]:
-        """Yield the names of files with some suffixes, at most `_MOST_LISTED` of a root, without hidden ones."""
+    def list_files(self, suffixes: Sequence[str]) -> Iterator[str]:
+        """Yield the names of single files, and of files in folders by `suffixes`, up to `_MOST_LISTED` of a folder."""
         for name, root in self.named.items():
             if root.is_file():
                 yield name
                 continue
             count = 0
             for folder, folders, files in os.walk(root):
-                folders[:] = sorted(each for each in folders if not each.startswith("."))
+                folders[:] = sorted(subfolder for subfolder in folders if not subfolder.startswith("."))
                 for file in sorted(files):
                     if file.lower().endswith(tuple(suffixes)) and not file.startswith(".") and count < _MOST_LISTED:
                         count += 1
                         yield str(PurePosixPath(name, Path(folder, file).relative_to(root).as_posix()))
 
     async def upload(self, name: str, chunks: AsyncIterable[bytes]) -> str:
-        """Keep a file of measured reflectance that a page sends, and return its name.
+        """Store a file of measured reflectance that a page sends, and return its name.
 
-        Raises LookdevError where it is too large, or no such file.
+        Raises LookdevError if it is too large, or is not a file of measured reflectance.
         """
         digest, size = hashlib.sha256(), 0
         with tempfile.NamedTemporaryFile(dir=self.uploads, delete=False) as stream:
@@ -111,15 +111,15 @@ class Roots:
                     stream.write(chunk)
                 stream.flush()
                 self._check(temporary, name)
-                plain = _ODD.sub("_", PurePosixPath(name).name)[-60:] or "upload"
-                kept = f"{digest.hexdigest()[:8]}-{plain}"
-                if not (self.uploads / kept).exists():
+                plain = _UNSAFE.sub("_", PurePosixPath(name).name)[-60:] or "upload"
+                stored_name = f"{digest.hexdigest()[:8]}-{plain}"
+                if not (self.uploads / stored_name).exists():
                     self._size += size
-                temporary.replace(self.uploads / kept)
+                temporary.replace(self.uploads / stored_name)
             except BaseException:
                 temporary.unlink(missing_ok=True)
                 raise
-        return f"{UPLOADS}/{kept}"
+        return f"{UPLOADS}/{stored_name}"
 
     @staticmethod
     def _check(file: Path, name: str) -> None:

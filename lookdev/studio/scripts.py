@@ -9,7 +9,7 @@ from starlette.staticfiles import StaticFiles
 
 
 class Scripts(StaticFiles):
-    """Files of a page, asked for again each time: they are on this machine."""
+    """Static files that a browser requests anew each time; they are on this machine."""
 
     def file_response(self, *args: Any, **kwargs: Any) -> Response:
         response = super().file_response(*args, **kwargs)

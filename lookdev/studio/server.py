@@ -1,4 +1,4 @@
-"""The local server: a socket, an application, and an end at a signal."""
+"""The local server: listen at an address, serve an application, end at a signal."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from starlette.types import ASGIApp
 
 from lookdev.errors import LookdevError
 from lookdev.studio import Address
-from lookdev.studio.access import Guarded, authorities
+from lookdev.studio.access import RequestGuard, authorities
 
 PORT = 8421
-"""The port of a server that is not told another, if it is free."""
+"""The default port, if it is free."""
 
 LONGEST_MESSAGE = 1 << 16
-"""Bytes of a message over a websocket; a longer one closes it, with code 1009."""
+"""Largest message over a websocket, in bytes; a longer one closes the websocket with code 1009."""
 
-_GRACE = 1  # seconds for open connections at the end
+_GRACE = 1  # seconds that open connections have to close at the end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A socket that listens, its URL, and whether it has the port that was wanted."""
+    """A socket that listens, its URL, the values of `Host` that it allows, and whether its port is the one `wanted`."""
 
     socket: socket.socket
     url: str
@@ -43,39 +43,47 @@ class Bound:
 
 
 def bind(address: Address) -> Bound:
-    """Listen at an address; where no port is asked for and the usual one is taken, at one that is free.
+    """Listen at an address; if it has no port and the default port is taken, listen at a free port.
 
-    Raises LookdevError where the address is not of this machine, or the port is taken.
+    Raises LookdevError if the address is not one of this machine, or its port is taken.
     """
-    wanted = PORT if address.port is None else address.port
+    requested_port = PORT if address.port is None else address.port
     try:
-        listening = _listen(address.host, wanted)
+        listener = _listen(address.host, requested_port)
     except OSError as error:
         if address.port is None and error.errno == errno.EADDRINUSE:
-            listening = _listen(address.host, 0)
+            listener = _listen(address.host, 0)
         elif error.errno == errno.EADDRINUSE:
             raise LookdevError(
-                f"port {wanted} is taken by another program; another --port, or none, would be right"
+                f"port {requested_port} is taken by another program; another --port, or none, would be right"
             ) from None
         else:
-            raise LookdevError(f"{address.host}:{wanted}: cannot be listened at: {error.strerror or error}") from None
-    port = listening.getsockname()[1]
+            raise LookdevError(
+                f"{address.host}:{requested_port}: cannot be listened at: {error.strerror or error}"
+            ) from None
+    port = listener.getsockname()[1]
     names = (*_LOCAL, *address.names) if _is_local(address.host) else (address.host, *_LOCAL, *address.names)
-    shown = f"[{address.host}]" if ":" in address.host else address.host
-    return Bound(listening, f"http://{shown}:{port}/", authorities(names, port), wanted, wanted in (port, 0))
+    display_host = f"[{address.host}]" if ":" in address.host else address.host
+    return Bound(
+        listener,
+        f"http://{display_host}:{port}/",
+        authorities(names, port),
+        requested_port,
+        requested_port in (port, 0),
+    )
 
 
 def _listen(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((host, port))
-        listening.listen(64)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(64)
     except BaseException:
-        listening.close()
+        listener.close()
         raise
-    return listening
+    return listener
 
 
 def _is_local(host: str) -> bool:
@@ -93,36 +101,36 @@ def serve_page(
     browser: bool,
     say: Callable[[str], None],
 ) -> None:
-    """Serve the application that `app` makes once the address is listened at, and `say` where; errors as `bind`.
+    """Serve an application at an address as `serve` does; `say` receives the URL, which a `browser` opens.
 
-    Otherwise as `serve`; the user's `browser` is opened at the page.
+    `app` makes the application, after the server has begun to listen. Raises what `bind` raises.
     """
     bound = bind(address)
     if not bound.as_wanted:
         say(f"port {bound.wanted} is taken by another program, so this is another one:")
 
-    def started() -> None:
+    def announce() -> None:
         say(f"{bound.url}  (Ctrl-C ends it)")
         if browser:
             open_browser(bound.url)
 
-    serve(app(), bound, uploads, started)
+    serve(app(), bound, uploads, announce)
 
 
 class _Server(uvicorn.Server):
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave signals to `serve`: uvicorn would raise them again at the end."""
+        """Do not handle signals, since `serve` does: uvicorn would raise them again at the end."""
         yield
 
 
-def serve(app: ASGIApp, bound: Bound, uploads: Sequence[str] = (), started: Callable[[], None] = lambda: None) -> None:
-    """Serve an application until SIGINT or SIGTERM, and call `started` when it answers.
+def serve(app: ASGIApp, bound: Bound, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None) -> None:
+    """Serve an application until SIGINT or SIGTERM, and call `on_start` when it answers.
 
-    These signals are how a server ends, so they raise nothing here. Open connections have a second to close.
+    These signals end a server normally, so they raise nothing here. Open connections have a second to close.
     """
     config = uvicorn.Config(
-        Guarded(app, bound.allowed, uploads),
+        RequestGuard(app, bound.allowed, uploads),
         log_config=None,
         access_log=False,
         server_header=False,
@@ -139,23 +147,23 @@ def serve(app: ASGIApp, bound: Bound, uploads: Sequence[str] = (), started: Call
     async def run() -> None:
         serving = asyncio.create_task(server.serve(sockets=[bound.socket]))
         loop = asyncio.get_running_loop()
-        own = threading.current_thread() is threading.main_thread()
-        for number in _SIGNALS if own else ():
-            loop.add_signal_handler(number, _end, server)
+        in_main_thread = threading.current_thread() is threading.main_thread()
+        for signal_number in _SIGNALS if in_main_thread else ():
+            loop.add_signal_handler(signal_number, _request_exit, server)
         try:
             while not server.started and not serving.done():
                 await asyncio.sleep(0.01)
             if server.started:
-                started()
+                on_start()
             await serving
         finally:
-            for number in _SIGNALS if own else ():
-                loop.remove_signal_handler(number)
+            for signal_number in _SIGNALS if in_main_thread else ():
+                loop.remove_signal_handler(signal_number)
 
     asyncio.run(run())
 
 
-def _end(server: uvicorn.Server) -> None:
+def _request_exit(server: uvicorn.Server) -> None:
     server.should_exit = True
 
 

@@ -1,4 +1,4 @@
-"""The websocket of a page: its messages, and answers that are computed in threads."""
+"""The websocket of a page: it receives messages, computes answers in threads, and sends them."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from lookdev.errors import FaultsError, LookdevError, shortened
 log = logging.getLogger("lookdev.studio")
 
 Answer = bytes | Mapping[str, Any]
-"""A packet of arrays (`lookdev.studio.packets`), or what becomes JSON."""
+"""A packet of arrays (`lookdev.studio.packets`), or a mapping that is sent as JSON."""
 
 
 class Cancelled(LookdevError):
-    """The page no longer wants what is computed."""
+    """The page has cancelled the computation."""
 
 
 @dataclass
 class Ticket:
-    """Something that a page wants, until it is cancelled."""
+    """A computation for a page, which the page can cancel."""
 
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     def check(self) -> None:
-        """Raise Cancelled where it is."""
+        """Raise Cancelled if the ticket is cancelled."""
         if self.cancelled.is_set():
             raise Cancelled("cancelled")
 
 
-class Talk:
-    """A websocket until its page is gone; what was begun for it is cancelled then, the newest ticket by `cancel`."""
+class PageSocket:
+    """The websocket of one page. When the page is gone, its tasks are cancelled, and its newest ticket by `cancel`."""
 
     def __init__(self, socket: WebSocket, cancel: Callable[[Ticket], None]) -> None:
         self._socket = socket
@@ -48,13 +48,13 @@ class Talk:
         self._tasks: set[asyncio.Task[None]] = set()
         self._ticket: Ticket | None = None
 
-    async def serve(self, take: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
-        """Have the text of each message taken; None for one that is bytes."""
+    async def serve(self, handle: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
+        """Call `handle` with the text of each message, or with None for a message of bytes, until the page is gone."""
         try:
             await self._socket.accept()
             with suppress(WebSocketDisconnect, RuntimeError):
                 while (message := await self._socket.receive())["type"] != "websocket.disconnect":
-                    await take(message.get("text"))
+                    await handle(message.get("text"))
         finally:
             self.cancel()
             tasks = tuple(self._tasks)
@@ -62,8 +62,8 @@ class Talk:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def replaced(self) -> Ticket:
-        """Cancel the newest ticket, and return one in its place."""
+    def replace_ticket(self) -> Ticket:
+        """Cancel the newest ticket and return a new one."""
         self.cancel()
         self._ticket = Ticket()
         return self._ticket
@@ -74,27 +74,27 @@ class Talk:
         if ticket is not None:
             self._cancel(ticket)
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do something besides reading messages."""
+    def start_task(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run a coroutine while the websocket reads further messages."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def answer(self, request: Mapping[str, Any], compute: Callable[[], Answer | None], threads: Executor) -> None:
-        """Compute the answer of a request in a thread and send it, or why there is none."""
-        named = {"id": request["id"]}
+        """Compute the answer to a request in a thread and send it; if that fails, send the reason."""
+        reply = {"id": request["id"]}
         answer: Answer | None
         try:
             answer = await asyncio.get_running_loop().run_in_executor(threads, compute)
         except Cancelled:
-            answer = {**named, "cancelled": True}
+            answer = {**reply, "cancelled": True}
         except FaultsError as error:
-            answer = {**named, "error": "; ".join(str(fault) for fault in error.faults)}
+            answer = {**reply, "error": "; ".join(str(fault) for fault in error.faults)}
         except LookdevError as error:
-            answer = {**named, "error": str(error)}
+            answer = {**reply, "error": str(error)}
         except Exception as error:
             log.exception("failed: %s", shortened(json.dumps(request), 400))
-            answer = {**named, "error": f"{type(error).__name__}: {shortened(str(error))}"}
+            answer = {**reply, "error": f"{type(error).__name__}: {shortened(str(error))}"}
         if answer is not None:
             await self.send(answer)
 

@@ -22,23 +22,23 @@ def run_cli(monkeypatch, capsys):
 
     def run_with(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["lookdev", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
+        with pytest.raises(SystemExit) as exit_info:
             run()
-        return (int(left.value.code or 0), *capsys.readouterr())
+        return (int(exit_info.value.code or 0), *capsys.readouterr())
 
     return run_with
 
 
 @pytest.fixture
 def provide(monkeypatch):
-    """Return a function that puts another module in the place of one."""
+    """Return a function that replaces a module by another one with the given members."""
 
-    def put(name: str, **members: object) -> None:
+    def replace_module(name: str, **members: object) -> None:
         module = ModuleType(name)
         vars(module).update(members)
         monkeypatch.setitem(sys.modules, name, module)
 
-    return put
+    return replace_module
 
 
 @pytest.fixture
@@ -58,12 +58,12 @@ def job_file(tmp_path, monkeypatch, provide):
 
 @pytest.fixture
 def plant(provide, job_file):
-    """Return a function that lets the preparation of a job raise an exception."""
+    """Return a function that makes the preparation of a job raise an exception."""
 
     def fail(error: BaseException) -> None:
-        def fails(given: object, ahead: object = None) -> None:
+        def prepare(job: object, ahead: object = None) -> None:
             raise error
 
-        provide("lookdev.plan.prepare", prepare_job=fails, plan_job=fails)
+        provide("lookdev.plan.prepare", prepare_job=prepare, plan_job=prepare)
 
     return fail

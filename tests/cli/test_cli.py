@@ -1,6 +1,6 @@
-"""The command line as a whole: help, exit codes, what becomes of an exception, and what verbs print.
+"""The command line as a whole: help, exit codes, the handling of exceptions, and the output of verbs.
 
-Nothing that they print controls the terminal, and with --json it is one document.
+Output contains no character that controls the terminal, and with --json it is one document.
 """
 
 import errno
@@ -31,9 +31,9 @@ CLOSED = ("<&-", ">&-", "2>&-", "<&- >&-", "<&- >&- 2>&-")
 
 def test_version_and_help(run_cli):
     assert run_cli("--version") == (0, f"lookdev {lookdev.__version__}\n", "")
-    code, shown, _ = run_cli("--help")
+    code, output, _ = run_cli("--help")
     assert code == 0
-    assert all(verb in shown for verb in ("render", "plan", "example", "schema", "eval", "doctor"))
+    assert all(verb in output for verb in ("render", "plan", "example", "schema", "eval", "doctor"))
     code, _, errors = run_cli("rendre")
     assert code == 2
     assert "Did you mean 'render'?" in errors
@@ -144,9 +144,9 @@ def test_a_closed_pipe_ends_quietly():
 def test_doctor(run_cli, monkeypatch, good, code):
     findings = [Finding("Python", "3.11", good=True), Finding("bpy (Blender)", "4.5", good=good)]
     monkeypatch.setattr("lookdev.inspect.doctor.examine", lambda: iter(findings))
-    left, shown, _ = run_cli("doctor")
-    assert left == code
-    assert "bpy (Blender)  4.5" in shown
+    exit_code, output, _ = run_cli("doctor")
+    assert exit_code == code
+    assert "bpy (Blender)  4.5" in output
 
 
 @pytest.mark.parametrize("closed", quick_among([(c,) for c in CLOSED], [("<&- >&- 2>&-",)]))
@@ -170,9 +170,11 @@ def test_a_terminal_without_unicode_is_no_defect():
 def test_nothing_printed_controls_the_terminal(capsys):
     say(f"one{CONTROLS}\ntwo é 日本")
     say(CONTROLS, err=True)
-    shown, errors = capsys.readouterr()
-    assert shown.endswith("\ntwo é 日本\n")
-    assert [(text.replace("\n", "").isprintable(), "\u202e" in text) for text in (shown, errors)] == [(True, False)] * 2
+    output, errors = capsys.readouterr()
+    assert output.endswith("\ntwo é 日本\n")
+    assert [(text.replace("\n", "").isprintable(), "\u202e" in text) for text in (output, errors)] == [
+        (True, False)
+    ] * 2
 
 
 def test_every_verb_prints_by_one_function():
@@ -184,26 +186,26 @@ def test_every_verb_prints_by_one_function():
 
 def test_a_document_has_no_numbers_that_json_lacks(capsys):
     say_json({"size": (1.5, float("nan"), [float("-inf")]), "path": "a\udcff\x1b\u202e", "deep": {"x": float("inf")}})
-    shown = capsys.readouterr().out
-    assert json.loads(shown) == {"size": [1.5, None, [None]], "path": "a\udcff\x1b\u202e", "deep": {"x": None}}
-    assert shown.replace("\n", "").isprintable()
+    output = capsys.readouterr().out
+    assert json.loads(output) == {"size": [1.5, None, [None]], "path": "a\udcff\x1b\u202e", "deep": {"x": None}}
+    assert output.replace("\n", "").isprintable()
 
 
 def test_what_a_library_prints_is_not_in_the_document(provide, capfd):
-    def inspect_file(*given: object, **options: object) -> tuple[SimpleNamespace, None]:
+    def inspect_file(*arguments: object, **options: object) -> tuple[SimpleNamespace, None]:
         os.write(1, b"a warning of a library\n")
         return SimpleNamespace(data=lambda: {"parts": []}), None
 
     provide("lookdev.inspect.assets", inspect_file=inspect_file)
     inspect(Path("a.usda"), as_json=True)
-    shown, errors = capfd.readouterr()
-    assert json.loads(shown) == {"parts": []}
+    output, errors = capfd.readouterr()
+    assert json.loads(output) == {"parts": []}
     assert errors == "a warning of a library\n"
 
 
 @pytest.mark.parametrize("verb", ["inspect", "plan"])
 def test_after_an_error_there_is_no_document(run_cli, tmp_path, verb):
-    code, shown, errors = run_cli(verb, tmp_path / "none\x1b[31m\udcff", "--json")
-    assert (code, shown) == (2, "")
+    code, output, errors = run_cli(verb, tmp_path / "none\x1b[31m\udcff", "--json")
+    assert (code, output) == (2, "")
     assert errors.replace("\n", "").isprintable()
     assert "its path is not UTF-8" in errors

@@ -51,16 +51,18 @@ def test_ctrl_c_leaves_with_130_and_results(bench, fake, tmp_path):
     ("options", "part"), [((), ()), (("--resolution", "32", "--looks", "metal"), ("looks", "resolution"))]
 )
 def test_the_plain_table_is_the_whole(options, part, bench, monkeypatch, tmp_path):
-    run_table = Mock(side_effect=lambda options, *given, **named: Results(options, this_machine(), complete=True))
+    run_table = Mock(
+        side_effect=lambda options, *arguments, **keywords: Results(options, this_machine(), complete=True)
+    )
     monkeypatch.setattr(bench_run, "run_table", run_table)
     document = tmp_path / "bench.md"
     code, _, _ = bench("--table", document, *options, "--out", tmp_path / "out")
     assert code == 0
-    ((chosen, folder, _), named) = run_table.call_args
-    assert named == {"document": document, "restricted": part}
+    ((table_options, folder, _), keywords) = run_table.call_args
+    assert keywords == {"document": document, "restricted": part}
     assert folder == tmp_path / "out"
-    assert chosen.scenes == ("sphere", "shaderball")
-    assert chosen.denoise
+    assert table_options.scenes == ("sphere", "shaderball")
+    assert table_options.denoise
 
 
 def test_every_kind_has_its_option(bench):

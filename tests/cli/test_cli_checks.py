@@ -18,46 +18,46 @@ BAD = Finding("albedo", "gold", False, "far off", {}, ("case 2",))
 
 
 @pytest.fixture
-def found(monkeypatch):
-    """Replace the findings of the checks by those of the test; return the options that arrive."""
-    given: dict[str, Any] = {"findings": [GOOD]}
+def call(monkeypatch):
+    """Replace the checks by a fake that yields the test's findings; return them, and the arguments of the call."""
+    call: dict[str, Any] = {"findings": [GOOD]}
 
     def check_file(file: Path, **options: Any) -> Iterator[Finding]:
-        given.update(file=file, **options)
-        yield from given["findings"]
+        call.update(file=file, **options)
+        yield from call["findings"]
 
     monkeypatch.setattr("lookdev.checks.check.check_file", check_file)
-    return given
+    return call
 
 
-def test_agreement_leaves_with_0(run_cli, found):
+def test_agreement_leaves_with_0(run_cli, call):
     code, output, errors = run_cli("check", "gold.usda")
     assert (code, errors) == (0, "points: gold: agrees\n")
     assert "all 1 checks agree" in output
-    assert found["file"] == Path("gold.usda")
-    assert (found["only"], found["depth"], found["seed"], found["backend"]) == ((), "default", 0, None)
+    assert call["file"] == Path("gold.usda")
+    assert (call["only"], call["depth"], call["seed"], call["backend"]) == ((), "default", 0, None)
 
 
-def test_disagreement_leaves_with_1_and_lists_the_cases(run_cli, found):
-    found["findings"] = [GOOD, BAD]
+def test_disagreement_leaves_with_1_and_lists_the_cases(run_cli, call):
+    call["findings"] = [GOOD, BAD]
     code, output, errors = run_cli("check", "gold.usda")
     assert (code, errors) == (1, "points: gold: agrees\nalbedo: gold: DISAGREES\n")
     words = ("case 2", "case 1", "1 of 2 checks disagree")
     assert [word in output for word in words] == [True, False, True]
 
 
-def test_options_reach_the_checks_and_a_page_is_written(run_cli, found, tmp_path):
+def test_options_reach_the_checks_and_a_page_is_written(run_cli, call, tmp_path):
     page = tmp_path / "report.html"
     options = ("--only", "points, image", "--depth", "quick", "--seed", 7, "--prim", "/Gold", "--variants", "wear=old")
     assert run_cli("check", "gold.usda", *options, "--backend", "nodes-exact", "--html", page)[0] == 0
     expected = {"only": ("points", "image"), "depth": "quick", "seed": 7, "prim": "/Gold", "variants": {"wear": "old"}}
-    assert {**found, **expected, "backend": "nodes-exact"} == found
+    assert {**call, **expected, "backend": "nodes-exact"} == call
     assert "40000 cases" in page.read_text(encoding="utf-8")
 
 
-def test_stress_needs_no_file(run_cli, found, tmp_path):
+def test_stress_needs_no_file(run_cli, call, tmp_path):
     assert run_cli("check", "--stress", "--html", tmp_path / "report.html")[0] == 0
-    assert (found["file"], found["only"]) == (None, ["stability"])
+    assert (call["file"], call["only"]) == (None, ["stability"])
     assert "<title>lookdev check --stress</title>" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

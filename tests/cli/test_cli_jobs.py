@@ -96,10 +96,10 @@ def test_an_example_is_copied_whole_and_once(example, tmp_path):
     copied = copy_example(example.name, tmp_path)
     job = load_job(copied.job)
     assert job.output == tmp_path / "out" / example.name
-    for each in (each for look in job.look for each in (look, *look.assign) if each.material):
-        assert each.material.is_relative_to(tmp_path)
-        variants = {name: choice for name, choice in each.variants.items() if choice != "*"}
-        assert read_look(each.material, each.prim, variants).layers
+    for table in (table for look in job.look for table in (look, *look.assign) if table.material):
+        assert table.material.is_relative_to(tmp_path)
+        variants = {name: choice for name, choice in table.variants.items() if choice != "*"}
+        assert read_look(table.material, table.prim, variants).layers
     layers = [look.layer for look in job.look if look.layer]
     for composition in [Composition(job.asset.usd, layer) for layer in (None, *layers) if job.asset.usd]:
         assert compose(composition).notes == ()

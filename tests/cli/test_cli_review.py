@@ -1,4 +1,4 @@
-"""The verbs of what was rendered: review, manifest."""
+"""The verbs of a job's output: review, manifest."""
 
 import json
 import os

@@ -58,7 +58,7 @@ def test_children_end_with_the_program(tmp_path, work, name):
 
 
 def test_a_signal_during_an_import_waits_for_its_end(tmp_path):
-    """A library in C++ loses the exception: nothing would be tidied up."""
+    """A library in C++ loses the exception of a signal: without the wait, nothing would be tidied up."""
     (tmp_path / "library.py").write_text(
         "import pathlib, time\n"
         "pathlib.Path('child').touch()\n"
@@ -83,7 +83,7 @@ def test_a_signal_during_an_import_waits_for_its_end(tmp_path):
 
 @pytest.mark.cycles
 def test_blender_ends_with_the_program_that_is_killed():
-    """Its input stays open here, whose end would end it too."""
+    """The input of the worker stays open here: its end would end the worker, too."""
     program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-m', 'lookdev.cycles']); time.sleep(60)"
     reader, writer = os.pipe()
     with subprocess.Popen([sys.executable, "-c", program], stdin=reader, stdout=subprocess.PIPE) as process:

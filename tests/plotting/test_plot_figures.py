@@ -47,13 +47,13 @@ DRAWN = [pytest.param(command, marks=() if command in FIRST else pytest.mark.pro
 
 
 def test_all_commands_are_read() -> None:
-    assert all(read(parse(command)["what"]) for command in COMMANDS)
+    assert all(read(parse(command)["subjects"]) for command in COMMANDS)
 
 
 @pytest.mark.parametrize("command", DRAWN)
 def test_a_command_draws_its_figure(command: str, tmp_path: Path) -> None:
     options = parse(command)
-    kind, words, output, _ = (options.pop(name) for name in ("kind", "what", "output", "library"))
+    kind, subjects, output, _ = (options.pop(name) for name in ("kind", "subjects", "output", "library"))
     options["size"] = SIZES.get(kind, 24)
-    draw(kind, read(words), Options(**options)).write(tmp_path / output, dpi=40)
+    draw(kind, read(subjects), Options(**options)).write(tmp_path / output, dpi=40)
     assert (tmp_path / output).stat().st_size > 1000

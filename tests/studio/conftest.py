@@ -1,4 +1,4 @@
-"""Served explorers, and measured data to open."""
+"""Fixtures: a served Explorer, looks, jobs, and a folder of measured data."""
 
 import re
 import shutil
@@ -12,7 +12,7 @@ from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 
 pytest.importorskip("starlette", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
 
-from served import Served, served
+from served import Served, start_server
 from usd_text import job_toml
 
 MATERIALS = Path(__file__).parents[2] / "materials"
@@ -36,7 +36,7 @@ def car_paint() -> Callable[[Path], Path]:
 
 @pytest.fixture(scope="session")
 def white_job() -> Callable[[Path, str, str], Path]:
-    """Return a function that writes a job of an asset and a look of its folder, in light that is the same all around.
+    """Return a function that writes a job of an asset and a look of its folder, in uniform light.
 
     Such light needs no tables, and programs compile in less than half of the time.
     """
@@ -59,7 +59,7 @@ def toy_car() -> str:
 
 @pytest.fixture(scope="session")
 def roots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a measurement and, beside it, a secret; an anisotropic one would take four times as long."""
+    """Return a folder with a measurement, isotropic since that is four times as fast, and a secret beside it."""
     folder = tmp_path_factory.mktemp("studio")
     (folder / "secret.dat").write_text("secret")
     root = folder / "scans"
@@ -72,5 +72,5 @@ def roots(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def server(roots: Path) -> Iterator[Served]:
-    with served("--root", str(roots), "disney:roughness=.3") as started:
+    with start_server("--root", str(roots), "disney:roughness=.3") as started:
         yield started

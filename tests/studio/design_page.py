@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from chromium import TIMEOUT, Page
 
-# The page looks at files ten times a second instead of each three seconds. It shows the picture of a mode from the
-# beginning: for that of the viewport alone the server starts no renderer. The page's modules run after this.
+# The page checks files ten times a second instead of every three seconds, and starts in a given mode: in the mode of
+# the viewport, the server starts no renderer. This script runs before the page's modules.
 _FIRST = """
 const every = window.setInterval;
 window.setInterval = (run, ms) => every(run, Math.min(ms, 100));
@@ -34,7 +34,7 @@ const unnamed = () => [...document.querySelectorAll("input, select, button, text
   !each.labels?.length && !each.getAttribute("aria-label") && !each.textContent).map((each) => each.outerHTML);
 """
 
-# Assets in looks, of which docs/designer.md compares pictures.
+# Assets and looks whose pictures docs/designer.md compares.
 CELLS = [
     *(
         (asset, look)
@@ -58,7 +58,7 @@ DRESS = (
 
 
 class DesignPage(Page):
-    """The page, whose canvas is small; in its scripts `answered` waits for the server's answer to all that was done."""
+    """The page with a small canvas; `answered` in its scripts waits until the server has answered all requests."""
 
     helpers = _HELPERS
 

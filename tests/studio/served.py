@@ -1,4 +1,4 @@
-"""An explorer that is served by a process of its own, as a user starts it."""
+"""A page that a process of its own serves, as when a user starts it."""
 
 import http.client
 import json
@@ -23,7 +23,7 @@ STARTED = re.compile(r"(http://\S+)/  \(Ctrl-C")
 
 @dataclass
 class Served:
-    """The process, its URL without the last slash, and what it wrote."""
+    """The server's process, its URL without the last slash, and the lines of its output."""
 
     process: subprocess.Popen[str]
     lines: list[str] = field(default_factory=list)
@@ -38,13 +38,13 @@ class Served:
         return "\n".join(self.lines)
 
     def wait_for(self, text: str) -> None:
-        """Wait until it has written a text, which may come a little after its answer."""
+        """Wait until the server has printed a text, which may follow its answer after a moment."""
         wait_until(lambda: text in self.log, 10.0)
 
     def ask(
         self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
     ) -> tuple[int, bytes, dict[str, str]]:
-        """Send a request, whose `Host` may be another, and return status, body and headers."""
+        """Send a request, and return status, body and headers of the answer; `headers` may replace `Host`."""
         with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)) as connection:
             connection.request(method, path, body, {"Host": f"127.0.0.1:{self.port}", **headers})
             with connection.getresponse() as answer:
@@ -63,31 +63,31 @@ class Served:
 
 
 @contextmanager
-def served(
+def start_server(
     *arguments: str, verb: str = "explore", cwd: Path | None = None, temporary: Path | None = None
 ) -> Iterator[Served]:
-    """Start a room of the page at a free port and wait until it answers."""
+    """Start a server at a free port and wait until it answers."""
     command = [sys.executable, "-u", "-m", "lookdev", verb, "--no-browser", "--port", "0", *arguments]
     environment = os.environ | ({"TMPDIR": str(temporary)} if temporary else {})
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment,
         preexec_fn=end_with_parent,
     )  # fmt: skip
-    found = Served(process)
+    server = Served(process)
 
     def read() -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            found.lines.append(line.rstrip("\n"))
+            server.lines.append(line.rstrip("\n"))
 
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     try:
-        wait_until(lambda: STARTED.search(found.log) or process.poll() is not None, 300.0)
-        started = STARTED.search(found.log)
-        assert started, found.log
-        found.url = started[1]
-        yield found
+        wait_until(lambda: STARTED.search(server.log) or process.poll() is not None, 300.0)
+        started = STARTED.search(server.log)
+        assert started, server.log
+        server.url = started[1]
+        yield server
     finally:
         if process.poll() is None:
             process.kill()
@@ -97,7 +97,7 @@ def served(
 
 
 def descendants(parent: int) -> dict[int, str]:
-    """Return the processes below one, by number, with their command lines."""
+    """Return the descendants of a process, by process id, with their command lines."""
     rows = subprocess.run(["ps", "-ww", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
     listed = {int(pid): (int(above), line) for pid, above, line in (row.split(None, 2) for row in rows.splitlines())}
     family = {parent}

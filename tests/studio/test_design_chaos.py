@@ -1,5 +1,5 @@
-"""The Designer's server, and its browser, are killed at random moments of an edit: what is saved stays, and what is not
-is offered, or is still there. `test_design_exact.py` kills the renderer.
+"""The Designer's server and its browser are killed at random moments of an edit: saved work stays, and unsaved work is
+offered, or still there. `test_design_exact.py` kills the renderer.
 
 ``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes ten to twenty minutes.
 """
@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from chromium import start_browser
 from design_page import DesignPage
-from served import Served, descendants, served
+from served import Served, descendants, start_server
 
 from lookdev.job import load_job
 from lookdev.material import Look
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Script:
-    """Edits that a client sends one after another; each state is numbered by the roughness of the base."""
+    """Edits that a client sends in sequence; the roughness of the base is the number of the state."""
 
     server: Served
     asked: int = 0
@@ -62,7 +62,7 @@ class Script:
                     self.send("/history", redo=False)
                 if self.asked % 11 == 0:
                     self.dressed += 1
-                    # Each fits the part; their number is the state of the job.
+                    # Each pattern fits the part; the number of assigns is the state of the job.
                     prims = [f"/plane{'*' * self.dressed}"]
                     self.send("/wear", part="/plane", prims=prims, material="car_paint.usda")
                     self.worn += 1
@@ -97,7 +97,7 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
         look = tmp_path / "car_paint.usda"
         shutil.copy(ROOT / "materials" / "car_paint.usda", look)
         job.unlink(missing_ok=True)
-        with served("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
+        with start_server("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
             script = Script(server)
             client = threading.Thread(target=script.run)
             client.start()
@@ -111,18 +111,18 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
         document = open_document(None, "plane", look, recovers=True)
         if document.status()["recovery"] is not None:
             offered += 1
-            document.recover(take=True)
-        found = state_of(document.looks[0]) if script.edited or document.unsaved(0) else 0
+            document.recover(restore=True)
+        state = state_of(document.looks[0]) if script.edited or document.is_unsaved(0) else 0
         on_disk_alone = document.status()["job"]["new"] and job.exists()
         worn = assigns_on_disk(job) if on_disk_alone else len(document.job.look[0].assign)
         assert script.worn <= worn <= script.dressed, number
         answered = len(script.edited)
-        assert found <= script.asked, number
-        in_flight += found > answered
-        lost.append(0.0 if found >= answered else killed - script.edited[found])
+        assert state <= script.asked, number
+        in_flight += state > answered
+        lost.append(0.0 if state >= answered else killed - script.edited[state])
         assert lost[-1] <= MOST_LOST, number
         counts += script.counts
-        if document.status()["recovery"] is None and document.unsaved(0):
+        if document.status()["recovery"] is None and document.is_unsaved(0):
             document.save()
         document.close()
     log.info("%d kills, %d offers, %s; edits lost: %d", KILLS, offered, dict(counts), sum(map(bool, lost)))
@@ -132,11 +132,11 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
 
 @pytest.mark.browser
 def test_a_browser_that_is_killed_loses_at_most_two_seconds_of_a_slider_that_is_held(tmp_path: Path) -> None:
-    """The slider moves by a step each tenth of a second, so that its value on the server tells when it was moved."""
+    """The slider moves a step each tenth of a second: its value on the server gives the time of the last move."""
     rng, lost = random.Random(26), []
     shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
     look = Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
-    with served("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
+    with start_server("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
         for number in range(KILLS):
             browser = start_browser()
             page = DesignPage(browser, server.url)

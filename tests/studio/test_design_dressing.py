@@ -1,4 +1,4 @@
-"""What parts wear, edited by the Designer and written into the job."""
+"""Assignments of looks to parts, edited by the Designer and written into the job."""
 
 import difflib
 import os
@@ -44,82 +44,84 @@ def document(job: Path) -> Document:
     return opened
 
 
-def worn(document: Document) -> dict[str, str]:
-    """Return the names of the looks of the shown scene, by part."""
+def looks_of_parts(document: Document) -> dict[str, str]:
+    """Return the names of the looks of the visible scene, by part."""
     return {path: look.name for path, look in document.scene.wears.items()}
 
 
-def covers(document: Document, part: str) -> Any:
+def assignment(document: Document, part: str) -> Any:
     return document.status()["job"]["worn"][part]
 
 
 def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document, job: Path) -> None:
-    before, text = worn(document), job.read_text()
-    assert covers(document, WINDOWS)["variants"] == {"metal": "copper"}
-    assert covers(document, "/Car/Wheels/BackLeft/Tire")["by"] == "asset"
+    before, text = looks_of_parts(document), job.read_text()
+    assert assignment(document, WINDOWS)["variants"] == {"metal": "copper"}
+    assert assignment(document, "/Car/Wheels/BackLeft/Tire")["by"] == "asset"
     plastic = "../materials/frosted_plastic.usda"
-    assert document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": plastic})
-    assert worn(document) == {**before, WINDOWS: "FrostedPlastic"}
-    assert covers(document, WINDOWS) == {
+    assert document.assign_look({"part": WINDOWS, "prims": [WINDOWS], "material": plastic})
+    assert looks_of_parts(document) == {**before, WINDOWS: "FrostedPlastic"}
+    assert assignment(document, WINDOWS) == {
         "paths": [WINDOWS], "by": "assign", "pattern": WINDOWS, "material": plastic, "variants": {},
     }  # fmt: skip
-    assert document.status()["undoes"] == f"{WINDOWS} wears frosted_plastic"
+    assert document.status()["undoes"] == f"assign frosted_plastic to {WINDOWS}"
     assert document.status()["job"]["unsaved"]
     number = [stack["name"] for stack in document.stacks()].index("FrostedPlastic")
     document.edit(Edit(number, 0, "roughness", 0.66))
-    shown = document.scene
+    edited_scene = document.scene
     assert {file.name for file in document.save()} == {"parts.toml", "frosted_plastic.usda"}
     rendered = job_scenes(load_job(job)).scenes["workshop", "courtyard"]
-    saved, expected = ({path: look.layers for path, look in scene.wears.items()} for scene in (rendered, shown))
+    saved, expected = ({path: look.layers for path, look in scene.wears.items()} for scene in (rendered, edited_scene))
     assert saved == expected
-    kept = [line[2:] for line in difflib.ndiff(text.splitlines(), job.read_text().splitlines()) if line[0] == "-"]
-    assert kept == ['prims = ["/Car.collection:trim", "/Car/Body/Windows", "/Car/Wheels/Front*/Tire"]']
+    replaced_lines = [
+        line[2:] for line in difflib.ndiff(text.splitlines(), job.read_text().splitlines()) if line[0] == "-"
+    ]
+    assert replaced_lines == ['prims = ["/Car.collection:trim", "/Car/Body/Windows", "/Car/Wheels/Front*/Tire"]']
     document.undo()
     assert document.undo()
-    assert worn(document) == before
+    assert looks_of_parts(document) == before
     document.save()
     assert job.read_text() == text
     assert document.undo(1)
-    assert worn(document)[WINDOWS] == "FrostedPlastic"
+    assert looks_of_parts(document)[WINDOWS] == "FrostedPlastic"
 
 
 def test_one_of_several_instances_is_dressed(document: Document) -> None:
-    hubs = covers(document, "/Car/Wheels/FrontLeft/Hub")["paths"]
+    hubs = assignment(document, "/Car/Wheels/FrontLeft/Hub")["paths"]
     assert len(hubs) == 4
     paint = "../materials/car_paint.usda"
-    document.wear({"part": hubs[0], "prims": [hubs[3]], "material": paint, "variants": {"wear": "dusty"}})
-    looks = worn(document)
+    document.assign_look({"part": hubs[0], "prims": [hubs[3]], "material": paint, "variants": {"wear": "dusty"}})
+    looks = looks_of_parts(document)
     assert looks["/Car/Wheels/FrontLeft/Hub"] == "BrushedMetal"
     assert looks[hubs[3]] == "CarPaint"
 
 
 def test_everything_else_wears_a_look(document: Document) -> None:
-    document.wear({"part": WINDOWS, "prims": [], "material": "../materials/frosted_plastic.usda"})
-    looks = worn(document)
+    document.assign_look({"part": WINDOWS, "prims": [], "material": "../materials/frosted_plastic.usda"})
+    looks = looks_of_parts(document)
     # The look's own material has the look's name.
     assert looks["/Car/Chimney"] == looks["/Car/Wheels/BackLeft/Tire"] == "workshop"
     assert looks["/Car/Body"] == "CarPaint"
-    assert covers(document, "/Car/Chimney")["by"] == "look"
+    assert assignment(document, "/Car/Chimney")["by"] == "look"
 
 
 def test_a_look_is_made_of_a_preset(document: Document, job: Path) -> None:
-    document.wear({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": "panes.usda"})
-    assert worn(document)[WINDOWS] == "Panes"
-    assert document.place([stack["name"] for stack in document.stacks()].index("Panes"))
+    document.assign_look({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": "panes.usda"})
+    assert looks_of_parts(document)[WINDOWS] == "Panes"
+    assert document.location([stack["name"] for stack in document.stacks()].index("Panes"))
     before = sorted(job.parent.iterdir())
     for name in ("panes.usda", "../panes2.usda", "panes.txt"):
         with pytest.raises(LookdevError):
-            document.wear({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": name})
+            document.assign_look({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": name})
     with pytest.raises(LookdevError, match="fits no part"):
-        document.wear({"part": WINDOWS, "prims": ["/Car/Bdy"], "preset": "red_plastic", "file": "new.usda"})
+        document.assign_look({"part": WINDOWS, "prims": ["/Car/Bdy"], "preset": "red_plastic", "file": "new.usda"})
     assert sorted(job.parent.iterdir()) == before
 
 
 REFUSED = [
-    ({}, "what a part wears has"),
+    ({}, "an assignment has"),
     ({"prims": ["/Car/Bdy"]}, "did you mean"),
-    ({"part": "/Car/Wndows"}, "is no part"),
-    ({"prims": [3]}, "what a part wears has"),
+    ({"part": "/Car/Wndows"}, "is not a part"),
+    ({"prims": [3]}, "an assignment has"),
     ({"material": "../materials/none.usda"}, "no readable file"),
     ({"material": "/etc/passwd"}, "reads looks below"),
     ({"material": "assets/toy_car.usda", "prim": "/Car"}, "Car"),
@@ -129,64 +131,64 @@ REFUSED = [
 
 
 def test_what_cannot_be_worn_is_refused_and_nothing_changes(document: Document) -> None:
-    before = worn(document), document.status()["undoes"]
+    before = looks_of_parts(document), document.status()["undoes"]
     whole = {"part": WINDOWS, "prims": [WINDOWS], "material": "../materials/car_paint.usda"}
     for body, message in REFUSED:
         with pytest.raises(LookdevError, match=message):
-            document.wear(whole | body if body else {})
-        assert (worn(document), document.status()["undoes"]) == before, body
+            document.assign_look(whole | body if body else {})
+        assert (looks_of_parts(document), document.status()["undoes"]) == before, body
 
 
 def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Document, job: Path) -> None:
-    document.wear({"part": "/Car/Body", "take": True})
+    document.assign_look({"part": "/Car/Body", "take": True})
     job.write_text(job.read_text().replace('prims = ["/Car/Body"]', 'prims = ["/Car/Body", "/Car/Chimney"]'))
-    assert document.signs()["changed"] == [str(job)]
+    assert document.revision_status()["changed"] == [str(job)]
     with pytest.raises(ConflictError):
         document.save()
     assert document.reload()
-    assert worn(document)["/Car/Chimney"] == "CarPaint"
+    assert looks_of_parts(document)["/Car/Chimney"] == "CarPaint"
     assert not document.status()["job"]["unsaved"]
     job.write_text("look = 3")
     with pytest.raises(LookdevError, match="look"):
         document.reload()
-    assert worn(document)["/Car/Chimney"] == "CarPaint"
+    assert looks_of_parts(document)["/Car/Chimney"] == "CarPaint"
 
 
 def test_unsaved_dressing_survives_a_crash(job: Path) -> None:
     document = open_document(job, recovers=True)
     document.choose("workshop", "courtyard")
-    document.wear({"part": "/Car/Body", "take": True})
+    document.assign_look({"part": "/Car/Body", "take": True})
     document.close()  # the lock, as the end of a process frees it; the record stays
     again = open_document(job, recovers=True)
     assert again.status()["recovery"]["files"] == [{"file": str(job), "changed": False}]
-    again.recover(take=True)
-    assert again.chosen == ("workshop", "courtyard")
-    assert covers(again, "/Car/Body")["by"] == "asset"
+    again.recover(restore=True)
+    assert again.scene_key == ("workshop", "courtyard")
+    assert assignment(again, "/Car/Body")["by"] == "asset"
 
 
 def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    asset, made = Path("jobs/assets/toy_car.usda"), folder / "toy_car.toml"
+    asset, job_file = Path("jobs/assets/toy_car.usda"), folder / "toy_car.toml"
     document = open_document(asset, recovers=True)
     assert document.status()["job"]["new"]
     assert document.save() == []
-    document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": "materials/frosted_plastic.usda"})
+    document.assign_look({"part": WINDOWS, "prims": [WINDOWS], "material": "materials/frosted_plastic.usda"})
     document.close()
-    assert not made.exists()
+    assert not job_file.exists()
     again = open_document(asset, recovers=True)
-    again.recover(take=True)
-    assert worn(again)[WINDOWS] == "FrostedPlastic"
-    assert again.save() == [made]
+    again.recover(restore=True)
+    assert looks_of_parts(again)[WINDOWS] == "FrostedPlastic"
+    assert again.save() == [job_file]
     assert not again.status()["job"]["new"]
-    assert f'usd = "{os.path.relpath(asset)}"' in made.read_text()
-    assert job_scenes(load_job(made)).scenes["own", "courtyard"].wears[WINDOWS].name == "FrostedPlastic"
+    assert f'usd = "{os.path.relpath(asset)}"' in job_file.read_text()
+    assert job_scenes(load_job(job_file)).scenes["own", "courtyard"].wears[WINDOWS].name == "FrostedPlastic"
     assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
-    again.wear({"part": WINDOWS, "take": True})
+    again.assign_look({"part": WINDOWS, "take": True})
     again.close()
     third = open_document(asset, recovers=True)
-    assert third.recover(take=True)
-    assert worn(third)[WINDOWS] != "FrostedPlastic"
-    assert third.save() == [made]
+    assert third.recover(restore=True)
+    assert looks_of_parts(third)[WINDOWS] != "FrostedPlastic"
+    assert third.save() == [job_file]
 
 
 def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path) -> None:
@@ -196,8 +198,8 @@ def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path
     assert "courtyard" not in document.choices["shipped"]
     document.choose("workshop", "three_point")
     assert len(document.scene.lights) > 1
-    document.wear({"part": "/Car/Body", "take": True})
-    assert document.chosen == ("workshop", "three_point")
+    document.assign_look({"part": "/Car/Body", "take": True})
+    assert document.scene_key == ("workshop", "three_point")
     assert document.job.rigs[-1].name == "three_point"
     document.save()
     assert "three_point" not in job.read_text() != text
@@ -207,23 +209,23 @@ def test_looks_that_cannot_be_edited_say_why(job: Path) -> None:
     document = open_document(job)
     assert "translated from preview_surface" in document.stacks()[0]["locked"]
     with pytest.raises(LookdevError, match="cannot be edited here"):
-        document.arrange(0, {"op": "add", "preset": "rust"})
+        document.edit_stack(0, {"op": "add", "preset": "rust"})
 
 
 def test_what_can_be_worn_is_listed(document: Document) -> None:
-    found = document.wearables()
-    assert {"material": "../materials/car_paint.usda", "prim": None, "variants": {"wear": "dusty"}} in found["job"]
-    assert "../materials/frosted_plastic.usda" in found["files"]
-    assert "parts.toml" not in found["files"]
+    materials = document.list_materials()
+    assert {"material": "../materials/car_paint.usda", "prim": None, "variants": {"wear": "dusty"}} in materials["job"]
+    assert "../materials/frosted_plastic.usda" in materials["files"]
+    assert "parts.toml" not in materials["files"]
 
 
 def test_a_look_that_was_saved_is_edited_in_another_variant(document: Document) -> None:
-    """The job is read anew by a dressing, from what is on disk now."""
+    """An assignment reads the job anew, from its present content."""
     number = [stack["name"] for stack in document.stacks()].index("CarPaint")
     document.edit(Edit(number, 0, "roughness", 0.31))
     document.save()
     paint = "../materials/car_paint.usda"
-    document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": paint, "variants": {"wear": "clean"}})
+    document.assign_look({"part": WINDOWS, "prims": [WINDOWS], "material": paint, "variants": {"wear": "clean"}})
     stacks = [stack for stack in document.stacks() if stack["name"] == "CarPaint"]
     assert [stack["locked"] for stack in stacks] == ["", ""]
     rows = [row for stack in stacks for row in stack["layers"][0]["parameters"] if row["name"] == "roughness"]

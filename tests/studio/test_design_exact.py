@@ -1,4 +1,4 @@
-"""The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that survives edits, and may die.
+"""The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that stays, or is started anew.
 
 And its turntable: a run in the background, with what is not saved, that can be cancelled.
 """
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batch_case import wait_until
-from served import Served, served
+from served import Served, start_server
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.mitsuba
 log = logging.getLogger(__name__)
 ROOT = Path(__file__).parents[2]
 MOST = 0.2
-"""Seconds until a picture that is not wanted any more has ended: the median, on two free cores."""
+"""Largest median time until a cancelled picture ends, in seconds, on two free cores."""
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,12 @@ def job(tmp_path_factory: pytest.TempPathFactory, white_job: Callable[[Path, str
 
 @pytest.fixture(scope="module")
 def server(job: Path) -> Iterator[Served]:
-    with served(str(job), verb="design") as started:
+    with start_server(str(job), verb="design") as started:
         yield started
 
 
-class Talk:
-    """A page's websocket, and the view that it asks for."""
+class ExactSocket:
+    """A page's websocket of exact pictures, and the camera of its view."""
 
     def __init__(self, server: Served, socket: ClientConnection) -> None:
         self.server, self.socket, self.id = server, socket, 0
@@ -53,66 +53,66 @@ class Talk:
 
     def render(self, size: tuple[int, int] = (64, 48), **view: Any) -> None:
         self.id += 1
-        given = {"camera": self.camera, "element": 0, "lighting": 0, "size": size, **view}
-        self.socket.send(json.dumps({"do": "render", "id": self.id, **given}))
+        body = {"camera": self.camera, "element": 0, "lighting": 0, "size": size, **view}
+        self.socket.send(json.dumps({"do": "render", "id": self.id, **body}))
 
     def next(self) -> dict[str, Any]:
         """Return the next message about the newest picture."""
         while True:
             data = self.socket.recv(timeout=60)
-            found = unpacked(data) if isinstance(data, bytes) else json.loads(data)
-            if found.get("id", self.id) == self.id:
-                return found
+            message = unpack(data) if isinstance(data, bytes) else json.loads(data)
+            if message.get("id", self.id) == self.id:
+                return message
 
     def round(self, least: int = 0) -> dict[str, Any]:
-        """Return the next round with so many samples."""
-        while "samples" not in (found := self.next()) or found["samples"] < least:
-            assert "error" not in found, found["error"]
-        return found
+        """Return the next round with `least` samples or more."""
+        while "samples" not in (round_of_picture := self.next()) or round_of_picture["samples"] < least:
+            assert "error" not in round_of_picture, round_of_picture["error"]
+        return round_of_picture
 
     def edit(self, value: float) -> None:
         self.server.json("/edit", look=0, layer=0, parameter="roughness", value=value)
 
     def roughness(self) -> float:
-        """Return what the server has of an edit."""
+        """Return the roughness that the server has."""
         base = self.server.json("/scene")["stacks"][0]["layers"][0]
-        return next(float(each["value"]) for each in base["parameters"] if each["name"] == "roughness")
+        return next(float(row["value"]) for row in base["parameters"] if row["name"] == "roughness")
 
 
-def unpacked(data: bytes) -> dict[str, Any]:
+def unpack(data: bytes) -> dict[str, Any]:
     length = int.from_bytes(data[:4], "little")
-    header, place = json.loads(data[4 : 4 + length]), 4 + length
+    header, offset = json.loads(data[4 : 4 + length]), 4 + length
     for name, shape in header.pop("arrays"):
         count = int(np.prod(shape))
-        header[name] = np.frombuffer(data, "<f4", count, place).reshape(shape)
-        place += 4 * count
+        header[name] = np.frombuffer(data, "<f4", count, offset).reshape(shape)
+        offset += 4 * count
     return header
 
 
 @pytest.fixture
-def talk(server: Served) -> Iterator[Talk]:
+def talk(server: Served) -> Iterator[ExactSocket]:
     with connect(f"ws://127.0.0.1:{server.port}/exact", max_size=None) as socket:
-        yield Talk(server, socket)
+        yield ExactSocket(server, socket)
 
 
-def test_rounds_have_more_samples_and_less_error(talk: Talk) -> None:
+def test_rounds_have_more_samples_and_less_error(talk: ExactSocket) -> None:
     talk.render()
     first, later = talk.round(), talk.round(least=32)
     assert first["beauty"].shape == (24, 32, 3)
     assert later["beauty"].shape == (48, 64, 3)
     assert later["relmse"] < first["relmse"] / 4
     assert later["backend"].startswith("Mitsuba")
-    # What other places of the asset reflect is the rest.
+    # The rest is light that other places of the asset reflect.
     assert (later["beauty"] >= later["direct"] - 1e-6).all()
     assert later["beauty"].sum() > 1.001 * later["direct"].sum()
-    # The mean of halves that are independent: their error is what the estimate says, within its own spread.
+    # The halves are independent: the error of their mean agrees with the estimate, within the spread of the estimate.
     truth = talk.round(least=256)["beauty"]
     error = np.mean((later["beauty"] - truth)[later["alpha"] > 0.0] ** 2 / (truth[later["alpha"] > 0.0] ** 2 + 0.01))
     assert 0.4 < error / later["relmse"] < 2.5
 
 
 @pytest.mark.both_pythons
-def test_an_edit_that_is_not_saved_is_seen_by_the_same_renderer(talk: Talk) -> None:
+def test_an_edit_that_is_not_saved_is_seen_by_the_same_renderer(talk: ExactSocket) -> None:
     talk.edit(0.2)
     talk.render()
     before = talk.round(least=8)
@@ -123,7 +123,7 @@ def test_an_edit_that_is_not_saved_is_seen_by_the_same_renderer(talk: Talk) -> N
     assert np.abs(after["beauty"] - before["beauty"]).mean() > 3.0 * np.sqrt(after["relmse"]) * 0.01
 
 
-def test_turns_and_the_camera_are_those_of_the_page(talk: Talk) -> None:
+def test_turns_and_the_camera_are_those_of_the_page(talk: ExactSocket) -> None:
     def alpha(**view: Any) -> Any:
         talk.render(**view)
         return talk.round(least=8)["alpha"]
@@ -134,7 +134,7 @@ def test_turns_and_the_camera_are_those_of_the_page(talk: Talk) -> None:
     assert 0.2 < far.sum() / front.sum() < 0.3
 
 
-def cancelled(talk: Talk, count: int) -> list[float]:
+def cancel_pictures(talk: ExactSocket, count: int) -> list[float]:
     """Cancel pictures while they are rendered; return the seconds until each had ended."""
     talk.render((640, 480))
     worker, took = talk.round()["worker"], []
@@ -150,19 +150,19 @@ def cancelled(talk: Talk, count: int) -> list[float]:
     return took
 
 
-def test_a_picture_is_cancelled_and_the_renderer_stays(talk: Talk) -> None:
-    assert len(cancelled(talk, 1)) == 1
+def test_a_picture_is_cancelled_and_the_renderer_stays(talk: ExactSocket) -> None:
+    assert len(cancel_pictures(talk, 1)) == 1
 
 
 @pytest.mark.bench
-def test_a_picture_is_cancelled_in_time(talk: Talk) -> None:
-    took = sorted(cancelled(talk, 20))
+def test_a_picture_is_cancelled_in_time(talk: ExactSocket) -> None:
+    took = sorted(cancel_pictures(talk, 20))
     log.info("cancelled after %.3f s, the longest %.3f s; load %.1f", took[10], took[-1], os.getloadavg()[0])
     assert took[10] <= MOST
 
 
 @pytest.mark.bench
-def test_an_edit_is_seen_exactly_in_time(talk: Talk) -> None:
+def test_an_edit_is_seen_exactly_in_time(talk: ExactSocket) -> None:
     talk.render((640, 480))
     talk.round(least=4)
     took = []
@@ -182,7 +182,7 @@ def test_an_edit_is_seen_exactly_in_time(talk: Talk) -> None:
     [pytest.param(2, marks=pytest.mark.proof), pytest.param(50, marks=pytest.mark.chaos)],
     ids=lambda count: f"{count} kills",
 )
-def test_a_renderer_that_is_killed_at_any_moment_is_started_anew(talk: Talk, count: int) -> None:
+def test_a_renderer_that_is_killed_at_any_moment_is_started_anew(talk: ExactSocket, count: int) -> None:
     rng = random.Random(5)
     for _ in range(count):
         value = round(0.1 + 0.8 * rng.random(), 3)
@@ -200,19 +200,19 @@ def test_a_renderer_that_is_killed_at_any_moment_is_started_anew(talk: Talk, cou
         assert talk.roughness() == pytest.approx(value, rel=1e-6)
 
 
-def test_the_page_is_told_that_the_renderer_died_and_no_edit_is_lost(talk: Talk) -> None:
+def test_the_page_is_told_that_the_renderer_died_and_no_edit_is_lost(talk: ExactSocket) -> None:
     talk.edit(0.35)
     talk.render((640, 480))
     worker = talk.round()["worker"]
     os.kill(worker, signal.SIGKILL)
-    while "state" not in (found := talk.next()):
+    while "state" not in (message := talk.next()):
         pass
-    assert [word for word in ("SIGKILL", "anew") if word not in found["state"]] == []
+    assert [word for word in ("SIGKILL", "anew") if word not in message["state"]] == []
     assert talk.round()["worker"] != worker
     assert talk.roughness() == pytest.approx(0.35, rel=1e-6)  # as the file has it, in float32
 
 
-def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: Served) -> None:
+def test_what_is_no_request_is_refused_and_other_sites_are(talk: ExactSocket, server: Served) -> None:
     for view, message in (
         ({"camera": None}, "a view has a camera"),
         ({"element": "0"}, "finite numbers"),
@@ -231,9 +231,9 @@ def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: S
 
 @pytest.mark.both_pythons
 def test_ctrl_c_ends_the_renderer_too(job: Path, tmp_path: Path) -> None:
-    with served(str(job), verb="design", temporary=tmp_path) as started:
+    with start_server(str(job), verb="design", temporary=tmp_path) as started:
         with connect(f"ws://127.0.0.1:{started.port}/exact", max_size=None) as socket:
-            talk = Talk(started, socket)
+            talk = ExactSocket(started, socket)
             talk.render()
             worker = talk.round()["worker"]
             assert started.end() == 0
@@ -256,9 +256,9 @@ def test_buffers_are_kept_of_the_last_two_scenes_alone(server: Served) -> None:
 
 
 def test_a_turntable_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server: Served, job: Path) -> None:
-    """The first run is cancelled; the second goes on, and the third has a light that is turned up."""
+    """The first run is cancelled, the second continues it, and the third has a brighter light."""
 
-    def ended() -> Any:
+    def wait_for_end() -> Any:
         wait_until(lambda: server.json("/turntable")["state"] != "rendering", 120.0)
         return server.json("/turntable")
 
@@ -268,12 +268,12 @@ def test_a_turntable_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server
     status, data, _ = server.ask("/turntable", "POST", b'{"do": "render"}')
     assert status == 200 or "cancel it first" in json.loads(data)["error"]
     server.json("/turntable", do="cancel")
-    assert ended()["state"] == "cancelled"
+    assert wait_for_end()["state"] == "cancelled"
     pictures = []
     for stops in (0.0, 1.0):
         server.json("/lights", light=0, on=True, stops=stops, color=[1, 1, 1], kelvin=None)
         server.json("/turntable", do="render")
-        state = ended()
+        state = wait_for_end()
         assert (state["state"], state["done"], state["pictures"]) == ("done", 2, [0, 1])
         pictures.append(read_shown(Path(state["output"]) / "element.0002.exr")[0])
     assert Path(state["output"]) == job.parent / "out" / "designer" / "plastic" / "white"

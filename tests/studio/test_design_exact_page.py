@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from chromium import new_tab
 from design_page import CELLS, DesignPage
-from served import served
+from served import start_server
 
 log = logging.getLogger(__name__)
 
@@ -28,22 +28,22 @@ _COLUMN = (
 
 
 @pytest.fixture(scope="module")
-def opened(
+def exact_page(
     tab: Any, tmp_path_factory: pytest.TempPathFactory, white_job: Callable[[Path, str, str], Path]
 ) -> Iterator[DesignPage]:
     look = Path(shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks")))
-    with served(str(white_job(look.parent, "suzanne", look.name)), verb="design") as started:
+    with start_server(str(white_job(look.parent, "suzanne", look.name)), verb="design") as started:
         page = DesignPage(tab, started.url, mode="exact")
         page.js("viewport.settings.most = 16")  # else it takes the renderer's time
         yield page
 
 
 @pytest.fixture
-def page(opened: DesignPage) -> DesignPage:
-    """The page with its exact picture, whatever a test before this showed."""
-    opened.js("delete exact.limit; exact.choose('exact')")
-    opened.wait("exact.round")
-    return opened
+def page(exact_page: DesignPage) -> DesignPage:
+    """Return the page in the mode of the exact picture, whatever mode the previous test left."""
+    exact_page.js("delete exact.limit; exact.choose('exact')")
+    exact_page.wait("exact.round")
+    return exact_page
 
 
 def test_the_exact_picture_follows_an_edit(page: DesignPage) -> None:
@@ -69,11 +69,11 @@ def test_the_wipe_stands_where_keys_put_it(page: DesignPage) -> None:
         "const key = () => new KeyboardEvent('keydown', {key: 'ArrowLeft', bubbles: true});"
         "for (let k = 0; k < 5; k++) at('wipe').dispatchEvent(key());"
     )
-    after, place = page.js(
+    after, position = page.js(
         _COLUMN + put + "const found = [column(0.47), at('wipe').getAttribute('aria-valuenow')];"
         "delete exact.limit; exact.choose('exact'); return found;"
     )
-    assert place == "40"
+    assert position == "40"
     assert after != before
 
 
@@ -83,12 +83,12 @@ def test_the_difference_is_named(page: DesignPage) -> None:
     for _ in range(2):
         page.wait("exact.round && exact.compared?.round.number >= 3 && exact.compared.samples >= 8")
         shares.append(page.js("return [exact.compared.apart, exact.compared.indirect, exact.compared.rest]"))
-        named = page.js("return at('difference').textContent")
-        assert "interreflection" in named
+        caption = page.js("return at('difference').textContent")
+        assert "interreflection" in caption
         # What the asset reflects adds light.
         assert shares[-1][1] > 0.0
         assert shares[-1][0] >= abs(sum(shares[-1][1:]))
-        assert ("cast shadow" in named) == (len(shares) == 2)
+        assert ("cast shadow" in caption) == (len(shares) == 2)
         page.js(_KEY + "exact.compared = null", "h")
     # Light from behind shines through the head where nothing shadows it; else both have the same direct light.
     assert shares[1][2] < -0.3
@@ -130,7 +130,7 @@ def test_the_difference_of_a_cell_by_name(asset: str, look: str, browser: Any) -
     of_job = asset == "parts"
     material = str(ROOT / "materials" / f"{look}.usda")
     arguments = (str(ROOT / "jobs" / "parts.toml"),) if of_job else (asset, "--material", material)
-    with served(*arguments, verb="design") as started, new_tab(browser):
+    with start_server(*arguments, verb="design") as started, new_tab(browser):
         page = DesignPage(browser, started.url, timeout=900)
         page.js("delete exact.limit")
         if of_job:

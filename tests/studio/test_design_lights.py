@@ -15,7 +15,7 @@ from lookdev.light.emission import Emission
 from lookdev.light.rig.emission import black_body
 from lookdev.material import Layer, Look
 from lookdev.scene import Scene
-from lookdev.studio.designer.lights import Lights, Setting, setting_of
+from lookdev.studio.designer.lights import Lights, Setting, parse_setting
 
 KINDS = ("rect", "sphere", "distant")
 
@@ -32,37 +32,37 @@ def scene() -> Scene:
 def test_a_setting_multiplies_the_radiance(scene: Scene) -> None:
     lights = Lights()
     settings = [Setting(stops=2.0), Setting(on=False), Setting(color=(0.5, 1.0, 0.25), kelvin=3000.0)]
-    for number, each in enumerate(settings):
-        lights.set("rig", scene, number, each)
-    found = [each.emission.color for each in lights.applied("rig", scene).lights]
-    before = np.array([each.emission.color for each in scene.lights])
+    for number, setting in enumerate(settings):
+        lights.set("rig", scene, number, setting)
+    colors = [light.emission.color for light in lights.apply("rig", scene).lights]
+    before = np.array([light.emission.color for light in scene.lights])
     warm = np.multiply((0.5, 1.0, 0.25), black_body(3000.0))
-    np.testing.assert_allclose(found, before * np.array([[4.0] * 3, [0.0] * 3, warm, [1.0] * 3]), rtol=1e-12)
-    assert lights.applied("another", scene) is scene
+    np.testing.assert_allclose(colors, before * np.array([[4.0] * 3, [0.0] * 3, warm, [1.0] * 3]), rtol=1e-12)
+    assert lights.apply("another", scene) is scene
     lights.reset("rig")
-    assert lights.applied("rig", scene) is scene
+    assert lights.apply("rig", scene) is scene
 
 
 def test_numbers_change_and_no_shader_does(scene: Scene) -> None:
-    lights, lit = Lights(), [list(range(len(scene.lights)))]
-    before = rig_functions(scene.lights, lit, Stand())
-    described = lights.described("rig", scene)
+    lights, lights_of_parts = Lights(), [list(range(len(scene.lights)))]
+    before = rig_functions(scene.lights, lights_of_parts, Stand())
+    described = lights.describe("rig", scene)
     lights.set("rig", scene, 1, Setting(on=False))
     lights.set("rig", scene, 3, Setting(stops=1.0))
-    assert rig_functions(lights.applied("rig", scene).lights, lit, Stand()).text == before.text
-    changed = lights.described("rig", scene)
-    assert [each["on"] for each in changed["lights"]] == [True, False, True, True]
-    assert [each["name"] for each in changed["lights"]] == [*KINDS, "dome 4"]
+    assert rig_functions(lights.apply("rig", scene).lights, lights_of_parts, Stand()).text == before.text
+    changed = lights.describe("rig", scene)
+    assert [light["on"] for light in changed["lights"]] == [True, False, True, True]
+    assert [light["name"] for light in changed["lights"]] == [*KINDS, "dome 4"]
     # The numbers of the page are the first ones of its texture.
     stand = Stand(scene.asset.center, scene.camera.pivot)
-    whole = rig_functions(lights.applied("rig", scene).lights, lit, stand).numbers
+    whole = rig_functions(lights.apply("rig", scene).lights, lights_of_parts, stand).numbers
     np.testing.assert_array_equal(np.float32(changed["rows"]), whole[: len(changed["rows"])])
     assert changed["rows"] != described["rows"]
 
 
 def test_a_setting_of_no_sense_is_refused(scene: Scene) -> None:
     body: dict[str, Any] = {"light": 0, "on": True, "stops": 0, "color": [1, 1, 1], "kelvin": None}
-    for given, message in (
+    for change, message in (
         ({"light": 9}, "has 4 lights, none of number 9"),
         ({"on": 1}, "is on or not"),
         ({"stops": 40}, "stops is a number from -10 to 10"),
@@ -72,4 +72,4 @@ def test_a_setting_of_no_sense_is_refused(scene: Scene) -> None:
         ({"kelvin": 20}, "temperature is a number from 1000 to 10000"),
     ):
         with pytest.raises(LookdevError, match=message):
-            Lights().set("rig", scene, *setting_of(body | given))
+            Lights().set("rig", scene, *parse_setting(body | change))

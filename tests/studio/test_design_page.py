@@ -1,4 +1,4 @@
-"""`lookdev design` in headless Chromium: picture, layers, and what it says of files; and its server's answers."""
+"""`lookdev design` in headless Chromium: picture, layers, notices about files; and its server's answers."""
 
 import json
 import re
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from chromium import new_tab
 from design_page import DesignPage
-from served import Served, served
+from served import Served, start_server
 
 from lookdev.material.usd import read_look
 
@@ -42,22 +42,22 @@ def look(tmp_path_factory: pytest.TempPathFactory, write_look: Callable[[Path], 
 
 @pytest.fixture(scope="module")
 def server(look: Path) -> Iterator[Served]:
-    with served(str(look.with_name("job.toml")), verb="design") as started:
+    with start_server(str(look.with_name("job.toml")), verb="design") as started:
         yield started
 
 
 @pytest.fixture(scope="module")
-def opened(tab: Any, server: Served) -> DesignPage:
+def open_page(tab: Any, server: Served) -> DesignPage:
     return DesignPage(tab, server.url)
 
 
 @pytest.fixture
-def page(opened: DesignPage, look: Path) -> Iterator[DesignPage]:
+def page(open_page: DesignPage, look: Path) -> Iterator[DesignPage]:
     """Return the page; what a test edits is undone afterwards, and its size and the file are as they were."""
     text = look.read_text()
-    yield opened
-    opened.resize(560, 260)
-    assert opened.js(
+    yield open_page
+    open_page.resize(560, 260)
+    assert open_page.js(
         "await frames(2);"
         "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
         "if (!at('save').disabled) await saved(); return layers();"
@@ -189,7 +189,7 @@ def test_a_mask_is_an_expression_and_says_what_is_wrong_with_it(page: DesignPage
         " 'smothstep(dirt, edge, .7)', 'input');"
         "const source = (name) => document.querySelector(`.mask input[data-name=${name}]`);"
         "typed(source('dirt'), 'textures/dirt.png', 'input'); typed(source('edge'), '0.25', 'input');"
-        # The list is drawn anew while the server answers: neither what is typed nor what is wrong is lost.
+        # The list is drawn anew while the server answers: neither typed text nor an error message is lost.
         "at('mask-apply').click(); at('layer-0').click(); at('layer-1').click();"
         "await until(() => document.querySelector('.problem:not([hidden])'));"
         "const wrong = document.querySelector('.problem').textContent;"
@@ -266,14 +266,14 @@ def test_a_file_that_changed_on_disk_is_a_notice_and_a_question(page: DesignPage
     text = look.read_text()
     page.js("key('layer-2', 'Delete'); await until(() => layers().length === 2)")
     look.write_text(text.replace("inputs:specular = 0.5", "inputs:specular = 0.25"))
-    notice, named = page.js(
+    notice, conflict_text = page.js(
         "await until(() => at('changed')); const notice = at('changed').textContent; at('save').click();"
         "await until(() => at('conflict').open); const named = at('conflict-files').textContent;"
         "at('conflict').querySelector('[value=load]').click();"
         "await until(() => !at('changed') && layers().length === 3); return [notice, named];"
     )
     assert "You have unsaved edits of it" in notice
-    assert named == str(look)
+    assert conflict_text == str(look)
     page.js("at('undo').click(); await until(() => layers().length === 2); await saved()")
     assert len(read_look(look, variants={"wear": "dusty"}).layers) == 2
     assert "specular = 0.25" not in look.read_text()
@@ -284,13 +284,13 @@ def test_unsaved_work_is_offered_after_a_crash(
 ) -> None:
     look = write_look(tmp_path)
     with new_tab(browser):
-        with served(str(look.with_name("job.toml")), verb="design") as server:
+        with start_server(str(look.with_name("job.toml")), verb="design") as server:
             page = DesignPage(browser, server.url)
             page.js("key('layer-1', 'Delete'); await until(() => layers().length === 2)")
             server.end(signal.SIGKILL)
             page.wait("at('status').textContent.includes('does not answer')")
             assert "What was edited is kept" in page.js("return at('status').textContent")
-        with served(str(look.with_name("job.toml")), verb="design") as again:
+        with start_server(str(look.with_name("job.toml")), verb="design") as again:
             page = DesignPage(browser, again.url)
             assert "car_paint.usda" in page.js("return at('recovery').textContent")
             assert page.js(

@@ -15,7 +15,7 @@ from lookdev.material.library import find_preset
 from lookdev.material.look import Formula, Primvar, Texture
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.edits import Edit, parsed
+from lookdev.studio.designer.edits import Edit, parse_edit
 from lookdev.studio.designer.history import LONGEST, History, State
 from lookdev.studio.designer.opening import open_document
 from lookdev.studio.designer.recovery import Recovery, Work
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder where the Designer remembers unsaved work."""
+    """Return the folder of the Designer's records of unsaved work."""
     monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
     return tmp_path / "state" / "designer"
 
@@ -49,11 +49,11 @@ def names(document: Document) -> list[str]:
 
 
 def do(document: Document, op: str, **body: Any) -> bool:
-    return document.arrange(0, {"op": op, **body})
+    return document.edit_stack(0, {"op": op, **body})
 
 
 def test_a_stated_constant_is_a_uniform(document: Document) -> None:
-    """So a slider of it changes no shader; stating what the look does not state does."""
+    """Its slider changes no shader; a constant that the look does not state yet changes one."""
     before = document.view().data["looks"][0]
     assert not document.edit(Edit(0, 0, "roughness", 0.9))
     after = document.view().data["looks"][0]
@@ -98,7 +98,7 @@ def test_an_edit_that_cannot_be_is_refused(document: Document) -> None:
     whole = {"look": 0, "layer": 0}
     for body in ({}, {"look": 0}, *(whole | {"parameter": "sheen", "value": value} for value in ([1, 2], None))):
         with pytest.raises(ModelError, match="an edit has"):
-            parsed(body)
+            parse_edit(body)
 
 
 def test_what_is_saved_is_what_was_shown(document: Document, look: Path) -> None:
@@ -157,7 +157,7 @@ def test_everything_is_one_history(document: Document, look: Path) -> None:
     assert look.read_text() == text
     document.save()
     assert read_look(look).layers == document.looks[0].layers
-    assert sorted(each.name for each in look.parent.iterdir()) == ["car_paint.usda", "textures"]
+    assert sorted(entry.name for entry in look.parent.iterdir()) == ["car_paint.usda", "textures"]
 
 
 @pytest.mark.parametrize("name", STEPS)
@@ -181,9 +181,9 @@ def test_a_gesture_is_one_step(document: Document) -> None:
 
 def test_solo_is_of_the_view_alone(document: Document, look: Path) -> None:
     document.solo(0, 1)
-    (shown,) = document.scene.wears.values()
-    assert [(layer.name, layer.mask) for layer in shown.layers] == [("Flakes", 1.0)]
-    assert (document.status()["undoes"], document.unsaved(0)) == (None, False)
+    (look_of_part,) = document.scene.wears.values()
+    assert [(layer.name, layer.mask) for layer in look_of_part.layers] == [("Flakes", 1.0)]
+    assert (document.status()["undoes"], document.is_unsaved(0)) == (None, False)
     (row,) = [row for row in document.stacks()[0]["layers"][1]["parameters"] if row["name"] == "roughness"]
     assert row["uniform"] == "layer0_roughness"
     assert document.view().data["looks"][0]["numbers"]["layer0_roughness"] == [row["value"]]
@@ -221,7 +221,7 @@ REFUSED = [
     ({"op": "mask", "layer": 1, "mask": "smothstep(a)", "inputs": {}}, "did you mean 'smoothstep'"),
     ({"op": "mask", "layer": 1, "mask": "dirt", "inputs": {}}, "'dirt' in the expression has no source"),
     ({"op": "mask", "layer": 0, "mask": "0.5", "inputs": {}}, "is the base"),
-    ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, "dress the part in a look of its own"),
+    ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, "assign a look of its own to the part"),
     ({"op": "add", "preset": "rsut"}, "did you mean 'rust'"),
     ({"op": "add", "preset": "../../secret.usda"}, "no preset 'secret'"),
     ({"op": "remove", "layer": 9}, "has no layer 9"),
@@ -244,7 +244,7 @@ def test_what_cannot_be_done_changes_nothing(
     before = document.status()
     for body, message in REFUSED:
         with pytest.raises(LookdevError, match=message):
-            document.arrange(0, body)
+            document.edit_stack(0, body)
         assert document.status() == before, body
 
 
@@ -252,16 +252,16 @@ def test_a_file_that_others_changed_is_not_written_over(document: Document, look
     document.edit(Edit(0, 0, "roughness", 0.75))
     theirs = look.read_text().replace("inputs:specular = 0.5", "inputs:specular = 0.25")
     look.write_text(theirs)
-    assert document.signs()["changed"] == [str(look)]
+    assert document.revision_status()["changed"] == [str(look)]
     with pytest.raises(ConflictError):
         document.save()
     assert look.read_text() == theirs
     document.reload()
-    assert (document.signs()["changed"], document.unsaved(0)) == ([], False)
+    assert (document.revision_status()["changed"], document.is_unsaved(0)) == ([], False)
     assert document.looks[0].layers[0].inputs["specular"] == 0.25
     document.undo()
     assert document.looks[0].layers[0].inputs["roughness"] == pytest.approx(0.75)
-    assert document.unsaved(0)
+    assert document.is_unsaved(0)
     document.save()
     assert "specular = 0.5" in look.read_text()
 
@@ -269,7 +269,7 @@ def test_a_file_that_others_changed_is_not_written_over(document: Document, look
 def test_ones_own_edits_are_kept_or_saved_over(document: Document, look: Path) -> None:
     document.edit(Edit(0, 0, "roughness", 0.75))
     look.write_text(look.read_text() + "# theirs\n")
-    document.ignore()
+    document.keep_edits()
     document.save()
     assert "theirs" not in look.read_text()
     look.unlink()
@@ -285,9 +285,9 @@ def test_unsaved_work_is_offered_and_taken_by_the_next(document: Document, look:
     assert second.status()["recovery"] is None  # the first one is still there
     document.close()
     third = open_document(None, "plane", look, recovers=True)
-    assert [each["file"] for each in third.status()["recovery"]["files"]] == [str(look)]
+    assert [entry["file"] for entry in third.status()["recovery"]["files"]] == [str(look)]
     assert names(third)[2] == "Dust"
-    third.recover(take=True)
+    third.recover(restore=True)
     assert (names(third)[2], third.status()["recovery"]) == ("Grime", None)
     third.undo()
     assert names(third)[2] == "Dust"
@@ -303,7 +303,7 @@ def test_unsaved_work_on_a_file_that_changed_since_warns(document: Document, loo
     look.write_text(look.read_text() + "# theirs\n")
     second = open_document(None, "plane", look, recovers=True)
     assert second.status()["recovery"]["files"][0]["changed"]
-    second.recover(take=True)
+    second.recover(restore=True)
     with pytest.raises(ConflictError):
         second.save()
 
@@ -312,17 +312,17 @@ def test_discarded_work_is_gone(records: Path, document: Document, look: Path) -
     do(document, "rename", layer=2, name="Grime")
     document.close()
     second = open_document(None, "plane", look, recovers=True)
-    second.recover(take=False)
+    second.recover(restore=False)
     second.close()
     assert list(records.iterdir()) == []
     with pytest.raises(LookdevError, match="no unsaved work"):
-        second.recover(take=True)
+        second.recover(restore=True)
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"files": 3}', "[" * 10000])
 def test_a_damaged_record_is_passed_over(text: str, records: Path) -> None:
     recovery = Recovery("job")
-    recovery.keep(Work({Path("a.usda"): (b"a", "")}, {}, 1.0))
+    recovery.store(Work({Path("a.usda"): (b"a", "")}, {}, 1.0))
     (record,) = records.glob("*.json")
     recovery.close()
     record.write_text(text)
@@ -337,9 +337,9 @@ def test_a_folder_that_cannot_be_written_is_an_error_in_words(look: Path, monkey
 
 
 def test_snapshots_are_gone_back_to(document: Document) -> None:
-    document.keep_snapshot(b"\x89PNG\r\n\x1a\n")
+    document.store_snapshot(b"\x89PNG\r\n\x1a\n")
     do(document, "add", preset="rust")
-    assert [each["name"] for each in document.status()["snapshots"]] == ["snapshot 1"]
+    assert [entry["name"] for entry in document.status()["snapshots"]] == ["snapshot 1"]
     assert document.show_snapshot(1)
     assert names(document) == ["Base", "Flakes", "Dust"]
     document.undo()
@@ -347,16 +347,16 @@ def test_snapshots_are_gone_back_to(document: Document) -> None:
     with pytest.raises(LookdevError, match="no snapshot 7"):
         document.show_snapshot(7)
     with pytest.raises(LookdevError, match="is a PNG"):
-        document.keep_snapshot(b"GIF89a")
+        document.store_snapshot(b"GIF89a")
 
 
 def test_histories_and_snapshots_have_an_end() -> None:
     history, snapshots = History(), Snapshots()
     for number in range(LONGEST + 50):
         history.push(str(number), State())
-        snapshots.keep(b"\x89PNG\r\n\x1a\n", State(), ("", ""))
+        snapshots.store(b"\x89PNG\r\n\x1a\n", State(), ("", ""))
     assert len(list(iter(lambda: history.step(-1), None))) == LONGEST
-    assert len(snapshots.listed()) == 24
+    assert len(snapshots.describe()) == 24
 
 
 def test_a_variant_that_the_job_chooses_is_only_shown(look: Path) -> None:
@@ -366,7 +366,7 @@ def test_a_variant_that_the_job_chooses_is_only_shown(look: Path) -> None:
     (row,) = document.stacks()[0]["variants"]
     assert (row["chosen"], row["by_job"]) == ("dusty", True)
     assert do(document, "variant", set="wear", choice="clean")
-    assert (len(document.looks[0].layers), document.unsaved(0)) == (2, False)
+    assert (len(document.looks[0].layers), document.is_unsaved(0)) == (2, False)
     document.undo()
     assert len(document.looks[0].layers) == 3
 
@@ -382,7 +382,7 @@ def test_a_layer_is_saved_as_a_preset(document: Document, tmp_path: Path, monkey
     layers = document.looks[0].layers
     assert (layers[-1].name, layers[-1].inputs) == ("BlueFlakes", layers[1].inputs)
     assert document.save_preset(0, 0, "base_coat", "").is_file()  # with the value of the interface
-    for name, message in (("blue_flakes", "exists already"), ("../blue", "no name of a preset"), ("", "no name")):
+    for name, message in (("blue_flakes", "exists already"), ("../blue", "not a name of a preset"), ("", "not a name")):
         with pytest.raises(LookdevError, match=message):
             document.save_preset(0, 1, name, "paint")
     textured = open_document(None, "plane", ROOT / "materials" / "brushed_metal.usda")

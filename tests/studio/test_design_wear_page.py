@@ -1,4 +1,4 @@
-"""Parts dressed on the Designer's page in headless Chromium, and written into the job."""
+"""Looks assigned to parts on the Designer's page in headless Chromium, and written into the job."""
 
 import re
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from design_page import DRESS, DesignPage
-from served import served
+from served import start_server
 from usd_text import job_toml, material
 
 from lookdev.job import load_job
@@ -16,7 +16,7 @@ JOB = job_toml(asset='{ usd = "toy_car.usda" }') + '\n[[look]]\nname = "shop"  #
 
 
 def matt(name: str, scope: str = "") -> str:
-    """Return a material that compiles soon."""
+    """Return a material whose shader compiles fast."""
     return material(name, scope=scope).replace("LookdevDisney", "LookdevLambert")
 
 
@@ -34,18 +34,18 @@ def job(tmp_path_factory: pytest.TempPathFactory, toy_car: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def opened(job: Path, tab: Any) -> Iterator[DesignPage]:
-    with served(str(job), verb="design", cwd=job.parent) as started:
+def open_page(job: Path, tab: Any) -> Iterator[DesignPage]:
+    with start_server(str(job), verb="design", cwd=job.parent) as started:
         page = DesignPage(tab, started.url)
         page.js("at('shadows').click()")  # rays to occluders take longer than all else that is tested here
         yield page
 
 
 @pytest.fixture
-def page(opened: DesignPage, job: Path) -> Iterator[DesignPage]:
+def page(open_page: DesignPage, job: Path) -> Iterator[DesignPage]:
     """Return the page; what a test edits is undone afterwards, and the job is as it was."""
-    yield opened
-    opened.js(
+    yield open_page
+    open_page.js(
         "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
         "if (!at('save').disabled) await saved();"
     )
@@ -69,7 +69,7 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
         "await answered(); states.push((await saved()).split('/').pop(), at('save').disabled); return states;"
     ) == [
         "FrostedPlasticassigned to /Car/Body",
-        "Undo: /Car/Body wears frosted_plastic (Ctrl+Z)",
+        "Undo: assign frosted_plastic to /Car/Body (Ctrl+Z)",
         "BrushedMetalassigned to /Car/Wheels/FrontLeft/Hub",
         2,
         "BrushedMetalassigned to /Car.collection:trim",
@@ -78,7 +78,7 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
         True,
     ]
     assert job.read_text().startswith(JOB)
-    assert {each.prims: each.material.name for each in load_job(job).look[0].assign} == {
+    assert {table.prims: table.material.name for table in load_job(job).look[0].assign} == {
         ("/Car/Wheels/FrontLeft/Hub",): "brushed_metal.usda",
         ("/Car/Body",): "frosted_plastic.usda",
     }

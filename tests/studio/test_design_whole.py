@@ -1,4 +1,4 @@
-"""A whole edit, played in a browser: parts dressed, compared, saved, opened again, and rendered by the job.
+"""A whole session in a browser: looks are assigned, compared, saved, opened again, and rendered by the job.
 
 ``pytest -m proof tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
 """
@@ -14,7 +14,7 @@ from batches import finish, start
 from design_page import DRESS, DesignPage
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
-from served import served
+from served import start_server
 
 from lookdev.asset.builtin import make_sphere
 from lookdev.job import load_job
@@ -63,24 +63,24 @@ def job(tmp_path: Path) -> Path:
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/Ball").GetPrim())
     (mesh,) = make_sphere().meshes
     corners = np.split(np.arange(len(mesh.corner_points)), np.cumsum(mesh.face_sizes)[:-1])
-    height = np.array([mesh.points[mesh.corner_points[each], 2].mean() for each in corners])
+    height = np.array([mesh.points[mesh.corner_points[face], 2].mean() for face in corners])
     for name, taken in (("Upper", height >= 0.0), ("Lower", height < 0.0)):
-        faces = [each for each, here in zip(corners, taken, strict=True) if here]
-        of = np.concatenate(faces)
-        made = UsdGeom.Mesh.Define(stage, f"/Ball/{name}")
-        made.CreatePointsAttr(mesh.points.astype(np.float32))
-        made.CreateFaceVertexCountsAttr([len(each) for each in faces])
-        made.CreateFaceVertexIndicesAttr(mesh.corner_points[of].astype(np.int32))
-        made.CreateSubdivisionSchemeAttr("none")
-        made.CreateNormalsAttr(mesh.normals[of].astype(np.float32))
-        made.SetNormalsInterpolation("faceVarying")
-        st = UsdGeom.PrimvarsAPI(made).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "faceVarying")
-        st.Set(mesh.uvs["st"][of].astype(np.float32))
+        faces = [face for face, here in zip(corners, taken, strict=True) if here]
+        corner_numbers = np.concatenate(faces)
+        part = UsdGeom.Mesh.Define(stage, f"/Ball/{name}")
+        part.CreatePointsAttr(mesh.points.astype(np.float32))
+        part.CreateFaceVertexCountsAttr([len(face) for face in faces])
+        part.CreateFaceVertexIndicesAttr(mesh.corner_points[corner_numbers].astype(np.int32))
+        part.CreateSubdivisionSchemeAttr("none")
+        part.CreateNormalsAttr(mesh.normals[corner_numbers].astype(np.float32))
+        part.SetNormalsInterpolation("faceVarying")
+        st = UsdGeom.PrimvarsAPI(part).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "faceVarying")
+        st.Set(mesh.uvs["st"][corner_numbers].astype(np.float32))
     stage.Save()
     return tmp_path / "job.toml"
 
 
-def shown(page: DesignPage, seed: int) -> Floats:
+def render_viewport(page: DesignPage, seed: int) -> Floats:
     """Return the picture of some samples, (H, W, 4)."""
     pixels = page.js(
         f"viewport.resize({SIZE[0]}, {SIZE[1]}); viewport.set({{seed: given[0], background: false}});"
@@ -97,9 +97,9 @@ def load(browser: Any, url: str) -> DesignPage:
 
 
 def test_what_is_saved_is_rendered_as_it_was_shown(job: Path, tab: Any) -> None:
-    with served(str(job), verb="design", cwd=job.parent) as server:
+    with start_server(str(job), verb="design", cwd=job.parent) as server:
         page = load(tab, server.url)
-        before = shown(page, 0)
+        before = render_viewport(page, 0)
         page.js(
             DRESS
             + "await dress('/Ball/Upper', 'this part', 'upper'); await until(() => wears().startsWith('CarPaint'));"
@@ -123,11 +123,11 @@ def test_what_is_saved_is_rendered_as_it_was_shown(job: Path, tab: Any) -> None:
         log.info("beside the page's exact picture: interreflection %+.3f %%, rest %+.3f %%", 100 * indirect, 100 * rest)
         assert abs(indirect) < 1e-3
         assert abs(rest) < 1e-2
-        pictures = [shown(page, seed) for seed in (0, 1)]
+        pictures = [render_viewport(page, seed) for seed in (0, 1)]
         page.js("await saved()")
-    with served(str(job), verb="design", cwd=job.parent) as server:
-        again = shown(load(tab, server.url), 0)
-    assert [each.prims for each in load_job(job).look[0].assign] == [("/Ball/Upper",), ("/Ball/Lower",)]
+    with start_server(str(job), verb="design", cwd=job.parent) as server:
+        again = render_viewport(load(tab, server.url), 0)
+    assert [table.prims for table in load_job(job).look[0].assign] == [("/Ball/Upper",), ("/Ball/Lower",)]
     np.testing.assert_allclose(again, pictures[0], rtol=1e-5, atol=1e-6)
     assert np.abs(again - before)[..., :3].mean() > 0.05 * np.abs(before)[..., :3].mean()
     finish(start(job), 0)
@@ -144,6 +144,6 @@ def test_what_is_saved_is_rendered_as_it_was_shown(job: Path, tab: Any) -> None:
     expected = np.sqrt(2.0 / np.pi) * deviation.mean() / beauty[inside].mean()
     log.info("difference %.2f %% of the mean, of which noise is %.2f %%", 100 * relative, 100 * expected)
     log.info("signed difference %.3f %%", 100 * difference.mean() / beauty[inside].mean())
-    # The mean over n pixels of what is noise alone is within four of its standard errors.
+    # The mean of pure noise over n pixels is within four standard errors.
     assert abs(difference.mean()) < 4.0 * np.sqrt(np.square(deviation).sum()) / deviation.size
     assert relative < 1.5 * expected

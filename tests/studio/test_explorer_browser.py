@@ -1,4 +1,4 @@
-"""The explorer in headless Chromium, served by a process of its own."""
+"""The Explorer in headless Chromium, served by a process of its own."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 from chromium import Page, new_tab
-from served import Served, descendants, served
+from served import Served, descendants, start_server
 
 from lookdev.brdf.measured.files import MERL_SIZE
 from lookdev.plotting import Options, read_subject
@@ -44,7 +44,7 @@ class Explorer(Page):
         return self.browser.find_element(By.CSS_SELECTOR, selector)
 
     def numbers(self, surface: int = 0, words: str | None = None) -> np.ndarray:
-        """Return f of a surface that the page has drawn, with these words, (n, 3)."""
+        """Return the values of f, (n, 3), that the page has drawn for a surface, or for these words of it."""
         code = (
             "const {id} = explorer.state.surfaces[given[0]], drawn = () => explorer.plots.cache.get(id);"
             "await until(() => drawn() && (!given[1] || JSON.parse(drawn().key).surface === given[1]));"
@@ -52,9 +52,9 @@ class Explorer(Page):
         )
         return np.frombuffer(self.bytes(code, surface, words), "<f4").astype(float).reshape(-1, 3)
 
-    def slide(self, name: str, place: float) -> None:
+    def slide(self, name: str, value: float) -> None:
         """Move the slider of a parameter, as a hand does."""
-        self.js(f"{SLIDER} const s = slider(given[0]); s.value = given[1]; {HELD} {RELEASED}", name, place)
+        self.js(f"{SLIDER} const s = slider(given[0]); s.value = given[1]; {HELD} {RELEASED}", name, value)
 
 
 @pytest.fixture
@@ -72,9 +72,9 @@ def test_a_slider_changes_the_numbers_to_those_of_python(explorer: Open) -> None
     page = explorer("#s=disney&kind=cartesian&light=point")
     compiled = page.js("return explorer.shaders.compiled")
     page.slide("roughness", 0.2)
-    found = page.numbers(words="disney:roughness=0.2")
+    plotted = page.numbers(words="disney:roughness=0.2")
     expected = cartesian_values(read_subject("disney:roughness=0.2"), Options())["f"]
-    assert found == pytest.approx(expected, rel=2e-7)
+    assert plotted == pytest.approx(expected, rel=2e-7)
     page.wait("explorer.shaders.compiled > 0")
     page.slide("metallic", 0.7)
     page.wait("decodeURIComponent(location.hash).includes('disney:roughness=0.2,metallic=0.7')")
@@ -85,26 +85,26 @@ def test_the_state_is_in_the_url(explorer: Open) -> None:
     words = "mine=disney:roughness=0.3,baseColor=0.1/0.2/0.3"
     state = f"#s=lambert&s={quote(words)}&kind=slice&phi=60&on=1&hide=0&exposure=1&light=point"
     page = explorer(state)
-    found = page.numbers(1)
+    plotted = page.numbers(1)
     expected = slice_values(read_subject(words), Options(phi=60.0))["f"]
-    assert found == pytest.approx(expected.reshape(-1, 3), rel=2e-7)
+    assert plotted == pytest.approx(expected.reshape(-1, 3), rel=2e-7)
     assert page.find("#name").text == "mine"
-    assert [each.text for each in page.browser.find_elements(By.CSS_SELECTOR, "#legend li")] == ["mine"]
+    assert [item.text for item in page.browser.find_elements(By.CSS_SELECTOR, "#legend li")] == ["mine"]
     assert page.find("#p-roughness").get_attribute("value") == "0.3"
 
 
 def test_the_browser_computes_what_python_does(explorer: Open) -> None:
     """On the page's own request, with numbers away from the defaults: continuous models, glass, and measured data."""
     words = ("disney:roughness=.35,clearcoat=1", "pixar:clear=.4", "glass:eta=1.6", "measured:file=builtin:plastic")
-    page = explorer("?verify#kind=fresnel&light=point&" + "&".join(f"s={quote(each)}" for each in words))
+    page = explorer("?verify#kind=fresnel&light=point&" + "&".join(f"s={quote(surface)}" for surface in words))
     rows = json.loads(page.until(lambda: page.js("return document.body.dataset.verified"), 120.0))
     assert len(rows) == len(words)
-    assert all(each["agrees"] for each in rows), rows
-    assert all(each["count"] > 4000 for each in rows)
+    assert all(row["agrees"] for row in rows), rows
+    assert all(row["count"] > 4000 for row in rows)
 
 
 def test_each_view_draws_and_nothing_overflows(explorer: Open) -> None:
-    """All views on a phone, and the last one on what is wider."""
+    """All views at the size of a phone, and the last one at larger sizes."""
     page = explorer("#s=phong&s=lambert&kind=retro&size=24&light=point", (390, 900))
     drawn = (
         "const c = at('plot'), data = () => c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
@@ -185,7 +185,7 @@ def test_pages_keep_separate_states(browser: Any, explorer: Open) -> None:
 def test_a_look_is_copied_as_usd_and_a_wrong_word_is_told(explorer: Open) -> None:
     page = explorer("#s=disney:metal%3Dgold&s=disny&kind=retro&light=point")
     assert "did you mean" in page.find("#status").text
-    # A metal's name stands for its index; what is moved becomes the surface's own.
+    # A metal's name sets its index of refraction; a slider replaces the name by the parameters.
     page.slide("roughness", 0.4)
     assert page.js("return explorer.state.surfaces[0].given.eta.length") == 3
     assert not page.js("return 'metal' in explorer.state.surfaces[0].given")
@@ -201,7 +201,7 @@ def test_a_look_is_copied_as_usd_and_a_wrong_word_is_told(explorer: Open) -> Non
     [False, pytest.param(True, marks=pytest.mark.proof)],
 )
 def test_a_frame_can_be_cancelled_fail_and_be_ended(ended: bool, explorer: Open, tmp_path: Path) -> None:
-    with served(temporary=tmp_path) as server:
+    with start_server(temporary=tmp_path) as server:
         page = explorer("#s=disney:roughness%3D0.05&kind=polar&light=point", server=server)
 
         def begun(samples: bool = False) -> int:
@@ -262,8 +262,10 @@ def test_ten_thousand_moves_take_no_memory(explorer: Open, server: Served) -> No
     server_before = memory()
     for _ in range(10):
         last = page.js(move, 1000)
-    found = f"heap {heap / 1e6:.1f} -> {last / 1e6:.1f} MB, server {server_before / 1e6:.0f} -> {memory() / 1e6:.0f} MB"
-    print(found)  # noqa: T201  what the test is for
+    report = (
+        f"heap {heap / 1e6:.1f} -> {last / 1e6:.1f} MB, server {server_before / 1e6:.0f} -> {memory() / 1e6:.0f} MB"
+    )
+    print(report)  # noqa: T201  what the test is for
     assert last < heap + 5e6
     assert memory() < server_before + 30e6
 
@@ -272,9 +274,9 @@ def test_ten_thousand_moves_take_no_memory(explorer: Open, server: Served) -> No
 @pytest.mark.parametrize(("kind", "limit"), [("slice", 60.0), ("cartesian", 30.0), ("polar", 30.0), ("retro", 30.0)])
 @pytest.mark.parametrize("model", ["disney", "pixar", "torrance-sparrow"])
 def test_a_plot_follows_the_hand(kind: str, limit: float, model: str, explorer: Open) -> None:
-    """From the slider's event to the drawn plot: 95 % of moves, on a machine that does nothing else.
+    """95 % of moves take less than the limit from the slider's event to the drawn plot, on an idle machine.
 
-    When the browser shows what is drawn is told as well: in a window without a GPU it composes on the same cores.
+    The time until the browser shows the plot is printed as well: without a GPU, the browser composes on the same cores.
     """
     began = time.perf_counter()
     page = explorer(f"#s={model}&kind={kind}&light=point")
@@ -291,9 +293,9 @@ def test_a_plot_follows_the_hand(kind: str, limit: float, model: str, explorer: 
     }}
     await pause(500);
     return [explorer.latencies, explorer.shown];"""
-    taken, shown = map(np.array, page.js(move, 200))
+    taken, framed = map(np.array, page.js(move, 200))
     load = Path("/proc/loadavg").read_text().split()[0]
-    found = f"median {np.median(taken):.1f} ms, 95 % {np.quantile(taken, 0.95):.1f} ms of {len(taken)} moves"
-    found += f"; in a frame {np.median(shown):.1f}, {np.quantile(shown, 0.95):.1f} ms"
-    print(f"{kind} {model}: {found}; interactive after {interactive:.2f} s; load {load}")  # noqa: T201
+    report = f"median {np.median(taken):.1f} ms, 95 % {np.quantile(taken, 0.95):.1f} ms of {len(taken)} moves"
+    report += f"; in a frame {np.median(framed):.1f}, {np.quantile(framed, 0.95):.1f} ms"
+    print(f"{kind} {model}: {report}; interactive after {interactive:.2f} s; load {load}")  # noqa: T201
     assert np.quantile(taken, 0.95) < limit

@@ -1,4 +1,4 @@
-"""What the explorer reads, computes and copies of a surface, without a server."""
+"""Surfaces of the Explorer, without a server: reading, values, and copies."""
 
 import shlex
 import time
@@ -16,7 +16,7 @@ from lookdev.material.usd import read_look
 from lookdev.plotting import KINDS, Options, read_subject
 from lookdev.plotting.angles import towards
 from lookdev.studio.explorer.run import named_words
-from lookdev.studio.explorer.surfaces import Surfaces, faster, look_of
+from lookdev.studio.explorer.surfaces import Surfaces, accelerate, look_of
 from lookdev.studio.explorer.usd import usd_text
 from lookdev.studio.packets import packet
 from lookdev.studio.roots import Roots
@@ -29,35 +29,35 @@ WO, WI = towards(np.array([0.3, 0.9])), towards(np.array([0.5, 0.2]), np.array([
 def surfaces(tmp_path: Path, roots: Path) -> Surfaces:
     uploads = tmp_path / "uploads"
     uploads.mkdir()
-    known = Roots(uploads)
-    known.add(roots)
-    known.add(MATERIALS)
-    return Surfaces(known, MATERIALS / "presets")
+    roots_of_page = Roots(uploads)
+    roots_of_page.add(roots)
+    roots_of_page.add(MATERIALS)
+    return Surfaces(roots_of_page, MATERIALS / "presets")
 
 
 def test_words_are_described(surfaces: Surfaces) -> None:
-    for words, label, base, given in (
+    for words, label, base, stated in (
         ("disney:roughness=.3,baseColor=.8/.2/.1", "", "disney", {"roughness": 0.3, "baseColor": [0.8, 0.2, 0.1]}),
         ("mine=red_plastic:roughness=.1", "mine", "red_plastic", {"roughness": 0.1}),
         ("scans/satin.binary", "", "measured", {"file": "scans/satin.binary"}),
         ("materials/car_paint.usda@.2,.3", "", "materials/car_paint.usda@.2,.3", {}),
     ):
-        found = surfaces.describe(words)
-        assert (found["label"], found["base"], found["given"]) == (label, base, given)
-        assert found["editable"] == (not found["look"]), words
-        for name in set(given) - {"file"}:
-            assert found["values"][name] == given[name] != found["usual"][name]
+        description = surfaces.describe(words)
+        assert (description["label"], description["base"], description["given"]) == (label, base, stated)
+        assert description["editable"] == (not description["look"]), words
+        for name in set(stated) - {"file"}:
+            assert description["values"][name] == stated[name] != description["usual"][name]
 
 
 @pytest.mark.parametrize("moving", ["roughness", "baseColor", "", "nothing", "variant"])
 def test_a_faster_surface_has_the_same_f(moving: str) -> None:
     subject = read_subject("disney:roughness=.3,clearcoat=.5")
-    made = faster(subject, moving)
-    assert made.faster is not None
-    assert made.faster(WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-12)
+    accelerated = accelerate(subject, moving)
+    assert accelerated.faster is not None
+    assert accelerated.faster(WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-12)
 
 
-@pytest.mark.parametrize("kind", [name for name, each in KINDS.items() if each.draft])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.draft])
 def test_a_draft_is_near_what_it_is_a_draft_of(kind: str, surfaces: Surfaces) -> None:
     draft, fine = (surfaces.values(kind, "lambert", Options(), draft) for draft in (True, False))
     assert set(draft) == set(fine)
@@ -107,8 +107,8 @@ def test_threads_that_ask_at_once_prepare_a_measurement_once(tmp_path: Path) -> 
 
 
 def test_numbers_beyond_float32_are_its_largest() -> None:
-    made = packet({"id": 1}, {"f": np.array([1e300, -1e300, 2.0])})
-    assert np.frombuffer(made[-12:], "<f4").tolist() == [np.finfo(np.float32).max, np.finfo(np.float32).min, 2.0]
+    message = packet({"id": 1}, {"f": np.array([1e300, -1e300, 2.0])})
+    assert np.frombuffer(message[-12:], "<f4").tolist() == [np.finfo(np.float32).max, np.finfo(np.float32).min, 2.0]
 
 
 def test_every_continuous_model_is_described(surfaces: Surfaces) -> None:

@@ -11,11 +11,11 @@ from served import descendants
 
 HOLDER = """
 from pathlib import Path
-from served import served
+from served import start_server
 
 def test_holds(tab):
     tab.get("about:blank")
-    with served() as server:
+    with start_server() as server:
         Path("held").touch()
         server.process.wait()
 """
@@ -23,7 +23,7 @@ def test_holds(tab):
 
 @pytest.mark.both_pythons
 def test_a_killed_test_process_leaves_nothing(browser: object, tmp_path: Path) -> None:
-    """`browser` is here for its mark, and to be in its process of xdist: the killed one has its own."""
+    """`browser` gives this test its mark, and its process of xdist; the killed test has a browser of its own."""
     (tmp_path / "test_holder.py").write_text(HOLDER)
     command = [sys.executable, "-m", "pytest", "-n", "0", "-p", "chromium", "--rootdir", str(tmp_path)]
     folders = os.pathsep.join(map(str, (Path(__file__).parents[1], Path(__file__).parent)))
@@ -41,7 +41,9 @@ def test_a_killed_test_process_leaves_nothing(browser: object, tmp_path: Path) -
             assert any(name in line for line in below.values()), (name, below, log.read_text())
         driver = next(pid for pid, line in below.items() if Path(line.split()[0]).name == "chromedriver")
         variables = Path(f"/proc/{driver}/environ").read_text().split("\0")
-        folder = next(Path(each.removeprefix("TMPDIR=")) for each in variables if each.startswith("TMPDIR="))
+        folder = next(
+            Path(variable.removeprefix("TMPDIR=")) for variable in variables if variable.startswith("TMPDIR=")
+        )
         assert list(folder.iterdir())
     finally:
         holder.kill()

@@ -1,4 +1,4 @@
-"""The server: who is refused, what is too large, nonsense, its end, and its errors before it starts."""
+"""The server: refused hosts and origins, limits of size, invalid messages, its end, and errors before its start."""
 
 import json
 import random
@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
-from served import Served, served
+from served import Served, start_server
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -54,7 +54,7 @@ def test_the_page_is_served_with_a_policy(server: Served) -> None:
 )
 @pytest.mark.parametrize("path", ["/", "/start", "/upload?name=a"])
 def test_another_host_is_refused(server: Served, host: str, path: str) -> None:
-    """As after a name of another site was made to resolve to this machine."""
+    """As when the name of another site resolves to this machine (DNS rebinding)."""
     method = "POST" if path.startswith("/upload") else "GET"
     status, body, _ = server.ask(path, method, b"" if method == "POST" else None, Host=host.format(port=server.port))
     assert (status, b"Host" in body) == (403, True)
@@ -74,8 +74,8 @@ def test_another_origin_is_refused(server: Served, origin: str) -> None:
 
 def test_names_of_the_loopback_are_its_own(server: Served) -> None:
     for name in ("localhost", "LOCALHOST", "[::1]"):
-        own = f"{name}:{server.port}"
-        assert server.ask("/start", Host=own, Origin=f"http://{own}")[0] == 200
+        authority = f"{name}:{server.port}"
+        assert server.ask("/start", Host=authority, Origin=f"http://{authority}")[0] == 200
     assert authorities(["::1", "Name"], 80) == {"[::1]:80", "name:80", "[::1]", "name"}
 
 
@@ -133,16 +133,16 @@ def test_an_upload_that_is_no_measurement_is_refused(server: Served, content: by
 
 
 def nonsense(rng: random.Random) -> str | bytes:
-    """Return a message that is no request, or one with wrong parts."""
+    """Return a message that is not a request, or a request with wrong values."""
     request: dict[str, Any] = {"id": 1, "do": rng.choice(["values", "shader", "pairs", "usd", "command", "describe"])}
     values = [None, -1, 1e999, float("nan"), "x" * 5000, [], {}, [[]] * 9, True, "disney:roughness=9", "\0", "disney"]
     keys = ("id", "do", "kind", "surface", "surfaces", "options", "draft", "slot", "live")
     for _ in range(rng.randrange(6)):
         request[rng.choice(keys)] = rng.choice(values)
     text = json.dumps(request)
-    place = rng.randrange(len(text))
-    broken = text[:place] + chr(rng.randrange(1, 0xD800)) + text[place + 1 :]
-    return rng.choice([text, text[:place], broken, "[" * rng.randrange(1, 5000), rng.randbytes(rng.randrange(200))])
+    index = rng.randrange(len(text))
+    broken = text[:index] + chr(rng.randrange(1, 0xD800)) + text[index + 1 :]
+    return rng.choice([text, text[:index], broken, "[" * rng.randrange(1, 5000), rng.randbytes(rng.randrange(200))])
 
 
 def test_a_thousand_messages_of_nonsense(server: Served) -> None:
@@ -161,13 +161,13 @@ def test_a_thousand_messages_of_nonsense(server: Served) -> None:
     "number", [pytest.param(signal.SIGINT, marks=pytest.mark.proof), signal.SIGTERM], ids=lambda number: number.name
 )
 def test_a_signal_ends_it_and_leaves_nothing(number: signal.Signals, tmp_path: Path) -> None:
-    with served(temporary=tmp_path) as started, talk(started) as client:
-        # A computation is on its way, as an answer to what was asked after it says, and a page is open.
+    with start_server(temporary=tmp_path) as started, talk(started) as client:
+        # A page is open, and a computation is in progress: the answer to a later request shows that it has begun.
         client.send(json.dumps({"id": 1, "do": "values", "kind": "sampling", "surface": "pixar"}))
         answers(client, do="describe", surface="lambert")
         began = time.monotonic()
         assert started.end(number) == 0
-        # Two seconds on a machine that has time; tests run beside each other.
+        # It takes two seconds on an idle machine; other tests may run at the same time.
         assert time.monotonic() - began < 10.0
         assert not list(tmp_path.iterdir())
         with pytest.raises(OSError, match="refused"):

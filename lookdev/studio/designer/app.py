@@ -1,4 +1,4 @@
-"""The Designer's routes: its page and scripts, the shown scene and its buffers, edits, and saving."""
+"""The routes of the Designer: its page and scripts, the visible scene and its buffers, edits, and saving."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.material.library import library_folders, read_library
 from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.edits import parsed
+from lookdev.studio.designer.edits import parse_edit
 from lookdev.studio.designer.exact import Exact
-from lookdev.studio.designer.lights import Lights, setting_of
-from lookdev.studio.designer.pictures import Pictures
+from lookdev.studio.designer.lights import Lights, parse_setting
+from lookdev.studio.designer.pictures import ExactPictures
 from lookdev.studio.designer.snapshots import LARGEST
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.turntable import Turntable
@@ -38,21 +38,21 @@ STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
 PICTURE = "/picture"
-"""Where the picture of a snapshot is sent: a body that is larger than others."""
+"""The route to which the page sends the picture of a snapshot, a body that is larger than others."""
 
 _FRESH = {"cache-control": "no-store"}
 
 
 @dataclass(frozen=True)
 class Query:
-    """A request of the page: its body, {} where it is no JSON object, and the parameters of its address."""
+    """A request of the page: its body, {} if that is not a JSON object, and the parameters of its URL."""
 
     body: Mapping[str, Any]
     parameters: Mapping[str, str]
     posted: bool
 
     def number(self, name: str) -> int:
-        """Return a number of the body; raises LookdevError where it is none."""
+        """Return a whole number in the body; raise LookdevError if the value is not one."""
         value = self.body.get(name)
         if not isinstance(value, int) or isinstance(value, bool):
             raise LookdevError(f"'{name}' is a number")
@@ -62,17 +62,17 @@ class Query:
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
-def answers(path: str, *methods: str) -> Callable[[Method], Method]:
-    """Register a method that answers requests with JSON, in a thread: from a `Query` to a mapping."""
-    return _registered(path, methods, "answers")
+def json_route(path: str, *methods: str) -> Callable[[Method], Method]:
+    """Route requests to a method that maps a `Query` to a JSON object, and that runs in a thread."""
+    return _route_decorator(path, methods, "json")
 
 
-def responds(path: str, *methods: str) -> Callable[[Method], Method]:
-    """Register a method that responds to a request itself."""
-    return _registered(path, methods, "responds")
+def raw_route(path: str, *methods: str) -> Callable[[Method], Method]:
+    """Route requests to a method that returns the response."""
+    return _route_decorator(path, methods, "raw")
 
 
-def _registered(path: str, methods: tuple[str, ...], kind: str) -> Callable[[Method], Method]:
+def _route_decorator(path: str, methods: tuple[str, ...], kind: str) -> Callable[[Method], Method]:
     def register(method: Method) -> Method:
         method.endpoint = (path, methods or ("GET",), kind)  # type: ignore[attr-defined]
         return method
@@ -81,7 +81,7 @@ def _registered(path: str, methods: tuple[str, ...], kind: str) -> Callable[[Met
 
 
 class DesignerApp:
-    """The requests of the page of a document."""
+    """The application of a document's page."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -92,19 +92,19 @@ class DesignerApp:
         self._drawing = anyio.CapacityLimiter(1)
 
     def application(self) -> Starlette:
-        """Return the server of the page: each registered method, its scripts, and the channel of exact pictures."""
+        """Return the ASGI application: routed methods, scripts, and the websocket of exact pictures."""
         routes = []
         for name, member in vars(type(self)).items():
             if (endpoint := getattr(member, "endpoint", None)) is not None:
                 path, methods, kind = endpoint
                 method = getattr(self, name)
-                respond = method if kind == "responds" else partial(_respond, method)
+                respond = method if kind == "raw" else partial(_respond, method)
                 routes.append(Route(path, respond, methods=list(methods)))
         return Starlette(
             lifespan=self._lifespan,
             routes=[
                 *routes,
-                WebSocketRoute("/exact", self._pictures),
+                WebSocketRoute("/exact", self._serve_pictures),
                 Mount("/viewport", Scripts(directory=VIEWPORT)),
                 Mount("/", Scripts(directory=STATIC, html=True)),
             ],
@@ -112,34 +112,34 @@ class DesignerApp:
 
     @asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        # The view is made while the browser starts; a request reports its faults.
-        Thread(target=_try, args=(self._document.view,), daemon=True).start()
+        # Compute the view while the browser starts; the first request reports its faults.
+        Thread(target=_ignore_errors, args=(self._document.view,), daemon=True).start()
         try:
             yield
         finally:
             await anyio.to_thread.run_sync(self._turntable.close)
             await anyio.to_thread.run_sync(self._exact.close)
 
-    async def _pictures(self, socket: WebSocket) -> None:
-        await Pictures(socket, self._lit_scene, self._exact).run()
+    async def _serve_pictures(self, socket: WebSocket) -> None:
+        await ExactPictures(socket, self._scene_with_lights, self._exact).run()
 
-    def _lit_scene(self) -> Scene:
-        """Return the shown scene, with the lights as the page has set them."""
-        return self._lights.applied(self._document.chosen[1], self._document.scene)
+    def _scene_with_lights(self) -> Scene:
+        """Return the visible scene, with the page's settings of its lights."""
+        return self._lights.apply(self._document.scene_key[1], self._document.scene)
 
-    def _changed(self, compiles: bool = False) -> Mapping[str, Any]:
-        """Return the answer to a change of the document; `compiles`: the viewport needs other programs."""
+    def _change_answer(self, compiles: bool = False) -> Mapping[str, Any]:
+        """Return the answer to a change of the document; `compiles` says whether the viewport needs new shaders."""
         return {"compiles": compiles, **self._document.status()}
 
     # The scene
 
-    @answers("/scene")
+    @json_route("/scene")
     def show_scene(self, query: Query) -> Mapping[str, Any]:
         document = self._document
         view = document.view()
-        # Those of the last two scenes: one may be fetched while the next is made.
+        # Keep the buffers of the last two scenes: the page may fetch one while the next is computed.
         self._buffers[:] = [*self._buffers[-1:], view.buffers]
-        look, rig = document.chosen
+        look, rig = document.scene_key
         background = document.job.render.background
         return {
             **view.data,
@@ -149,7 +149,7 @@ class DesignerApp:
             **document.status(),
         }
 
-    @responds("/buffers/{name}")
+    @raw_route("/buffers/{name}")
     async def send_buffer(self, request: Request) -> Response:
         name = request.path_params["name"]
         for buffers in reversed(self._buffers):
@@ -158,22 +158,22 @@ class DesignerApp:
                 return Response(buffers[name], media_type="application/octet-stream", headers=headers)
         return PlainTextResponse("no such buffer\n", 404)
 
-    @answers("/choose", "POST")
+    @json_route("/choose", "POST")
     def choose(self, query: Query) -> Mapping[str, Any]:
         self._document.choose(str(query.body.get("look")), str(query.body.get("rig")))
         return {}
 
-    @answers("/status")
+    @json_route("/status")
     def report_status(self, query: Query) -> Mapping[str, Any]:
-        return self._document.status() if "whole" in query.parameters else self._document.signs()
+        return self._document.status() if "whole" in query.parameters else self._document.revision_status()
 
     # Edits
 
-    @answers("/edit", "POST")
+    @json_route("/edit", "POST")
     def edit(self, query: Query) -> Mapping[str, Any]:
-        return self._changed(self._document.edit(parsed(query.body)))
+        return self._change_answer(self._document.edit(parse_edit(query.body)))
 
-    @answers("/stack", "POST")
+    @json_route("/stack", "POST")
     def edit_stack(self, query: Query) -> Mapping[str, Any]:
         document, body, look = self._document, query.body, query.number("look")
         match body.get("op"):
@@ -186,84 +186,84 @@ class DesignerApp:
                 return {"file": str(file)}
             case "solo":
                 document.solo(look, None if body.get("layer") is None else query.number("layer"))
-                return self._changed(True)
-        return self._changed(document.arrange(look, body))
+                return self._change_answer(True)
+        return self._change_answer(document.edit_stack(look, body))
 
-    @answers("/wear", "POST")
+    @json_route("/wear", "POST")
     def assign_look(self, query: Query) -> Mapping[str, Any]:
-        return self._changed(self._document.wear(query.body))
+        return self._change_answer(self._document.assign_look(query.body))
 
-    @answers("/wearables")
+    @json_route("/wearables")
     def list_materials(self, query: Query) -> Mapping[str, Any]:
-        return self._document.wearables()
+        return self._document.list_materials()
 
-    @answers("/history", "POST")
+    @json_route("/history", "POST")
     def step_history(self, query: Query) -> Mapping[str, Any]:
         redo = query.body.get("redo")
         if not isinstance(redo, bool):
             raise LookdevError("a step of the history has 'redo', true or false")
-        return self._changed(self._document.undo(1 if redo else -1))
+        return self._change_answer(self._document.undo(1 if redo else -1))
 
     # Files
 
-    @answers("/save", "POST")
+    @json_route("/save", "POST")
     def save(self, query: Query) -> Mapping[str, Any]:
         look, name, over = (query.body.get(key) for key in ("look", "name", "over"))
-        wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
-        if wrong or (name is None and not isinstance(over, bool)):
-            raise LookdevError("what is saved has a look's number and a file's name, or 'over', true or false")
+        is_wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
+        if is_wrong or (name is None and not isinstance(over, bool)):
+            raise LookdevError("a request to save has a look's number and a file's name, or 'over', true or false")
         files = self._document.save(look, name, over=over is True)
-        return {**self._changed(), "files": list(map(str, files))}
+        return {**self._change_answer(), "files": list(map(str, files))}
 
-    @answers("/disk", "POST")
+    @json_route("/disk", "POST")
     def settle_change_on_disk(self, query: Query) -> Mapping[str, Any]:
         document = self._document
         match query.body.get("do"):
             case "load":
-                return self._changed(document.reload())
+                return self._change_answer(document.reload())
             case "keep":
-                document.ignore()
+                document.keep_edits()
             case "restore":
-                return self._changed(document.recover(take=True))
+                return self._change_answer(document.recover(restore=True))
             case "discard":
-                document.recover(take=False)
+                document.recover(restore=False)
             case _:
-                raise LookdevError("what is done about a file on disk is load, keep, restore or discard")
-        return self._changed()
+                raise LookdevError("an action on a changed file is load, keep, restore or discard")
+        return self._change_answer()
 
-    @answers("/images")
+    @json_route("/images")
     def list_images(self, query: Query) -> Mapping[str, Any]:
         look = query.parameters.get("look", "")
         return {"images": self._document.images(int(look) if look.isdecimal() else -1)}
 
     # Snapshots
 
-    @responds(PICTURE, "POST")
-    async def keep_snapshot(self, request: Request) -> Response:
+    @raw_route(PICTURE, "POST")
+    async def store_snapshot(self, request: Request) -> Response:
         content = bytearray()
         async for chunk in request.stream():
             content += chunk
             if len(content) > LARGEST:
                 break  # refused as too large
 
-        def keep() -> Mapping[str, Any]:
-            self._document.keep_snapshot(bytes(content))
-            return self._changed()
+        def store() -> Mapping[str, Any]:
+            self._document.store_snapshot(bytes(content))
+            return self._change_answer()
 
-        return await _answer(keep)
+        return await _answer(store)
 
-    @answers("/snapshots", "POST")
+    @json_route("/snapshots", "POST")
     def use_snapshot(self, query: Query) -> Mapping[str, Any]:
         match query.body.get("do"):
             case "show":
-                return self._changed(self._document.show_snapshot(query.number("number")))
+                return self._change_answer(self._document.show_snapshot(query.number("number")))
             case "drop":
                 self._document.snapshots.drop(query.number("number"))
             case _:
                 raise LookdevError("a snapshot is shown or dropped")
-        return self._changed()
+        return self._change_answer()
 
-    @responds("/snapshots/{number:int}")
+    @raw_route("/snapshots/{number:int}")
     async def send_snapshot(self, request: Request) -> Response:
         try:
             snapshot = self._document.snapshots[int(request.path_params["number"])]
@@ -273,7 +273,7 @@ class DesignerApp:
 
     # Presets
 
-    @answers("/presets")
+    @json_route("/presets")
     def list_presets(self, query: Query) -> Mapping[str, Any]:
         library = self._library()
         rows = [
@@ -282,12 +282,12 @@ class DesignerApp:
         ]
         return {"presets": rows, "faults": [str(fault) for fault in library.faults]}
 
-    @responds("/presets/{name}")
+    @raw_route("/presets/{name}")
     async def send_thumbnail(self, request: Request) -> Response:
         name = request.path_params["name"]
 
         def draw() -> bytes | None:
-            # Plots take as long to import as the rest of the page.
+            # Not at the top: plots take as long to import as the rest of the page.
             from lookdev.studio.designer.thumbnails import thumbnail
 
             preset = next((preset for preset in self._library().presets if preset.name == name), None)
@@ -303,24 +303,24 @@ class DesignerApp:
 
     # Lights and turntables
 
-    @answers("/lights", "GET", "POST")
+    @json_route("/lights", "GET", "POST")
     def set_light(self, query: Query) -> Mapping[str, Any]:
-        scene, rig = self._document.scene, self._document.chosen[1]
+        scene, rig = self._document.scene, self._document.scene_key[1]
         if query.body.get("reset") is True:
             self._lights.reset(rig)
         elif query.posted:
-            self._lights.set(rig, scene, *setting_of(query.body))
-        return self._lights.described(rig, scene)
+            self._lights.set(rig, scene, *parse_setting(query.body))
+        return self._lights.describe(rig, scene)
 
-    @answers("/turntable", "GET", "POST")
+    @json_route("/turntable", "GET", "POST")
     def render_turntable(self, query: Query) -> Mapping[str, Any]:
         if query.body.get("do") == "render":
-            self._turntable.start(self._lit_scene, *self._document.chosen)
+            self._turntable.start(self._scene_with_lights, *self._document.scene_key)
         elif query.body.get("do") == "cancel":
             self._turntable.cancel()
-        return self._turntable.described()
+        return self._turntable.describe()
 
-    @responds("/turntable/{run:int}/{number:int}.png")
+    @raw_route("/turntable/{run:int}/{number:int}.png")
     async def send_turntable_picture(self, request: Request) -> Response:
         file = self._turntable.picture(request.path_params["run"], request.path_params["number"])
         return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=_FRESH)
@@ -331,23 +331,23 @@ async def _respond(answer: Callable[[Query], Mapping[str, Any]], request: Reques
     return await _answer(lambda: answer(query))
 
 
-def _try(make: Callable[[], Any]) -> None:
+def _ignore_errors(compute: Callable[[], Any]) -> None:
     with suppress(LookdevError, OSError):
-        make()
+        compute()
 
 
 async def _body(request: Request) -> Mapping[str, Any]:
     try:
-        found = await request.json()
+        body = await request.json()
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, ClientDisconnect):
         return {}
-    return found if isinstance(found, dict) else {}
+    return body if isinstance(body, dict) else {}
 
 
-async def _answer(made: Callable[[], Mapping[str, Any]]) -> Response:
-    """Return what a function makes in a thread of its own, or what a user must know of its failure."""
+async def _answer(compute: Callable[[], Mapping[str, Any]]) -> Response:
+    """Return the result of a function that runs in a thread, or its error, as a response in JSON."""
     try:
-        return JSONResponse(await anyio.to_thread.run_sync(made), headers=_FRESH)
+        return JSONResponse(await anyio.to_thread.run_sync(compute), headers=_FRESH)
     except FaultsError as error:
         message = "; ".join(str(fault) for fault in error.faults)
     except ConflictError as error:

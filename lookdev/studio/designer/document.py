@@ -1,6 +1,6 @@
-"""What the Designer edits: a job, its looks, on its asset, under one of its rigs.
+"""The document of the Designer: a job with its looks, and the visible scene, which is one of the job's scenes.
 
-One class is all that is done under one lock; what it does is in the modules that it imports.
+The class `Document` is everything that one lock protects; the modules that it imports do the work.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from lookdev.material.library import LIBRARY_VARIABLE, library_folders
 from lookdev.material.library.constants import set_inputs
 from lookdev.material.library.fragments import copy_layer, save_preset
 from lookdev.scene import Scene
-from lookdev.studio.designer.dressing import Dressing, Read, shipped_lights
-from lookdev.studio.designer.edits import Edit, checked, shape_of
+from lookdev.studio.designer.dressing import EditedJob, Read, shipped_lights
+from lookdev.studio.designer.edits import Edit, check_value, shape_of
 from lookdev.studio.designer.history import State
 from lookdev.studio.designer.looks import Looks, looks_of
-from lookdev.studio.designer.operations import Operation, operation
+from lookdev.studio.designer.operations import Operation, parse_operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
 from lookdev.studio.designer.snapshots import Snapshots
@@ -36,65 +36,66 @@ _PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class Document:
-    """The scenes of a job, one of which is shown, and the looks as they are edited.
+    """The scenes of a job, one of which is visible, and the looks with their edits.
 
-    Looks have the numbers that they have in the shown scene. All methods can be called by several threads.
+    `scene_key` has the names of the visible look and rig. The number of a look is its number in the visible scene.
+    Methods are thread-safe.
     """
 
-    def __init__(self, dressing: Dressing, recovery: Recovery | None = None) -> None:
-        self.chosen = next(iter(dressing.read({}).scenes.scenes))
+    def __init__(self, edited_job: EditedJob, recovery: Recovery | None = None) -> None:
+        self.scene_key = next(iter(edited_job.read({}).scenes.scenes))
         self.snapshots = Snapshots()
-        self._dressing = dressing
+        self._edited_job = edited_job
         self._lock = threading.RLock()
-        self._work = Workspace(recovery)
-        self._work.sources.add(dressing.file, dressing.content)
-        self._looks = Looks(dressing, self._work.sources)
+        self._workspace = Workspace(recovery)
+        self._workspace.sources.add(edited_job.file, edited_job.content)
+        self._looks = Looks(edited_job, self._workspace.sources)
         self._solo: tuple[Place, int] | None = None
         self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
         self._revision = 0
 
     @property
-    def _read(self) -> Read:
-        """The job as it is edited, with the light that is shown."""
-        files = self._work.state.files
-        own = self._dressing.read(files)
-        return own if self.chosen in own.scenes.scenes else self._dressing.read(files, self.chosen[1])
+    def _current_job(self) -> Read:
+        """The job with its edits, and with the visible light, if that is a shipped one."""
+        files = self._workspace.state.files
+        job = self._edited_job.read(files)
+        return job if self.scene_key in job.scenes.scenes else self._edited_job.read(files, self.scene_key[1])
 
     @property
     def job(self) -> Job:
-        """The job as it is edited."""
+        """The job with its edits."""
         with self._lock:
-            return self._read.job
+            return self._current_job.job
 
     @property
     def choices(self) -> dict[str, list[str]]:
-        """The names of looks and of rigs of the job, and of the lights that ship beside them."""
+        """The names of the job's looks and rigs, and of the shipped lights that it lacks."""
         with self._lock:
-            own = self._dressing.read(self._work.state.files)
-        looks, rigs = (list(dict.fromkeys(names)) for names in zip(*own.scenes.scenes, strict=True))
-        return {"looks": looks, "rigs": rigs, "shipped": [*shipped_lights(own.job)]}
+            job = self._edited_job.read(self._workspace.state.files)
+        looks, rigs = (list(dict.fromkeys(names)) for names in zip(*job.scenes.scenes, strict=True))
+        return {"looks": looks, "rigs": rigs, "shipped": [*shipped_lights(job.job)]}
 
     def choose(self, look: str, rig: str) -> None:
-        """Show another scene; raises LookdevError where there is no look or light of these names."""
+        """Show another scene; raise LookdevError if there is no look or light of these names."""
         with self._lock:
             choices = self.choices
-            for kind, name, known in (
+            for kind, name, names in (
                 ("look", look, choices["looks"]),
                 ("rig", rig, [*choices["rigs"], *choices["shipped"]]),
             ):
-                if name not in known:
-                    raise LookdevError(f"the job has no {kind} '{name}' ({nearest_hint(name, known)})")
-            before, self.chosen = self.chosen, (look, rig)
+                if name not in names:
+                    raise LookdevError(f"the job has no {kind} '{name}' ({nearest_hint(name, names)})")
+            before, self.scene_key = self.scene_key, (look, rig)
             try:
                 self._scene  # noqa: B018
             except LookdevError:
-                self.chosen = before
+                self.scene_key = before
                 raise
             self._revision += 1
 
     @property
     def _scene(self) -> Scene:
-        return self._read.scenes.scenes[self.chosen]
+        return self._current_job.scenes.scenes[self.scene_key]
 
     @property
     def _originals(self) -> list[Look]:
@@ -102,278 +103,285 @@ class Document:
 
     @property
     def scene(self) -> Scene:
-        """The shown scene, with its edited looks."""
+        """The visible scene, with the edits of its looks."""
         with self._lock:
-            shown = dict(zip(map(id, self._originals), self._shown(), strict=True))
-            return replace(self._scene, wears={path: shown[id(look)] for path, look in self._scene.wears.items()})
+            edited = dict(zip(map(id, self._originals), self._visible_looks(), strict=True))
+            return replace(self._scene, wears={path: edited[id(look)] for path, look in self._scene.wears.items()})
 
     @property
     def looks(self) -> list[Look]:
-        """The looks of the shown scene, edited, by their numbers; solo is a matter of the view."""
+        """The looks of the visible scene with their edits, by number; a solo layer does not change them."""
         with self._lock:
-            return [self._opened(number).look for number in range(len(self._originals))]
+            return [self._open_look(number).look for number in range(len(self._originals))]
 
-    def _shown(self) -> list[Look]:
-        """Return the looks as they are shown: of one with a solo layer, this layer alone and whole."""
-        shown = self.looks
-        for number, look in enumerate(shown):
-            place = self._solo_place(number)
-            if place is not None:
-                shown[number] = replace(look, layers=(replace(look.layers[place], mask=1.0, mode="over"),))
-        return shown
+    def _visible_looks(self) -> list[Look]:
+        """Return the looks as the viewport shows them: a look with a solo layer has only this layer, without mask."""
+        looks = self.looks
+        for number, look in enumerate(looks):
+            index = self._solo_index(number)
+            if index is not None:
+                looks[number] = replace(look, layers=(replace(look.layers[index], mask=1.0, mode="over"),))
+        return looks
 
     def view(self) -> SceneView:
-        """Return the shown scene for the page."""
+        """Return the visible scene for the page."""
         with self._lock:
             scene = self.scene
-            read, shown = self._scene, tuple(self._shown())
-            if self._view is None or self._view[0] is not read or self._view[1] != shown:
-                self._view = read, shown, view_scene(scene, view=self.job.outputs.shown("png"))
+            original, looks = self._scene, tuple(self._visible_looks())
+            if self._view is None or self._view[0] is not original or self._view[1] != looks:
+                self._view = original, looks, view_scene(scene, view=self.job.outputs.shown("png"))
             return self._view[2]
 
-    def place(self, number: int) -> Place | None:
-        """Return where a look is edited; None where it cannot be."""
-        found = self._place(number)
-        return found if isinstance(found, Place) else None
+    def location(self, number: int) -> Place | None:
+        """Return the location of a look, or None if the look cannot be edited."""
+        location = self._location_or_reason(number)
+        return location if isinstance(location, Place) else None
 
-    def _place(self, number: int) -> Place | str:
-        """Return the place of a look, or why it cannot be edited."""
-        return self._looks.place(self._read, self.chosen, number)
+    def _location_or_reason(self, number: int) -> Place | str:
+        """Return the location of a look, or the reason why it cannot be edited."""
+        return self._looks.location(self._current_job, self.scene_key, number)
 
-    def _opened(self, number: int) -> Opened:
-        return self._looks.opened(self._read, self.chosen, number, self._work.state)
+    def _open_look(self, number: int) -> Opened:
+        return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
-        """Change a constant of a look; return whether shaders change, not only a uniform of them.
+        """Change a constant of a look; return whether shaders change, and not only the value of a uniform.
 
-        Raises LookdevError where there is no such parameter, or it cannot have the value; then nothing changes.
+        Raises LookdevError, and changes nothing, if there is no such parameter, or it cannot have the value.
         """
         with self._lock:
-            place = self._editable(edit.look)
-            look = self._opened(edit.look).look
+            location = self._editable_location(edit.look)
+            look = self._open_look(edit.look).look
             if not 0 <= edit.layer < len(look.layers):
                 raise ModelError(f"look '{look.name}' has {len(look.layers)} layers, none of number {edit.layer}")
             layer = look.layers[edit.layer]
-            value = checked(layer, edit)
+            value = check_value(layer, edit)
             label = f"{layer.name} {edit.parameter}"
             values = {(edit.layer, edit.parameter): value}
-            return self._apply(
+            return self._edit_file(
                 edit.look,
                 label,
-                lambda file: set_inputs(file, values, place.prim, self._variants_of(place)),
+                lambda file: set_inputs(file, values, location.prim, self._variants_of(location)),
                 edit.gesture,
             )
 
-    def arrange(self, number: int, body: Mapping[str, Any]) -> bool:
-        """Do what a page asks for to the stack of a look (`operations`); return whether shaders change."""
+    def edit_stack(self, number: int, body: Mapping[str, Any]) -> bool:
+        """Apply an operation of the page to the stack of a look (`operations`); return whether shaders change."""
         with self._lock:
-            place = self._editable(number)
-            if body.get("op") == "variant" and str(body.get("set")) in place.variants:
-                return self._show_variant(number, place, str(body.get("set")), str(body.get("choice")))
-            opened = self._opened(number)
-            label, edit = operation(body, place, opened, self._variants_of(place), self._roots(place))
-            return self._apply(number, label, edit)
+            location = self._editable_location(number)
+            if body.get("op") == "variant" and str(body.get("set")) in location.variants:
+                return self._show_variant(number, location, str(body.get("set")), str(body.get("choice")))
+            opened = self._open_look(number)
+            label, edit = parse_operation(
+                body, location, opened, self._variants_of(location), self._image_roots(location)
+            )
+            return self._edit_file(number, label, edit)
 
-    def wear(self, body: Mapping[str, Any]) -> bool:
-        """Dress parts as a page asks for (`Dressing.wear`), in the job; return whether shaders change.
+    def assign_look(self, body: Mapping[str, Any]) -> bool:
+        """Assign a look to parts, or unassign it (`EditedJob.assign_look`); return whether shaders change.
 
-        A request with a `preset` and a `file` makes a new look of them first, which stays.
+        A request with a `preset` and a `file` first writes a new look; undo does not remove its file.
         """
         with self._lock:
-            made = None
+            new_file = None
             if isinstance(preset := body.get("preset"), str):
-                made = self._dressing.create(preset, str(body.get("file")))
-                body = {**body, "material": made.name}
+                new_file = self._edited_job.create_look(preset, str(body.get("file")))
+                body = {**body, "material": new_file.name}
             try:
-                file, state = self._dressing.file, self._work.state
-                label, content = self._dressing.wear(self._read, self.chosen[0], self._work.content(file), body)
-                return self._push(label, replace(state, files={**state.files, file: content}))
+                file, state = self._edited_job.file, self._workspace.state
+                label, content = self._edited_job.assign_look(
+                    self._current_job, self.scene_key[0], self._workspace.content(file), body
+                )
+                return self._push_state(label, replace(state, files={**state.files, file: content}))
             except LookdevError:
-                if made is not None:
-                    made.unlink(missing_ok=True)
+                if new_file is not None:
+                    new_file.unlink(missing_ok=True)
                 raise
 
-    def wearables(self) -> dict[str, Any]:
-        """Return what parts can wear (`Dressing.wearables`)."""
+    def list_materials(self) -> dict[str, Any]:
+        """Return the materials that can be assigned to parts (`EditedJob.list_materials`)."""
         with self._lock:
-            return self._dressing.wearables(self._read)
+            return self._edited_job.list_materials(self._current_job)
 
     def copy(self, number: int, layer: int) -> str:
         """Return a layer as USD text."""
         with self._lock:
-            place = self._editable(number)
-            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
-                return copy_layer(file, str(layer), place.prim, self._variants_of(place))
+            location = self._editable_location(number)
+            with self._workspace.sources.copy_beside(location.file, self._workspace.content(location.file)) as file:
+                return copy_layer(file, str(layer), location.prim, self._variants_of(location))
 
     def save_preset(self, number: int, layer: int, name: str, category: str) -> Path:
         """Write a layer as a preset of the first folder of the library; return the file."""
         with self._lock:
-            place, folder = self._editable(number), library_folders()[0]
+            location, folder = self._editable_location(number), library_folders()[0]
             target = folder / f"{name.strip()}.usda"
             if not _PRESET.fullmatch(name.strip()) or not os.access(folder, os.W_OK):
                 hint = f"a folder of your own in ${LIBRARY_VARIABLE} would be right"
-                wrong = f"{folder}: cannot be written; {hint}" if _PRESET.fullmatch(name.strip()) else ""
-                raise LookdevError(wrong or f"'{name}' is no name of a preset: for instance red_rubber")
+                message = f"{folder}: cannot be written; {hint}" if _PRESET.fullmatch(name.strip()) else ""
+                raise LookdevError(message or f"'{name}' is not a name of a preset; red_rubber would be right")
             doc = f"{name.strip().replace('_', ' ').capitalize()}."
-            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
-                save_preset(file, str(layer), target, category.strip(), doc, place.prim, self._variants_of(place))
+            with self._workspace.sources.copy_beside(location.file, self._workspace.content(location.file)) as file:
+                save_preset(file, str(layer), target, category.strip(), doc, location.prim, self._variants_of(location))
             return target
 
     def solo(self, number: int, layer: int | None) -> None:
-        """Show one layer of a look alone, or all of them: a matter of the view, which is not saved."""
+        """Show one layer of a look alone, or all layers; this is a setting of the view, and is not saved."""
         with self._lock:
-            place = self._editable(number)
-            if layer is not None and layer not in [e.number for e in self._opened(number).outline.entries if e.enabled]:
+            location = self._editable_location(number)
+            if layer is not None and layer not in self._enabled_layers(number):
                 raise ModelError(f"the look shows no layer {layer}: a muted one cannot be shown alone")
-            self._solo = None if layer is None else (place, layer)
+            self._solo = None if layer is None else (location, layer)
             self._revision += 1
 
-    def _solo_place(self, number: int) -> int | None:
-        """Return the place in a look of the layer that is shown alone."""
-        if self._solo is None or self._place(number) != self._solo[0]:
+    def _solo_index(self, number: int) -> int | None:
+        """Return the index of the solo layer in a look, or None if the look has no solo layer."""
+        if self._solo is None or self._location_or_reason(number) != self._solo[0]:
             return None
-        shown = [each.number for each in self._opened(number).outline.entries if each.enabled]
-        return shown.index(self._solo[1]) if self._solo[1] in shown else None
+        enabled = self._enabled_layers(number)
+        return enabled.index(self._solo[1]) if self._solo[1] in enabled else None
 
-    def undo(self, by: int = -1) -> bool:
-        """Undo (-1) or redo (1) the last step; return whether shaders change."""
+    def _enabled_layers(self, number: int) -> list[int]:
+        return [entry.number for entry in self._open_look(number).outline.entries if entry.enabled]
+
+    def undo(self, direction: int = -1) -> bool:
+        """Undo (`direction` -1) or redo (1) a step; return whether shaders change."""
         with self._lock:
-            before = self._scene, self._shown()
-            if self._work.history.step(by) is None:
-                raise LookdevError(f"there is nothing to {'undo' if by < 0 else 'do again'}")
-            return self._adopted(*before)
+            before = self._scene, self._visible_looks()
+            if self._workspace.history.step(direction) is None:
+                raise LookdevError(f"there is nothing to {'undo' if direction < 0 else 'do again'}")
+            return self._adopt_state(*before)
 
-    def _editable(self, number: int) -> Place:
-        place = self._place(number)
-        if isinstance(place, str):
-            raise LookdevError(f"{place}: it cannot be edited here")
-        return place
+    def _editable_location(self, number: int) -> Place:
+        location = self._location_or_reason(number)
+        if isinstance(location, str):
+            raise LookdevError(f"{location}: it cannot be edited here")
+        return location
 
-    def _variants_of(self, place: Place) -> dict[str, str]:
-        return {**place.variants, **self._work.state.variants.get(place.key, {})}
+    def _variants_of(self, location: Place) -> dict[str, str]:
+        return {**location.variants, **self._workspace.state.variants.get(location.key, {})}
 
-    def _roots(self, place: Place) -> list[Path]:
-        return list(dict.fromkeys([place.file.parent, self._dressing.file.parent, Path.cwd()]))
+    def _image_roots(self, location: Place) -> list[Path]:
+        return list(dict.fromkeys([location.file.parent, self._edited_job.file.parent, Path.cwd()]))
 
-    def _apply(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
-        """Edit the content of a look's file; nothing changes where that fails, or the scene cannot be shown then."""
-        return self._push(label, self._work.edited(self._editable(number).file, edit), gesture)
+    def _edit_file(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
+        """Edit the content of a look's file; nothing changes if that fails, or if the new scene cannot be shown."""
+        return self._push_state(label, self._workspace.apply_edit(self._editable_location(number).file, edit), gesture)
 
-    def _show_variant(self, number: int, place: Place, name: str, choice: str) -> bool:
-        """Show a variant that the job chooses: it is not in the look's file."""
-        choices, _ = self._opened(number).outline.variants.get(name, ((), ""))
+    def _show_variant(self, number: int, location: Place, name: str, choice: str) -> bool:
+        """Show another variant in place of the job's choice; this does not change the look's file."""
+        choices, _ = self._open_look(number).outline.variants.get(name, ((), ""))
         if choice not in choices:
             raise ModelError(f"variant set '{name}' has no variant '{choice}' ({nearest_hint(choice, list(choices))})")
-        state = self._work.state
-        shown = {**state.variants.get(place.key, {}), name: choice}
-        return self._push(
-            f"show variant {name}: {choice}", replace(state, variants={**state.variants, place.key: shown})
+        state = self._workspace.state
+        variants = {**state.variants.get(location.key, {}), name: choice}
+        return self._push_state(
+            f"show variant {name}: {choice}", replace(state, variants={**state.variants, location.key: variants})
         )
 
-    def _push(self, label: str, state: State, gesture: str = "") -> bool:
-        before, revision, history, chosen = (
-            (self._scene, self._shown()),
+    def _push_state(self, label: str, state: State, gesture: str = "") -> bool:
+        before, revision, history, scene_key = (
+            (self._scene, self._visible_looks()),
             self._revision,
-            self._work.history.copy(),
-            self.chosen,
+            self._workspace.history.copy(),
+            self.scene_key,
         )
-        self._work.history.push(label, state, gesture)
+        self._workspace.history.push(label, state, gesture)
         try:
-            return self._adopted(*before)
+            return self._adopt_state(*before)
         except LookdevError:
-            self._work.history, self._revision, self.chosen = history, revision, chosen
+            self._workspace.history, self._revision, self.scene_key = history, revision, scene_key
             raise
 
-    def _adopted(self, scene: Scene, before: list[Look]) -> bool:
-        """Keep the present state, and make the view where shaders change, or what parts wear."""
+    def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
+        """Show the present state and store it for recovery; return whether shaders change, for a new view."""
         choices = self.choices
-        if not self._has(self.chosen):
-            self.chosen = (choices["looks"][0], choices["rigs"][0])
-        shown = self._shown()
-        compiles = self._scene is not scene or [shape_of(look) for look in before] != [shape_of(look) for look in shown]
+        if not self._has_scene(self.scene_key):
+            self.scene_key = (choices["looks"][0], choices["rigs"][0])
+        looks = self._visible_looks()
+        compiles = self._scene is not scene or [shape_of(look) for look in before] != [shape_of(look) for look in looks]
         if compiles:
             self.view()
         self._revision += 1
-        self._work.keep(self.chosen)
+        self._workspace.store_unsaved(self.scene_key)
         return compiles
 
-    def unsaved(self, number: int) -> bool:
-        """Return whether the file of a look lacks edits."""
-        place = self.place(number)
-        return place is not None and self._work.unsaved(place.file)
+    def is_unsaved(self, number: int) -> bool:
+        """Return whether a look has edits that its file lacks."""
+        location = self.location(number)
+        return location is not None and self._workspace.is_unsaved(location.file)
 
     def save(self, number: int | None = None, name: str | None = None, *, over: bool = False) -> list[Path]:
-        """Write the edited files, or that of a look; with a name a new one beside that, or beside the job.
+        """Write all edited files, or the file of a look, and return the files that were written.
 
-        Returns what was written.
+        With a `name`, write a new file instead, beside the file of the look, or beside the job.
 
         Raises
         ------
         ConflictError
-            A file was changed on disk since it was read, and is not written `over`.
+            A file has changed on disk since it was read, and `over` is false.
         LookdevError
-            The look is of no file, or the new file exists, or has no fitting name.
+            The look has no file, the new file exists, or its name is not valid.
         """
         with self._lock:
             if name is not None:
-                file = self._dressing.file if number is None else self._editable(number).file
-                return [self._work.save_as(file, name)]
-            saved = self._work.save(None if number is None else self._editable(number).file, over=over)
+                file = self._edited_job.file if number is None else self._editable_location(number).file
+                return [self._workspace.save_as(file, name)]
+            saved = self._workspace.save(None if number is None else self._editable_location(number).file, over=over)
             self._revision += 1
-            self._work.keep(self.chosen)
+            self._workspace.store_unsaved(self.scene_key)
             return saved
 
     def reload(self) -> bool:
-        """Take what others have written to files, in place of what is shown; a step that can be undone."""
+        """Load files that other programs have changed, as a step that can be undone; return whether shaders change."""
         with self._lock:
-            contents, state = self._work.on_disk(), self._work.state
-            compiles = self._push("load from disk", replace(state, files={**state.files, **contents}))
-            self._work.accept(contents)
-            self._work.keep(self.chosen)
+            contents, state = self._workspace.changed_contents(), self._workspace.state
+            compiles = self._push_state("load from disk", replace(state, files={**state.files, **contents}))
+            self._workspace.accept(contents)
+            self._workspace.store_unsaved(self.scene_key)
             return compiles
 
-    def ignore(self) -> None:
-        """Keep what is edited where files have changed on disk: it is unsaved, and saving writes over them."""
+    def keep_edits(self) -> None:
+        """Keep the edits of files that other programs have changed: they are unsaved, and saving overwrites files."""
         with self._lock:
-            self._work.ignore()
+            self._workspace.accept_disk()
             self._revision += 1
-            self._work.keep(self.chosen)
+            self._workspace.store_unsaved(self.scene_key)
 
-    def recover(self, *, take: bool) -> bool:
-        """Take the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
+    def recover(self, *, restore: bool) -> bool:
+        """Restore the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
         with self._lock:
-            compiles, work = False, self._work.offered
-            if take and work is not None:
-                state, before = self._work.recovered(), self.chosen
-                self.chosen = work.shown if self._has(work.shown) else before
-                compiles = self._push("restore unsaved work", state) or before != self.chosen
-            self._work.forget()
+            compiles, work = False, self._workspace.offered_work
+            if restore and work is not None:
+                state, before = self._workspace.recovered_state(), self.scene_key
+                self.scene_key = work.shown if self._has_scene(work.shown) else before
+                compiles = self._push_state("restore unsaved work", state) or before != self.scene_key
+            self._workspace.forget_offer()
             self._revision += 1
             return compiles
 
-    def _has(self, shown: tuple[str, str]) -> bool:
-        choices = self.choices
-        return shown[0] in choices["looks"] and shown[1] in [*choices["rigs"], *choices["shipped"]]
+    def _has_scene(self, scene_key: tuple[str, str]) -> bool:
+        choices, (look, rig) = self.choices, scene_key
+        return look in choices["looks"] and rig in [*choices["rigs"], *choices["shipped"]]
 
-    def keep_snapshot(self, picture: bytes) -> None:
-        """Keep a picture of what is shown, and the state of the looks."""
+    def store_snapshot(self, picture: bytes) -> None:
+        """Store a picture of the visible scene, with the state of the looks."""
         with self._lock:
-            self.snapshots.keep(picture, self._work.state, self.chosen)
+            self.snapshots.store(picture, self._workspace.state, self.scene_key)
 
     def show_snapshot(self, number: int) -> bool:
-        """Go back to the looks of a snapshot, a step that can be undone; return whether the scene changes."""
+        """Go back to the state of a snapshot, as a step that can be undone; return whether shaders or scene change."""
         with self._lock:
-            found = self.snapshots[number]
-            before, self.chosen = self.chosen, found.chosen
+            snapshot = self.snapshots[number]
+            before, self.scene_key = self.scene_key, snapshot.chosen
             try:
-                return self._push(f"go back to {found.name}", found.state) or before != found.chosen
+                return self._push_state(f"go back to {snapshot.name}", snapshot.state) or before != snapshot.chosen
             except LookdevError:
-                self.chosen = before
+                self.scene_key = before
                 raise
 
     def images(self, number: int) -> list[str]:
-        """Return images below a look's folder, relative to it, that masks may read."""
-        return images_below(self._editable(number).file.parent)
+        """Return the images below a look's folder, relative to it; masks may read them."""
+        return images_below(self._editable_location(number).file.parent)
 
     def stacks(self) -> list[dict[str, Any]]:
         """Return the layers of each look with their parameters, for the page."""
@@ -381,46 +389,49 @@ class Document:
             return [self._stack(number) for number in range(len(self._originals))]
 
     def _stack(self, number: int) -> dict[str, Any]:
-        place, opened = self._place(number), self._opened(number)
-        editable = isinstance(place, Place)
-        solo = self._solo[1] if self._solo is not None and self._solo_place(number) is not None else None
-        folder = place.file.parent if isinstance(place, Place) else None
+        location, opened = self._location_or_reason(number), self._open_look(number)
+        editable = isinstance(location, Place)
+        solo = self._solo[1] if self._solo is not None and self._solo_index(number) is not None else None
+        folder = location.file.parent if isinstance(location, Place) else None
         return {
             "name": self._originals[number].name,
-            "file": str(place.file) if isinstance(place, Place) else "",
-            "locked": "" if editable else place,
-            "unsaved": self.unsaved(number),
+            "file": str(location.file) if isinstance(location, Place) else "",
+            "locked": "" if editable else location,
+            "unsaved": self.is_unsaved(number),
             "solo": solo,
             "variants": [
-                {"set": name, "choices": choices, "chosen": chosen, "by_job": editable and name in place.variants}  # type: ignore[union-attr]
-                for name, (choices, chosen) in opened.outline.variants.items()
+                {"set": name, "choices": choices, "chosen": choice, "by_job": editable and name in location.variants}  # type: ignore[union-attr]
+                for name, (choices, choice) in opened.outline.variants.items()
             ],
             "layers": [*layer_rows(opened.look, opened.outline if editable else None, folder, solo)],
         }
 
     def status(self) -> dict[str, Any]:
-        """Return what the page shows beside the picture: stacks, history, files, unsaved work that was found."""
+        """Return the data of the page's panels: stacks, assignments, history, files, snapshots and work to recover."""
         with self._lock:
             return {
                 "revision": self._revision,
                 "stacks": self.stacks(),
                 "job": {
-                    **self._dressing.worn(self._read, self.chosen),
-                    "unsaved": self._work.unsaved(self._dressing.file),
-                    "new": not self._work.sources.known(self._dressing.file),
+                    **self._edited_job.describe_assignments(self._current_job, self.scene_key),
+                    "unsaved": self._workspace.is_unsaved(self._edited_job.file),
+                    "new": not self._workspace.sources.known_digest(self._edited_job.file),
                 },
-                "undoes": self._work.history.undoes,
-                "redoes": self._work.history.redoes,
-                "changed": [str(file) for file in self._work.sources.changed()],
-                "snapshots": self.snapshots.listed(),
-                "recovery": self._work.offer(),
+                "undoes": self._workspace.history.undoes,
+                "redoes": self._workspace.history.redoes,
+                "changed": [str(file) for file in self._workspace.sources.changed_files()],
+                "snapshots": self.snapshots.describe(),
+                "recovery": self._workspace.describe_offer(),
             }
 
     def close(self) -> bool:
-        """End; return whether there is unsaved work, which stays for the next time."""
-        return self._work.close()
+        """End recovery; return whether there is unsaved work, which the next Designer offers."""
+        return self._workspace.close()
 
-    def signs(self) -> dict[str, Any]:
-        """Return by what a page sees that it must ask for the status."""
+    def revision_status(self) -> dict[str, Any]:
+        """Return the revision and the changed files, from which the page sees that it needs a new status."""
         with self._lock:
-            return {"revision": self._revision, "changed": [str(file) for file in self._work.sources.changed()]}
+            return {
+                "revision": self._revision,
+                "changed": [str(file) for file in self._workspace.sources.changed_files()],
+            }

@@ -1,6 +1,6 @@
-"""The job as it is edited: its text, the scenes that are read of it, and what its parts wear.
+"""The job with its edits: its text, its scenes, and the assignment of looks to parts.
 
-An asset that is opened without a job has one that is not on disk yet.
+An asset that is opened without a job gets a new job, which is not on disk until it is saved.
 """
 
 from __future__ import annotations
@@ -32,209 +32,215 @@ from lookdev.text import decoded
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
-_HIGHEST = 2  # folders above the job's up to which a path is relative
-_MOST_READ = 1 << 20  # bytes of a file in which a material is looked for
+_HIGHEST = 2  # a path is relative to the job's folder if it goes up this number of folders at most
+_MOST_READ = 1 << 20  # bytes of a file that are searched for a material
 _BINARY = b"PXR-USDC"
 
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A job as it is read of a content, and its scenes; with a light that ships, where one is shown beside its own."""
+    """The job in a content of its file, and its scenes; both include a shipped light, if the page shows one."""
 
     job: Job
     scenes: JobScenes
 
 
-class Dressing:
-    """The content of a job's file, by the edited contents of files; it is first as `content`."""
+class EditedJob:
+    """The job of a Designer: its file, its original `content`, and the jobs and assignments in edited contents."""
 
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
         self.content = content
         self._assets: tuple[Any, AssetReader] | None = None
-        self._read = lru_cache(8)(self._reading)
-        self._covers = lru_cache(64)(self._assignments)
-        self._paths = lru_cache(16)(_paths)
+        self._read_cached = lru_cache(8)(self._read_content)
+        self._assignments_of = lru_cache(64)(self._find_assignments)
+        self._paths_of_slots = lru_cache(16)(_find_paths)
 
     def read(self, files: Mapping[Path, bytes], light: str = "") -> Read:
-        """Return the job and its scenes; `light` is one of `shipped_lights`, which is shown beside the job's own.
+        """Return the job and its scenes; `light` adds one of `shipped_lights` to the lights of the job.
 
-        Raises JobError or FaultsError with all faults, TextError where it is no text.
+        Raises JobError or FaultsError with all faults, and TextError if the content is not text.
         """
-        return self._read(files.get(self.file, self.content), light)
+        return self._read_cached(files.get(self.file, self.content), light)
 
-    def _reading(self, content: bytes, light: str) -> Read:
+    def _read_content(self, content: bytes, light: str) -> Read:
         job = parse_job(decoded(content, self.file), self.file)
-        if light and (found := shipped_lights(job).get(light)):
-            more = {"ibl": (*job.ibl, found)} if isinstance(found, JobIbl) else {"rig": (*job.rig, found)}
-            job = job.model_copy(update=more)
+        if light and (table := shipped_lights(job).get(light)):
+            update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
+            job = job.model_copy(update=update)
         if self._assets is None or self._assets[0] != job.asset:
             self._assets = job.asset, AssetReader(job.asset)
         return Read(job, job_scenes(job, reader=self._assets[1]))
 
-    def _look(self, read: Read, name: str) -> tuple[JobLook, ComposedAsset]:
-        look = next(each for each in read.scenes.job.look if each.name == name)
+    def _look(self, read_job: Read, name: str) -> tuple[JobLook, ComposedAsset]:
+        look = next(look for look in read_job.scenes.job.look if look.name == name)
         assert self._assets is not None, "a job that was read has an asset"
         return look, self._assets[1].read(look)
 
-    def _assignments(self, read: Read, name: str) -> Mapping[str, Assignment]:
-        return assignments_of_parts(*self._look(read, name), "", Findings(read.job))
+    def _find_assignments(self, read_job: Read, name: str) -> Mapping[str, Assignment]:
+        return assignments_of_parts(*self._look(read_job, name), "", Findings(read_job.job))
 
-    def variants(self, read: Read, chosen: tuple[str, str], slot: str) -> dict[str, str]:
-        """Return the variants in which a look of the job wears the material of a slot of a scene."""
-        look, _ = self._look(read, chosen[0])
-        covers = self._covers(read, chosen[0])
-        cover = next((covers[path] for path in self._paths(read, chosen).get(slot, ()) if path in covers), None)
-        if cover is None:
+    def variants(self, read_job: Read, scene_key: tuple[str, str], slot: str) -> dict[str, str]:
+        """Return the variants that the job chooses for the material of a slot."""
+        look, _ = self._look(read_job, scene_key[0])
+        assignments = self._assignments_of(read_job, scene_key[0])
+        paths = self._paths_of_slots(read_job, scene_key).get(slot, ())
+        assignment = next((assignments[path] for path in paths if path in assignments), None)
+        if assignment is None:
             return {} if look.material is not None else dict(look.variants)
-        return dict(look.variants if cover.assign is None else look.assign[cover.assign].variants)
+        return dict(look.variants if assignment.assign is None else look.assign[assignment.assign].variants)
 
-    def worn(self, read: Read, chosen: tuple[str, str]) -> dict[str, Any]:
-        """Return what covers each slot of a scene, and with which words it can be dressed otherwise, for the page."""
-        look, turned = self._look(read, chosen[0])
-        covers, paths = self._covers(read, chosen[0]), self._paths(read, chosen)
-        shown = {}
-        for slot in read.scenes.scenes[chosen].asset.slots:
-            own = paths.get(slot.path, [])
-            cover = next((covers[path] for path in own if path in covers), None)
-            given = None if cover is None else look if cover.assign is None else look.assign[cover.assign]
-            shown[slot.path] = {
-                "paths": own,
-                "by": "asset" if cover is None else "look" if cover.assign is None else "assign",
-                "pattern": "" if cover is None else cover.pattern,
-                "material": self._stated(given.material) if given is not None and given.material else "",
-                "variants": dict(given.variants) if given is not None else {},
+    def describe_assignments(self, read_job: Read, scene_key: tuple[str, str]) -> dict[str, Any]:
+        """Return the assignment of each slot of a scene, and the paths and collections for new ones, for the page."""
+        look, composed = self._look(read_job, scene_key[0])
+        assignments, paths = self._assignments_of(read_job, scene_key[0]), self._paths_of_slots(read_job, scene_key)
+        slots = {}
+        for slot in read_job.scenes.scenes[scene_key].asset.slots:
+            part_paths = paths.get(slot.path, [])
+            assignment = next((assignments[path] for path in part_paths if path in assignments), None)
+            table: JobLook | JobAssign | None = None
+            if assignment is not None:
+                table = look if assignment.assign is None else look.assign[assignment.assign]
+            slots[slot.path] = {
+                "paths": part_paths,
+                "by": "asset" if assignment is None else "look" if assignment.assign is None else "assign",
+                "pattern": "" if assignment is None else assignment.pattern,
+                "material": self._stated_path(table.material) if table is not None and table.material else "",
+                "variants": dict(table.variants) if table is not None else {},
             }
         return {
             "file": str(self.file),
-            "locked": "" if _number(read, chosen[0]) is not None else _OF_A_WEDGE,
-            "worn": shown,
-            "paths": list(turned.paths),
-            "collections": {key: sorted(members) for key, members in turned.collections.items() if members},
+            "locked": "" if _look_number(read_job, scene_key[0]) is not None else _WEDGE_LOCKED,
+            "worn": slots,
+            "paths": list(composed.paths),
+            "collections": {key: sorted(members) for key, members in composed.collections.items() if members},
         }
 
-    def wearables(self, read: Read) -> dict[str, Any]:
-        """Return the materials of the job, and files with looks beside them, beside the job, and beside the library."""
-        given = _given(read.job)
+    def list_materials(self, read_job: Read) -> dict[str, Any]:
+        """Return the materials of the job, and files of looks beside the job, its materials and the library."""
         rows = [
             {
-                "material": self._stated(each.material),
-                "prim": each.prim,
-                "variants": {name: choice for name, choice in each.variants.items() if choice != "*"},
+                "material": self._stated_path(table.material),
+                "prim": table.prim,
+                "variants": {name: choice for name, choice in table.variants.items() if choice != "*"},
             }
-            for each in given
-            if each.material is not None
+            for table in _tables(read_job.job)
+            if table.material is not None
         ]
-        known = {(self.file.parent / row["material"]).resolve() for row in rows}  # type: ignore[operator]
-        files = (file for folder in self._folders(read) for file in _looks_in(folder))
-        others = [self._stated(file) for file in dict.fromkeys(files) if file.resolve() not in known]
-        return {"job": [row for n, row in enumerate(rows) if row not in rows[:n]], "files": others}
+        job_files = {(self.file.parent / row["material"]).resolve() for row in rows}  # type: ignore[operator]
+        files = (file for folder in self._folders(read_job) for file in _look_files(folder))
+        other_files = [self._stated_path(file) for file in dict.fromkeys(files) if file.resolve() not in job_files]
+        return {"job": [row for n, row in enumerate(rows) if row not in rows[:n]], "files": other_files}
 
-    def wear(self, read: Read, name: str, content: bytes, body: Mapping[str, Any]) -> tuple[str, bytes]:
-        """Return label and content of the job in which parts wear what a page asks for.
+    def assign_look(self, read_job: Read, name: str, content: bytes, body: Mapping[str, Any]) -> tuple[str, bytes]:
+        """Return a label, and the content of the job in which a look is assigned to parts, or unassigned.
 
-        `prims` are dressed, or all to which nothing is assigned, where there are none. Raises LookdevError where the
-        request is none, or the job cannot be edited so.
+        The look is assigned to ``prims``, or, if they are empty, to all parts without an assignment. Raises
+        LookdevError if the request is not valid, or the job does not allow the edit.
         """
-        look, text = _number(read, name), decoded(content, self.file)
+        look, text = _look_number(read_job, name), decoded(content, self.file)
         if look is None:
-            raise LookdevError(_OF_A_WEDGE)
+            raise LookdevError(_WEDGE_LOCKED)
         match body:
             case {"part": str(part), "take": True}:
-                cover = self._cover(read, name, part)
-                if cover.assign is None:
+                assignment = self._assignment(read_job, name, part)
+                if assignment.assign is None:
                     raise LookdevError(f"nothing is assigned to {part}")
-                return f"take the look off {cover.pattern}", unassign(text, look, [cover.pattern]).encode()
-            case {"part": str(part), "prims": list(prims), "material": str(material)} if _are_words(prims):
+                return f"unassign the look of {assignment.pattern}", unassign(text, look, [assignment.pattern]).encode()
+            case {"part": str(part), "prims": list(prims), "material": str(material)} if _are_names(prims):
                 variants = body.get("variants", {})
-                if not isinstance(variants, dict) or not _are_words([*variants, *variants.values()]):
+                if not isinstance(variants, dict) or not _are_names([*variants, *variants.values()]):
                     raise LookdevError("the variants of a material are names and choices")
                 prim = body.get("prim")
-                worn = Wear(self._allowed(read, material), prim if isinstance(prim, str) and prim else None, variants)
-                on = ", ".join(prims) if prims else "all else"
-                label = f"{on} wears {Path(worn.material).stem}"
+                material_table = Wear(
+                    self._readable_path(read_job, material), prim if isinstance(prim, str) and prim else None, variants
+                )
+                targets = ", ".join(prims) if prims else "all other parts"
+                label = f"assign {Path(material_table.material).stem} to {targets}"
                 if not prims:
-                    return label, wear_all(text, look, worn).encode()
-                return label, assign(text, look, prims, worn, self._cover(read, name, part).assign).encode()
-        raise LookdevError("what a part wears has the part, its prims, and a material; or 'take', true")
+                    return label, wear_all(text, look, material_table).encode()
+                return label, assign(
+                    text, look, prims, material_table, self._assignment(read_job, name, part).assign
+                ).encode()
+        raise LookdevError("an assignment has a part, prims and a material; or a part, and 'take', true")
 
-    def create(self, preset: str, name: str) -> Path:
-        """Write a new look whose base is a preset beside the job, and return its file."""
+    def create_look(self, preset: str, name: str) -> Path:
+        """Write a new look, whose base is a preset, beside the job; return its file."""
         if not _FILE_NAME.fullmatch(name):
-            raise LookdevError(f"'{name}' is no name of a file for a look: for instance {preset}.usda")
+            raise LookdevError(f"'{name}' is not a file name for a look; {preset}.usda would be right")
         file = self.file.with_name(name)
         new_look(file, find_preset(Path(preset).stem))
         return file
 
-    def _cover(self, read: Read, name: str, part: str) -> Assignment:
-        covers = self._covers(read, name)
-        _, turned = self._look(read, name)
-        if part not in turned.paths:
-            raise LookdevError(f"{part} is no part of the asset ({nearest_hint(part, list(turned.paths))})")
-        return covers.get(part, Assignment())
+    def _assignment(self, read_job: Read, name: str, part: str) -> Assignment:
+        assignments = self._assignments_of(read_job, name)
+        _, composed = self._look(read_job, name)
+        if part not in composed.paths:
+            raise LookdevError(f"{part} is not a part of the asset ({nearest_hint(part, list(composed.paths))})")
+        return assignments.get(part, Assignment())
 
-    def _folders(self, read: Read) -> list[Path]:
-        of_job = [each.material.parent for each in _given(read.job) if each.material]
-        return list(dict.fromkeys([self.file.parent, *of_job, *(each.parent for each in library_folders())]))
+    def _folders(self, read_job: Read) -> list[Path]:
+        job_folders = [table.material.parent for table in _tables(read_job.job) if table.material]
+        return list(dict.fromkeys([self.file.parent, *job_folders, *(folder.parent for folder in library_folders())]))
 
-    def _allowed(self, read: Read, material: str) -> str:
-        """Return the path of a material as the job states it; raises LookdevError where it may not be read."""
+    def _readable_path(self, read_job: Read, material: str) -> str:
+        """Return the path of a material as the job states it; raise LookdevError if the page may not read it."""
         file = Path(os.path.normpath(self.file.parent / material))
-        roots = [Path.cwd(), *self._folders(read), *library_folders()]
+        roots = [Path.cwd(), *self._folders(read_job), *library_folders()]
         if not any(file.resolve().is_relative_to(root.resolve()) for root in roots):
             below = ", ".join(map(str, dict.fromkeys(roots)))
             raise LookdevError(f"{file}: this page reads looks below {below} alone; copy it there")
-        return self._stated(file)
+        return self._stated_path(file)
 
-    def _stated(self, file: Path | None) -> str:
+    def _stated_path(self, file: Path | None) -> str:
         """Return a path as a job states it."""
         return stated_path(file, self.file.parent) if file is not None else ""
 
 
-_OF_A_WEDGE = "this look is one of a wedge: choose the look that it varies"
+_WEDGE_LOCKED = "this look is one of a wedge: choose the look that it varies"
 
 
 def stated_path(file: Path, folder: Path) -> str:
-    """Return the path of a file for a job of a folder: relative, unless that is far away."""
+    """Return the path of a file as a job in a folder states it: relative, unless the file is far away."""
     relative = Path(os.path.relpath(file, folder))
     return file.as_posix() if relative.parts.count("..") > _HIGHEST else relative.as_posix()
 
 
 def shipped_lights(job: Job) -> dict[str, JobIbl | JobRig]:
-    """Return the domes and rigs that ship and that a job does not have, by names that it does not have."""
-    taken = {each.name.casefold() for each in job.rigs}
-    had = {each.builtin for each in job.rigs}
-    lights: list[JobIbl | JobRig] = [JobIbl(name=name, builtin=name) for name in BUILTIN_LIGHTS if name not in had]
-    lights += [JobRig(name=name, builtin=name) for name in BUILTIN_RIGS if name not in had]
-    named = {each.name if each.name not in taken else f"{each.name}_shipped": each for each in lights}
-    return {name: each.model_copy(update={"name": name}) for name, each in named.items() if name not in taken}
+    """Return the shipped domes and rigs that a job lacks, by names that are free in the job."""
+    taken = {table.name.casefold() for table in job.rigs}
+    present = {table.builtin for table in job.rigs}
+    lights: list[JobIbl | JobRig] = [JobIbl(name=name, builtin=name) for name in BUILTIN_LIGHTS if name not in present]
+    lights += [JobRig(name=name, builtin=name) for name in BUILTIN_RIGS if name not in present]
+    by_name = {light.name if light.name not in taken else f"{light.name}_shipped": light for light in lights}
+    return {name: light.model_copy(update={"name": name}) for name, light in by_name.items() if name not in taken}
 
 
-def _given(job: Job) -> list[JobLook | JobAssign]:
+def _tables(job: Job) -> list[JobLook | JobAssign]:
     """Return the tables of a job that can have a material."""
-    given: list[JobLook | JobAssign] = []
+    tables: list[JobLook | JobAssign] = []
     for look in job.look:
-        given += [*look.assign, look]
-    return given
+        tables += [*look.assign, look]
+    return tables
 
 
-def _number(read: Read, name: str) -> int | None:
-    """Return the number in the file of a look of the job; None for one that only a wedge has."""
-    found = _LOOK.fullmatch(read.scenes.look_keys[name])
-    return int(found[1]) if found else None
+def _look_number(read_job: Read, name: str) -> int | None:
+    """Return the number of a look in the job's file, or None if a wedge made the look."""
+    match = _LOOK.fullmatch(read_job.scenes.look_keys[name])
+    return int(match[1]) if match else None
 
 
-def _paths(read: Read, chosen: tuple[str, str]) -> dict[str, list[str]]:
-    """Return the paths of the parts that each slot of a scene is shown as, by the slot's path."""
-    found: dict[str, list[str]] = {}
-    for parts in asset_parts(read.scenes.scenes[chosen].asset).values():
+def _find_paths(read_job: Read, scene_key: tuple[str, str]) -> dict[str, list[str]]:
+    """Return the paths of the parts of each slot of a scene, by the slot's path."""
+    paths: dict[str, list[str]] = {}
+    for parts in asset_parts(read_job.scenes.scenes[scene_key].asset).values():
         for part in parts:
-            found.setdefault(part.slot.path, []).append(part.path)
-    return found
+            paths.setdefault(part.slot.path, []).append(part.path)
+    return paths
 
 
-def _looks_in(folder: Path) -> Iterator[Path]:
-    """Yield the files of a folder that have a material and no geometry, as far as their text says."""
+def _look_files(folder: Path) -> Iterator[Path]:
+    """Yield the files of a folder whose beginning has a material and no geometry."""
     for file in sorted(folder.iterdir()) if folder.is_dir() else ():
         if file.suffix.lower() not in MATERIAL_SUFFIXES or file.name.startswith(".") or not file.is_file():
             continue
@@ -243,10 +249,10 @@ def _looks_in(folder: Path) -> Iterator[Path]:
                 start = stream.read(_MOST_READ)
         except OSError:
             continue
-        of_look = b"def Material" in start and b"def Mesh" not in start and b"def Xform" not in start
-        if of_look or file.suffix.lower() in (".mtlx", ".usdz") or start.startswith(_BINARY):
+        is_look = b"def Material" in start and b"def Mesh" not in start and b"def Xform" not in start
+        if is_look or file.suffix.lower() in (".mtlx", ".usdz") or start.startswith(_BINARY):
             yield file
 
 
-def _are_words(values: Sequence[object]) -> bool:
-    return all(isinstance(each, str) and each for each in values)
+def _are_names(values: Sequence[object]) -> bool:
+    return all(isinstance(value, str) and value for value in values)

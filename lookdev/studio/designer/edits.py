@@ -1,4 +1,4 @@
-"""Edits of constants: as a page sends them, and whether a layer can have them."""
+"""Edits of constants: parse the request of a page, and check the value against the layer."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from lookdev.material.look import Bump, Layer, Primvar
 
 @dataclass(frozen=True)
 class Edit:
-    """Another constant of a parameter of a layer of a look; the layer is numbered from the base, without those muted.
+    """A new constant for a parameter of a layer; layers are numbered from the base, and muted layers are not counted.
 
-    ``"mask"`` is the layer's mask, ``"mask.dirt"`` an input of its expression, ``"roughness.dirt"`` one of a
-    parameter's. Edits of one `gesture` are one step.
+    The parameter ``"mask"`` is the mask of the layer, ``"mask.dirt"`` an input of the mask's expression, and
+    ``"roughness.dirt"`` an input of a parameter's expression. Edits of one `gesture` are one step of the history.
     """
 
     look: int
@@ -31,19 +31,19 @@ class Edit:
 
 
 def shape_of(look: Look) -> Any:
-    """Return what the shaders of a look depend on: all but its name, and the constants that are uniforms."""
+    """Return the parts of a look on which its shaders depend: all but its name and the constants that are uniforms."""
 
-    def of(value: Any) -> Any:
+    def shape(value: Any) -> Any:
         return ("#", len(value)) if isinstance(value, tuple) else "#" if isinstance(value, float) else value
 
     return [
-        (each.model, each.mode, of(each.mask), {name: of(value) for name, value in each.inputs.items()})
-        for each in look.layers
+        (layer.model, layer.mode, shape(layer.mask), {name: shape(value) for name, value in layer.inputs.items()})
+        for layer in look.layers
     ]
 
 
-def checked(layer: Layer, edit: Edit) -> Value:
-    """Return the value of an edit as its parameter can have it; raises ModelError where it cannot."""
+def check_value(layer: Layer, edit: Edit) -> Value:
+    """Return the value of an edit in the type of its parameter; raise ModelError if the parameter cannot have it."""
     name, value = edit.parameter, edit.value
     if name == "mask":
         if edit.layer == 0 or not isinstance(layer.mask, float):
@@ -52,17 +52,17 @@ def checked(layer: Layer, edit: Edit) -> Value:
             raise ModelError(f"a mask is a number from 0 to 1, not {value!r}")
         return value
     if "." in name:
-        of, _, inner = name.partition(".")
-        formula = layer.mask if of == "mask" else layer.inputs.get(of)
+        owner, _, inner = name.partition(".")
+        formula = layer.mask if owner == "mask" else layer.inputs.get(owner)
         inputs = formula.inputs if isinstance(formula, Formula) else {}
         if not isinstance(inputs.get(inner), float) or not isinstance(value, float):
-            raise ModelError(f"{layer.name}.{name} is no number of an expression, or {value!r} is none")
+            raise ModelError(f"{layer.name}.{name} is not a number of an expression, or {value!r} is not a number")
         return value
     if layer.model not in MODELS:
         raise ModelError(f"layer '{layer.name}' is of {layer.model}, which is translated: it has no sliders")
-    known = MODELS[layer.model].parameters
-    if name not in known:
-        raise ModelError(f"{layer.model} has no parameter '{name}' ({nearest_hint(name, list(known))})")
+    parameters = MODELS[layer.model].parameters
+    if name not in parameters:
+        raise ModelError(f"{layer.model} has no parameter '{name}' ({nearest_hint(name, list(parameters))})")
     if isinstance(layer.inputs.get(name), Texture | Primvar | Bump | Formula):
         raise ModelError(f"{layer.name}.{name} has a texture or an expression, not a constant")
     complete = complete_parameters(layer.model, {name: value})[name]
@@ -70,8 +70,8 @@ def checked(layer: Layer, edit: Edit) -> Value:
     return tuple(plain) if isinstance(plain, list) else plain
 
 
-def parsed(body: Mapping[str, Any]) -> Edit:
-    """Return an edit of a page's request; raises ModelError where it is none."""
+def parse_edit(body: Mapping[str, Any]) -> Edit:
+    """Return the edit in a request of a page; raise ModelError if the request is not an edit."""
     match body:
         case {"look": int(look), "layer": int(layer), "parameter": str(parameter), "value": value}:
             gesture = str(body.get("gesture", ""))[:40]

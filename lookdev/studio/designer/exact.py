@@ -1,8 +1,8 @@
-"""The exact picture of what the page shows: rounds of a supervised renderer, which stays for the next edit.
+"""The exact picture of the page's scene: rounds of a supervised renderer, which stays for the next edit.
 
-Each round is a frame of its own, of seeds of its own; their halves, weighted by samples, are those of one longer frame,
-whose error they measure. A request replaces the one before: the renderer ends its frame within a launch, and keeps the
-scene, so that of an edit only the look is new.
+Each round is a frame with its own seed. The halves of all rounds, weighted by samples, are the halves of one longer
+frame, and measure its error. A request replaces the previous one: the renderer ends its frame within a launch, and
+keeps the scene, so that an edit changes only the look.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from lookdev.studio.talk import Cancelled, Ticket
 Floats = NDArray[np.float64]
 
 LONGEST_SIDE = {"mitsuba": 640, "exact": 320}
-"""Pixels of a picture's longer side: so many take a first round within a second, and end within 200 ms."""
+"""Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
 
 _ANY_SIZE = ("mitsuba",)
-_SAMPLES = (2, 2, 4, 8, 16, 32)  # of the first rounds; later ones are like the last
-_MOST, _ERROR = 1024, 5e-5  # samples, and relMSE, after which a picture is done
-_TRIES = 3  # of a renderer that dies without a round
+_SAMPLES = (2, 2, 4, 8, 16, 32)  # samples of the first rounds; later rounds have as many as the last
+_MOST, _ERROR = 1024, 5e-5  # samples, or relMSE, at which a picture is done
+_TRIES = 3  # starts of a renderer that dies without a round
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the page shows besides the scene: its camera, turns in degrees, and the size of its picture in pixels."""
+    """The view of the page: its camera, rotations in degrees, and the size of its picture in pixels."""
 
     camera: Camera
     pose: Pose
@@ -54,7 +54,7 @@ Deliver = Callable[[dict[str, Any], Mapping[str, NDArray[Any]]], None]
 
 @dataclass
 class _Sum:
-    """The rounds of a picture so far: sums over samples of halves, of what is direct in them, and of coverage."""
+    """The sum of the rounds of a picture so far: the halves, their direct light and coverage, weighted by samples."""
 
     a: Any = 0.0
     b: Any = 0.0
@@ -63,19 +63,24 @@ class _Sum:
     samples: int = 0
     rounds: int = 0
 
-    def add(self, found: Rendered) -> None:
-        own = found.samples
-        self.a, self.b = self.a + own * found.a.astype(np.float64), self.b + own * found.b.astype(np.float64)
-        self.alpha = self.alpha + own * found.alpha.astype(np.float64)
-        direct = found.passes.get("direct")
-        # Without reflected light, all is direct.
-        self.direct = self.direct + own * (0.5 * (found.a + found.b) if direct is None else direct).astype(np.float64)
-        self.samples += own
+    def add(self, rendered: Rendered) -> None:
+        samples = rendered.samples
+        self.a, self.b = (
+            self.a + samples * rendered.a.astype(np.float64),
+            self.b + samples * rendered.b.astype(np.float64),
+        )
+        self.alpha = self.alpha + samples * rendered.alpha.astype(np.float64)
+        direct = rendered.passes.get("direct")
+        # A frame without this pass has no indirect light.
+        self.direct = self.direct + samples * (0.5 * (rendered.a + rendered.b) if direct is None else direct).astype(
+            np.float64
+        )
+        self.samples += samples
         self.rounds += 1
 
     @property
     def relmse(self) -> float:
-        a, b, alpha = (each / self.samples for each in (self.a, self.b, self.alpha))
+        a, b, alpha = (total / self.samples for total in (self.a, self.b, self.alpha))
         return relmse_of_halves(a, b, alpha)
 
     @property
@@ -88,11 +93,11 @@ class _Sum:
 
 
 class Exact:
-    """Renders one picture at a time, the newest; the renderer ends with `close`."""
+    """The renderer of exact pictures: it renders the newest request only, and ends with `close`."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lookdev-design-")
-        # One thread, which lasts: a renderer ends with the thread that started it.
+        # One persistent thread: a renderer ends with the thread that started it.
         self.thread = ThreadPoolExecutor(1, "exact")
         self._worker: Worker | None = None
         self._command: tuple[str, ...] = ()
@@ -103,70 +108,70 @@ class Exact:
 
     @property
     def pid(self) -> int | None:
-        """The number of the renderer's process."""
+        """The process id of the renderer; None if it has not started."""
         return None if self._worker is None else self._worker.pid
 
     def cancel(self, ticket: Ticket) -> None:
-        """Have a picture end soon."""
+        """Cancel a picture; the renderer ends its frame soon."""
         ticket.cancelled.set()
         worker, digest = self._worker, self._digest
         if self._current is ticket and worker is not None and digest:
             worker.cancel(digest)
 
-    def render(self, scene: Scene, wanted: Wanted, ticket: Ticket, deliver: Deliver) -> None:
-        """Render rounds of a scene until they are exact enough, and deliver each with its facts; in `thread`.
+    def render(self, scene: Scene, view: Wanted, ticket: Ticket, deliver: Deliver) -> None:
+        """Render rounds of a scene until the error is small, and deliver the sum after each round; runs in `thread`.
 
-        Delivered are ``beauty`` (h, w, 3), premultiplied and linear, ``direct`` (h, w, 3), what of it lights send to
-        where it is reflected to the camera, and ``alpha`` (h, w); row 0 is at the top. Raises Cancelled, what
-        `scene_task` raises, and what workers raise again and again.
+        Delivered are facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear; ``direct``
+        (h, w, 3), the part of it whose light reaches the surface straight from the lights; and ``alpha`` (h, w). Row 0
+        is at the top. Raises Cancelled, the errors of `scene_task`, and an error of the worker that repeats.
         """
         ticket.check()
         self._current = ticket
         try:
-            self._render(scene, wanted, ticket, deliver)
+            self._render(scene, view, ticket, deliver)
         finally:
             self._current, self._digest = None, ""
 
-    def _render(self, scene: Scene, wanted: Wanted, ticket: Ticket, deliver: Deliver) -> None:
+    def _render(self, scene: Scene, view: Wanted, ticket: Ticket, deliver: Deliver) -> None:
         began = time.perf_counter()
         name = backend_for(scene)
-        task = task_of(scene, wanted, name)
+        task = task_of(scene, view, name)
         ticket.check()
-        # Seen sooner at half the size, where that is no other scene to the renderer.
+        # The first round has half the size, if the renderer need not build the scene anew for another size.
         small = replace(task, resolution=(max(4, task.resolution[0] // 2), max(4, task.resolution[1] // 2)))
-        first, made, failures = name in _ANY_SIZE, _Sum(), 0
-        while made.samples < _MOST and not (made.rounds and made.relmse <= _ERROR):
-            samples = _SAMPLES[min(made.rounds, len(_SAMPLES) - 1)]
+        first, total, failures = name in _ANY_SIZE, _Sum(), 0
+        while total.samples < _MOST and not (total.rounds and total.relmse <= _ERROR):
+            samples = _SAMPLES[min(total.rounds, len(_SAMPLES) - 1)]
             try:
-                made.add(self._round(small if first else task, wanted, samples, made.rounds, ticket, deliver))
+                total.add(self._render_round(small if first else task, view, samples, total.rounds, ticket, deliver))
             except WorkerError as error:
                 ticket.check()
                 failures += 1
-                said = explained(error, self._log)
+                message = explained(error, self._log)
                 if self._closed or failures >= _TRIES:
-                    raise WorkerError(said) from error
-                deliver({"state": f"{said}; it is started anew"}, {})
+                    raise WorkerError(message) from error
+                deliver({"state": f"{message}; it is started anew"}, {})
                 continue
             failures = 0
             facts = {
-                "samples": made.samples,
-                "relmse": made.relmse,
+                "samples": total.samples,
+                "relmse": total.relmse,
                 "seconds": time.perf_counter() - began,
-                "backend": described(name),
+                "backend": backend_title(name),
                 "worker": self.pid,
             }
-            deliver(facts, made.arrays)
+            deliver(facts, total.arrays)
             if first:
-                first, made = False, _Sum()
+                first, total = False, _Sum()
         deliver({"done": True}, {})
 
-    def _round(
-        self, task: SceneTask, wanted: Wanted, samples: int, number: int, ticket: Ticket, deliver: Deliver
+    def _render_round(
+        self, task: SceneTask, view: Wanted, samples: int, number: int, ticket: Ticket, deliver: Deliver
     ) -> Rendered:
-        worker = self._started(task.backend, deliver)
+        worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"
-        frame = one_frame(task, wanted.pose, self._digest, samples=samples, seed=number)
+        frame = one_frame(task, view.pose, self._digest, samples=samples, seed=number)
         ticket.check()
         try:
             return worker.render(frame, lambda progress: None)
@@ -174,7 +179,7 @@ class Exact:
             ticket.check()
             raise
 
-    def _started(self, backend: str, deliver: Deliver) -> Worker:
+    def _start_worker(self, backend: str, deliver: Deliver) -> Worker:
         command = BACKENDS[backend].command
         if self._worker is not None and self._command != command:
             self._worker.kill()
@@ -207,7 +212,7 @@ class Exact:
 
 
 def backend_for(scene: Scene) -> str:
-    """Return the backend that shows a scene exactly and soonest: Mitsuba where it is installed and shows it all."""
+    """Return the fastest backend that renders a scene exactly: Mitsuba, if it is installed and supports the scene."""
     if scene.catchers:
         return "exact"
     try:
@@ -218,34 +223,34 @@ def backend_for(scene: Scene) -> str:
     return "mitsuba"
 
 
-def described(backend: str) -> str:
-    """Return what the page calls a backend."""
+def backend_title(backend: str) -> str:
+    """Return the name and version of a backend for the page."""
     return {
         "mitsuba": lambda: f"Mitsuba {version('mitsuba')}",
         "exact": lambda: f"Cycles {version('bpy')}",
     }[backend]()
 
 
-def task_of(scene: Scene, wanted: Wanted, backend: str) -> SceneTask:
-    """Return the task of a picture, no larger than the backend renders at once."""
-    shrink = min(1.0, LONGEST_SIDE[backend] / max(wanted.size))
-    width, height = (max(4, round(shrink * each)) for each in wanted.size)
-    shown = replace(scene, camera=wanted.camera, film=replace(scene.film, resolution=(width, height)))
-    return scene_task(shown, Sampling(passes=("direct",)), backend, "cpu")
+def task_of(scene: Scene, view: Wanted, backend: str) -> SceneTask:
+    """Return the task of a picture, reduced to the size that the backend renders in time."""
+    shrink = min(1.0, LONGEST_SIDE[backend] / max(view.size))
+    width, height = (max(4, round(shrink * side)) for side in view.size)
+    small_scene = replace(scene, camera=view.camera, film=replace(scene.film, resolution=(width, height)))
+    return scene_task(small_scene, Sampling(passes=("direct",)), backend, "cpu")
 
 
-def wanted_of(body: Mapping[str, Any]) -> Wanted:
-    """Return what a page's message asks for; raises LookdevError where it is not that."""
+def parse_view(body: Mapping[str, Any]) -> Wanted:
+    """Return the view in a message of the page; raise LookdevError if the message is not valid."""
 
-    def number(given: Any) -> float:
-        if isinstance(given, bool) or not isinstance(given, int | float) or not abs(given) < 1e9:
+    def number(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
             raise LookdevError("a view has finite numbers")
-        return float(given)
+        return float(value)
 
-    def numbers(given: Any, count: int) -> Any:
-        if not isinstance(given, list) or len(given) != count:
+    def numbers(value: Any, count: int) -> Any:
+        if not isinstance(value, list) or len(value) != count:
             raise LookdevError(f"a view has {count} numbers there")
-        return tuple(map(number, given))
+        return tuple(map(number, value))
 
     camera = body.get("camera")
     if not isinstance(camera, dict):
@@ -253,7 +258,7 @@ def wanted_of(body: Mapping[str, Any]) -> Wanted:
     lens = camera.get("lens")
     if lens is not None and not isinstance(lens, dict):
         raise LookdevError("a lens has an aperture and a focus")
-    made = Camera(
+    parsed_camera = Camera(
         fov=number(camera.get("fov")),
         elevation=number(camera.get("elevation")),
         target=numbers(camera.get("target"), 3),
@@ -264,10 +269,10 @@ def wanted_of(body: Mapping[str, Any]) -> Wanted:
         shift=numbers(camera.get("shift"), 2),
         lens=None if lens is None else Lens(number(lens.get("aperture")), number(lens.get("focus"))),
     )
-    if not (0.0 < made.fov < 180.0 and made.distance > 0.0):
+    if not (0.0 < parsed_camera.fov < 180.0 and parsed_camera.distance > 0.0):
         raise LookdevError("a camera has an angle of view from 0 to 180 degrees, and a distance")
-    width, height = (int(each) for each in numbers(body.get("size"), 2))
+    width, height = (int(side) for side in numbers(body.get("size"), 2))
     if not (1 <= width <= 8192 and 1 <= height <= 8192):
         raise LookdevError("a picture has from 1 to 8192 pixels along a side")
     pose = Pose(number(body.get("element")) % 360.0, number(body.get("lighting")) % 360.0)
-    return Wanted(made, pose, (width, height))
+    return Wanted(parsed_camera, pose, (width, height))

@@ -1,4 +1,4 @@
-"""What the Designer has edited, as values, and the history of them: undo and redo of everything."""
+"""The state of the Designer's edits, and its history: undo and redo of all edits."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 LONGEST = 200
-"""Steps that can be undone."""
+"""Largest number of steps that can be undone."""
 LARGEST = 256 << 20
-"""Bytes of all contents of files in a history, about; the oldest steps go first."""
+"""Approximate limit of all contents of files in a history, in bytes; the oldest steps are dropped first."""
 
 
 @dataclass(frozen=True)
 class State:
-    """The contents of edited files, and variants that are shown without being in a file, by look (``file<prim>``)."""
+    """The contents of edited files, and the variants that only the page shows, by look (``file<prim>``)."""
 
     files: Mapping[Path, bytes] = field(default_factory=dict)
     variants: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class _Step:
 
 
 class History:
-    """States, each after a step with a label. Steps of one gesture are one step."""
+    """A list of states, each reached by a step with a label. Steps of one gesture are merged into one step."""
 
     def __init__(self) -> None:
         self._steps = [_Step("", State())]
@@ -40,16 +40,16 @@ class History:
 
     @property
     def undoes(self) -> str | None:
-        """The label of the step that would be undone."""
+        """The label of the step that undo would undo; None if there is none."""
         return self._steps[self._at].label if self._at else None
 
     @property
     def redoes(self) -> str | None:
-        """The label of the step that would be done again."""
+        """The label of the step that redo would redo; None if there is none."""
         return self._steps[self._at + 1].label if self._at + 1 < len(self._steps) else None
 
     def push(self, label: str, state: State, gesture: str = "") -> None:
-        """Make a step; what was undone is forgotten."""
+        """Add a step to a new state; steps that were undone are dropped."""
         del self._steps[self._at + 1 :]
         if gesture and self._at and self._steps[-1].gesture == gesture:
             self._steps[-1] = _Step(label, state, gesture)
@@ -60,20 +60,20 @@ class History:
         self._at = len(self._steps) - 1
 
     def copy(self) -> History:
-        """Return a history of the same steps."""
-        made = History()
-        made._steps, made._at = list(self._steps), self._at
-        return made
+        """Return a history with the same steps."""
+        duplicate = History()
+        duplicate._steps, duplicate._at = list(self._steps), self._at
+        return duplicate
 
-    def step(self, by: int) -> str | None:
-        """Undo (-1) or redo (1) a step, and return its label; None where there is none."""
-        label = self.undoes if by < 0 else self.redoes
+    def step(self, direction: int) -> str | None:
+        """Undo (`direction` -1) or redo (1) a step; return its label, or None if there is no such step."""
+        label = self.undoes if direction < 0 else self.redoes
         if label is not None:
-            self._at += by
+            self._at += direction
         return label
 
     def _size(self) -> int:
-        return sum(map(len, {id(each): each for each in self._contents()}.values()))
+        return sum(map(len, {id(content): content for content in self._contents()}.values()))
 
     def _contents(self) -> Iterator[bytes]:
         for step in self._steps:

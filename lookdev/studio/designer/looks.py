@@ -1,4 +1,4 @@
-"""The looks of a shown scene as they are edited: where each is, and what its file has now."""
+"""The looks of the visible scene with their edits, and their locations in files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lookdev.errors import LookdevError, ModelError
 from lookdev.material import Look
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
-from lookdev.studio.designer.dressing import Dressing, Read
+from lookdev.studio.designer.dressing import EditedJob, Read
 from lookdev.studio.designer.history import State
 from lookdev.studio.designer.sources import Opened, Place, Sources
 
@@ -20,54 +20,57 @@ _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
 
 
 def looks_of(scene: Scene) -> list[Look]:
-    """Return the looks of a scene by the numbers that the page gives them."""
+    """Return the looks of a scene in the order of their numbers on the page."""
     return list({id(look): look for look in scene.looks}.values())
 
 
 class Looks:
-    """Places of looks, which stay while the job is edited; a scene is `chosen` of a job that was read."""
+    """The looks of a job's scenes, and their locations, which stay the same while the job is edited."""
 
-    def __init__(self, dressing: Dressing, sources: Sources) -> None:
-        self._dressing = dressing
+    def __init__(self, edited_job: EditedJob, sources: Sources) -> None:
+        self._edited_job = edited_job
         self._sources = sources
-        self._places: dict[tuple[str, tuple[tuple[str, str], ...]], Place | str] = {}
+        self._locations: dict[tuple[str, tuple[tuple[str, str], ...]], Place | str] = {}
 
-    def place(self, read: Read, chosen: tuple[str, str], number: int) -> Place | str:
-        """Return the place of a look, or why it cannot be edited; raises ModelError where there is no such look."""
-        scene = read.scenes.scenes[chosen]
+    def location(self, read_job: Read, scene_key: tuple[str, str], number: int) -> Place | str:
+        """Return the location of a look, or why it cannot be edited; raise ModelError if there is no such look."""
+        scene = read_job.scenes.scenes[scene_key]
         looks = looks_of(scene)
         if not 0 <= number < len(looks):
             raise ModelError(f"there are {len(looks)} looks, none of number {number}")
-        slot = next(path for path, worn in scene.wears.items() if worn is looks[number])
-        variants = self._dressing.variants(read, chosen, slot)
+        slot = next(path for path, slot_look in scene.wears.items() if slot_look is looks[number])
+        variants = self._edited_job.variants(read_job, scene_key, slot)
         key = (looks[number].source, tuple(variants.items()))
-        if key not in self._places:
-            self._places[key] = self._placed(looks[number], variants)
-        return self._places[key]
+        if key not in self._locations:
+            self._locations[key] = self._locate(looks[number], variants)
+        return self._locations[key]
 
-    def opened(self, read: Read, chosen: tuple[str, str], number: int, state: State) -> Opened:
-        """Return a look as a state has it; raises LookError where it is none."""
-        place, original = self.place(read, chosen, number), looks_of(read.scenes.scenes[chosen])[number]
-        if isinstance(place, str):
+    def open_look(self, read_job: Read, scene_key: tuple[str, str], number: int, state: State) -> Opened:
+        """Return a look with the edits of a state; raise LookError if the edited file has no valid look."""
+        location, original = (
+            self.location(read_job, scene_key, number),
+            looks_of(read_job.scenes.scenes[scene_key])[number],
+        )
+        if isinstance(location, str):
             entries = (Entry(number, layer.name) for number, layer in enumerate(original.layers))
             return Opened(original, Outline(tuple(entries), {}))
-        opened = self._sources.opened(place, state.files, state.variants.get(place.key, {}), original)
+        opened = self._sources.open_look(location, state.files, state.variants.get(location.key, {}), original)
         return replace(opened, look=original) if opened.look.layers == original.layers else opened
 
-    def _placed(self, look: Look, variants: Mapping[str, str]) -> Place | str:
-        found = _SOURCE.fullmatch(look.source)
-        if not found or not Path(found["file"]).is_file():
-            return f"look '{look.name}' is of no file"
+    def _locate(self, look: Look, variants: Mapping[str, str]) -> Place | str:
+        match = _SOURCE.fullmatch(look.source)
+        if not match or not Path(match["file"]).is_file():
+            return f"look '{look.name}' is not in a file"
         if foreign := [layer for layer in look.layers if layer.model not in MODELS]:
             return f"look '{look.name}' is translated from {foreign[0].model}: it has no layers of its own"
-        file = Path(found["file"]).absolute()
-        place = Place(file, found["prim"], variants)
+        file = Path(match["file"]).absolute()
+        location = Place(file, match["prim"], variants)
         try:
-            self._sources.take(file)
-            # The job's look is read from disk, which may have been saved to since the file was first read.
-            opened = self._sources.opened(place, {file: file.read_bytes()}, {}, look)
+            self._sources.track(file)
+            # The job reads its look from disk: the file may have been saved since it was first read here.
+            opened = self._sources.open_look(location, {file: file.read_bytes()}, {}, look)
         except LookdevError as error:
             return str(error)
         if opened.look.layers != look.layers:
             return f"look '{look.name}' is composed of several files: {file} alone is another look"
-        return place
+        return location

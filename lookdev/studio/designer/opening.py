@@ -1,4 +1,4 @@
-"""From a job or an asset to the document that is edited."""
+"""Open a job or an asset as a document of the Designer."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from pathlib import Path
 
 from lookdev.job import load_job
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.dressing import Dressing, stated_path
+from lookdev.studio.designer.dressing import EditedJob, stated_path
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.text import TextError, read_bytes
 
-ASSET = """# Made by 'lookdev design'.
+ASSET_JOB = """# Made by 'lookdev design'.
 output = "out/{name}"
 
 [asset]
@@ -40,35 +40,36 @@ background = "ibl"
 def open_document(
     file: Path | None, builtin: str | None = None, material: Path | None = None, *, recovers: bool = False
 ) -> Document:
-    """Open a job (.toml), or an asset in its own materials or in one; keep and offer unsaved work if it `recovers`.
+    """Open a job (.toml), or an asset with its own materials or a given one.
 
-    An asset's job is one that is not on disk, of the working folder.
+    With `recovers`, the document stores unsaved work and offers that of an earlier Designer. The job of an asset is
+    new: it belongs to the working folder, and is not on disk until it is saved.
 
     Raises
     ------
     JobError
         The job has faults.
     FaultsError
-        The files of a job have, or the asset has.
+        The files of the job, or the asset, have faults.
     """
-    opened = "|".join(
-        str(each.absolute()) if isinstance(each, Path) else str(each) for each in (file, builtin, material)
+    opening_key = "|".join(
+        str(part.absolute()) if isinstance(part, Path) else str(part) for part in (file, builtin, material)
     )
-    recovery = Recovery(opened) if recovers else None
+    recovery = Recovery(opening_key) if recovers else None
     if file is not None and file.suffix == ".toml":
-        return Document(Dressing(file.absolute(), _content(file)), recovery)
+        return Document(EditedJob(file.absolute(), _content(file)), recovery)
     stem = str(builtin) if file is None else file.stem
-    job = _kept(recovery) or _free(Path.cwd() / f"{stem}.toml")
-    if job.exists():  # saved by the Designer whose unsaved work is offered
-        return Document(Dressing(job, _content(job)), recovery)
-    asset = f"builtin = {_quoted(str(builtin))}" if file is None else f"usd = {_quoted(_stated(file, job))}"
-    worn = f"material = {_quoted(_stated(material, job))}\n" if material else ""
-    text = ASSET.format(name=stem, asset=asset, material=worn)
-    return Document(Dressing(job, text.encode()), recovery)
+    job = _recoverable_job(recovery) or _free_path(Path.cwd() / f"{stem}.toml")
+    if job.exists():  # the Designer whose unsaved work is offered has saved it
+        return Document(EditedJob(job, _content(job)), recovery)
+    asset = f"builtin = {_quote(str(builtin))}" if file is None else f"usd = {_quote(_path_for_job(file, job))}"
+    material_line = f"material = {_quote(_path_for_job(material, job))}\n" if material else ""
+    job_text = ASSET_JOB.format(name=stem, asset=asset, material=material_line)
+    return Document(EditedJob(job, job_text.encode()), recovery)
 
 
 def _content(file: Path) -> bytes:
-    """Return the content of a job's file; raises JobError as `load_job` does where there is none."""
+    """Return the content of a job's file; raise JobError, as `load_job` does, if it cannot be read."""
     try:
         return read_bytes(file)
     except TextError:
@@ -76,22 +77,22 @@ def _content(file: Path) -> bytes:
         raise
 
 
-def _stated(file: Path, job: Path) -> str:
+def _path_for_job(file: Path, job: Path) -> str:
     return stated_path(file.absolute(), job.parent)
 
 
-def _kept(recovery: Recovery | None) -> Path | None:
-    """Return the job of unsaved work that is offered."""
+def _recoverable_job(recovery: Recovery | None) -> Path | None:
+    """Return the job file in the unsaved work that is offered, if there is one."""
     work = recovery.work if recovery else None
     return next((file for file in (work.files if work else ()) if file.suffix == ".toml"), None)
 
 
-def _free(file: Path) -> Path:
-    """Return a path at which there is no file: this, or one with a number."""
-    others = (file.with_stem(f"{file.stem}_{number}") for number in range(2, 1000))
-    return next(each for each in (file, *others) if not each.exists())
+def _free_path(file: Path) -> Path:
+    """Return the path, or one with a number after its stem, at which there is no file."""
+    numbered = (file.with_stem(f"{file.stem}_{number}") for number in range(2, 1000))
+    return next(candidate for candidate in (file, *numbered) if not candidate.exists())
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

@@ -1,4 +1,4 @@
-"""What the page asks to be done to the stack of a look: a label for the history, and the edit of a file."""
+"""Operations on the stack of a look, from requests of the page: a label for the history, and the edit of a file."""
 
 from __future__ import annotations
 
@@ -18,35 +18,37 @@ from lookdev.studio.designer.rows import read_source
 from lookdev.studio.designer.sources import Opened, Place
 
 Operation = Callable[[Path], object]
-"""Edits a file, which has the content of another one beside it."""
+"""A function that edits a file: a hidden copy beside the look's file."""
 
 
-def operation(
-    body: Mapping[str, Any], place: Place, opened: Opened, variants: Mapping[str, str], roots: Sequence[Path]
+def parse_operation(
+    body: Mapping[str, Any], location: Place, opened: Opened, variants: Mapping[str, str], roots: Sequence[Path]
 ) -> tuple[str, Operation]:
-    """Return label and edit of a request for a look of a place; raises LookdevError where it is none."""
-    prim, folder, outline = place.prim, place.file.parent, opened.outline
+    """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid."""
+    prim, folder, outline = location.prim, location.file.parent, opened.outline
 
     def kind_of(parameter: str, layer: int) -> Kind:
-        shown = [each.number for each in outline.entries if each.enabled]
-        model = opened.look.layers[shown.index(layer)].model if layer in shown else ""
-        known = MODELS[model].parameters if model in MODELS else {}
-        return "color" if parameter in known and known[parameter].kind == "color" else "float"
+        enabled = [entry.number for entry in outline.entries if entry.enabled]
+        model = opened.look.layers[enabled.index(layer)].model if layer in enabled else ""
+        parameters = MODELS[model].parameters if model in MODELS else {}
+        return "color" if parameter in parameters and parameters[parameter].kind == "color" else "float"
 
     def name(layer: object) -> str:
-        found = [each.name for each in outline.entries if each.number == layer]
-        if not found:
+        names = [entry.name for entry in outline.entries if entry.number == layer]
+        if not names:
             raise ModelError(f"the look has no layer {shortened(str(layer), 20)}")
-        return found[0]
+        return names[0]
 
     match body:
         case {"op": "add", "preset": str(preset)}:
-            found = find_preset(Path(preset).stem)
-            return f"add {found.name}", lambda file: add_layer(file, found, prim=prim, variants=variants)
+            library_preset = find_preset(Path(preset).stem)
+            return f"add {library_preset.name}", lambda file: add_layer(
+                file, library_preset, prim=prim, variants=variants
+            )
         case {"op": "remove", "layer": int(layer)}:
             return f"remove {name(layer)}", lambda file: remove_layer(file, str(layer), prim, variants)
         case {"op": "duplicate", "layer": int(layer)}:
-            return f"duplicate {name(layer)}", lambda file: _above(
+            return f"duplicate {name(layer)}", lambda file: _move_above(
                 file, duplicate_layer(file, str(layer), prim, variants), layer + 1, prim, variants
             )
         case {"op": "rename", "layer": int(layer), "name": str(new)}:
@@ -62,24 +64,32 @@ def operation(
             label = f"lay {name(layer)} {'over' if mode == 'over' else 'as a clear coat over'} what is beneath"
             return label, lambda file: set_mode(file, str(layer), mode, prim, variants)
         case {"op": "mask", "layer": int(layer), "mask": str(text), "inputs": dict(inputs)}:
-            given = {str(each): str(value) for each, value in inputs.items() if str(value).strip()}
-            mask = read_source(text, given, folder, list(roots))
+            sources = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
+            mask = read_source(text, sources, folder, list(roots))
             return f"mask of {name(layer)}", lambda file: set_mask(file, str(layer), mask, prim, variants)
-        case {"op": "source", "layer": int(layer), "parameter": str(each), "source": str(text), "inputs": dict(inputs)}:
-            given = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
-            source = read_source(text, given, folder, list(roots), each, kind_of(each, layer))
-            return f"{name(layer)} {each}", lambda file: set_source(file, str(layer), each, source, prim, variants)
-        case {"op": "unstate", "layer": int(layer), "parameter": str(each)}:
-            label = f"{name(layer)} {shortened(each, 40)} back to its default"
-            return label, lambda file: unset_parameter(file, str(layer), each, prim, variants)
+        case {
+            "op": "source",
+            "layer": int(layer),
+            "parameter": str(parameter),
+            "source": str(text),
+            "inputs": dict(inputs),
+        }:
+            sources = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
+            source = read_source(text, sources, folder, list(roots), parameter, kind_of(parameter, layer))
+            return f"{name(layer)} {parameter}", lambda file: set_source(
+                file, str(layer), parameter, source, prim, variants
+            )
+        case {"op": "unstate", "layer": int(layer), "parameter": str(parameter)}:
+            label = f"{name(layer)} {shortened(parameter, 40)} back to its default"
+            return label, lambda file: unset_parameter(file, str(layer), parameter, prim, variants)
         case {"op": "paste", "text": str(text)}:
             return "paste a layer", lambda file: paste_layer(file, text, prim, variants)
-        case {"op": "variant", "set": str(name_of_set), "choice": str(choice)}:
-            label = f"variant {name_of_set}: {choice}"
-            return label, lambda file: select_variant(file, name_of_set, choice, prim)
+        case {"op": "variant", "set": str(set_name), "choice": str(choice)}:
+            label = f"variant {set_name}: {choice}"
+            return label, lambda file: select_variant(file, set_name, choice, prim)
     raise ModelError("an edit of the stack has an op, a layer's number, and what the op needs")
 
 
-def _above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:
+def _move_above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:
     if to != number:
         move_layer(file, str(number), to, prim, variants)

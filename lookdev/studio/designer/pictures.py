@@ -1,4 +1,4 @@
-"""The websocket of exact pictures: the page asks for one, and each round is a packet of arrays."""
+"""The websocket of exact pictures: a page requests a picture, and receives each round as a packet of arrays."""
 
 from __future__ import annotations
 
@@ -10,60 +10,60 @@ from typing import Any
 from starlette.websockets import WebSocket
 
 from lookdev.scene import Scene
-from lookdev.studio.designer.exact import Exact, wanted_of
+from lookdev.studio.designer.exact import Exact, parse_view
 from lookdev.studio.packets import packet
-from lookdev.studio.talk import Talk, Ticket
+from lookdev.studio.talk import PageSocket, Ticket
 from lookdev.text import TextError, parse_json
 
 
-class Pictures:
-    """Reads the requests of one page until it is gone: ``render`` with an ``id`` and a view, or ``cancel``."""
+class ExactPictures:
+    """The requests of one page: ``render`` with an ``id`` and a view, or ``cancel``."""
 
     def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: Exact) -> None:
-        self._talk = Talk(socket, exact.cancel)
+        self._socket = PageSocket(socket, exact.cancel)
         self._scene = scene
         self._exact = exact
 
     async def run(self) -> None:
-        """Serve the page."""
-        await self._talk.serve(self._take)
+        """Serve the page until it is gone."""
+        await self._socket.serve(self._take)
 
     async def _take(self, text: Any) -> None:
         request = _request(text)
-        self._talk.cancel()
+        self._socket.cancel()
         if request is None:
-            await self._talk.send({"error": "a message is JSON that renders, with an id, or cancels"})
+            await self._socket.send({"error": "a message is JSON that renders, with an id, or cancels"})
         elif request["do"] == "render":
-            self._talk.begin(self._render(request, self._talk.replaced()))
+            self._socket.start_task(self._render(request, self._socket.replace_ticket()))
 
     async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
-        loop, named = asyncio.get_running_loop(), {"id": request["id"]}
+        loop, reply = asyncio.get_running_loop(), {"id": request["id"]}
 
         def deliver(facts: dict[str, Any], arrays: Mapping[str, Any]) -> None:
             if ticket.cancelled.is_set():
                 return
-            header = {**named, **facts}
+            header = {**reply, **facts}
             with suppress(RuntimeError):  # the loop has ended
-                sent = self._talk.send(packet(header, arrays) if arrays else header)
-                # Waited for: a page that is slow to take rounds is sent no more of them.
-                asyncio.run_coroutine_threadsafe(sent, loop).result(timeout=30)
+                sending = self._socket.send(packet(header, arrays) if arrays else header)
+                # Wait until it is sent: a slow page must not queue rounds.
+                asyncio.run_coroutine_threadsafe(sending, loop).result(timeout=30)
 
         def compute() -> None:
-            self._exact.render(self._scene(), wanted_of(request), ticket, deliver)
+            self._exact.render(self._scene(), parse_view(request), ticket, deliver)
 
-        await self._talk.answer(request, compute, self._exact.thread)
+        await self._socket.answer(request, compute, self._exact.thread)
 
 
 def _request(text: Any) -> dict[str, Any] | None:
-    """Return a request; None for any other message."""
+    """Return the request in a message, or None if the message is not a valid request."""
     if not isinstance(text, str):
         return None
     try:
-        found = parse_json(text, "message")
+        request = parse_json(text, "message")
     except TextError:
         return None
-    if not isinstance(found, dict):
+    if not isinstance(request, dict):
         return None
-    number = found.get("id")
-    numbered = isinstance(number, int) and not isinstance(number, bool)
-    return found if found.get("do") == "cancel" or (found.get("do") == "render" and numbered) else None
+    number = request.get("id")
+    has_id = isinstance(number, int) and not isinstance(number, bool)
+    return request if request.get("do") == "cancel" or (request.get("do") == "render" and has_id) else None

@@ -1,7 +1,7 @@
-"""Unsaved work that survives a crash: a record of each Designer's edits, kept until they are saved or discarded.
+"""Recovery of unsaved work after a crash: each Designer has a record of its edits until they are saved or discarded.
 
-It is written after each edit, whole or not at all, and locked by the process that writes it. A record that nobody locks
-is of a Designer that has ended: the next one of the same job or asset offers it.
+The record is written after each edit, whole or not at all, and is locked by the process of its Designer. A record
+without a lock belongs to a Designer that has ended: the next Designer of the same job or asset offers it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import hashlib
 import json
 import os
 import secrets
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 
 STATE_VARIABLE = "LOOKDEV_STATE"
-"""Environment variable with the folder of what is kept between runs, but is not made again as a cache is."""
+"""Environment variable: the folder of state that persists between runs and, unlike a cache, cannot be computed anew."""
 
 
 def state_folder() -> Path:
@@ -32,9 +31,9 @@ def state_folder() -> Path:
 
 @dataclass(frozen=True)
 class Work:
-    """Unsaved work: the contents of files, each with the digest of what was on disk; variants; seconds of the epoch.
+    """Unsaved work: file contents, each with the digest of the file that was on disk; variants; seconds of the epoch.
 
-    `shown` are the names of the look and the rig that were shown.
+    `shown` has the names of the visible look and rig.
     """
 
     files: Mapping[Path, tuple[bytes, str]]
@@ -42,41 +41,45 @@ class Work:
     time: float
     shown: tuple[str, str] = ("", "")
 
-    def packed(self) -> str:
-        """Return it as JSON."""
+    def to_json(self) -> str:
+        """Return the work as JSON."""
         files = {
-            str(file): [base64.b64encode(content).decode(), known] for file, (content, known) in self.files.items()
+            str(file): [base64.b64encode(content).decode(), disk_digest]
+            for file, (content, disk_digest) in self.files.items()
         }
         return json.dumps({"files": files, "variants": self.variants, "time": self.time, "shown": self.shown})
 
     @staticmethod
-    def unpacked(text: str) -> Work:
-        """Return what `packed` has made; raises ValueError for anything else."""
+    def from_json(text: str) -> Work:
+        """Return the work in a text that `to_json` wrote; raise ValueError for any other text."""
         match json.loads(text):
             case {
                 "files": dict(files),
                 "variants": dict(variants),
-                "time": float(at),
+                "time": float(seconds),
                 "shown": [str(look), str(rig)],
             }:
-                each = {Path(name): (base64.b64decode(content), str(known)) for name, (content, known) in files.items()}
-                return Work(each, variants, at, (look, rig))
-        raise ValueError("is no record of unsaved work")
+                contents = {
+                    Path(name): (base64.b64decode(content), str(disk_digest))
+                    for name, (content, disk_digest) in files.items()
+                }
+                return Work(contents, variants, seconds, (look, rig))
+        raise ValueError("is not a record of unsaved work")
 
 
 class Recovery:
-    """The record of a Designer, and that of an earlier one of the same `opened` that has ended with unsaved work."""
+    """The record of a Designer, and that of an earlier Designer of the same job or asset, if it left unsaved work."""
 
-    def __init__(self, opened: str, folder: Path | None = None) -> None:
+    def __init__(self, opening_key: str, folder: Path | None = None) -> None:
         self._folder = (folder or state_folder()) / "designer"
-        self._stem = hashlib.sha256(opened.encode()).hexdigest()[:24]
+        self._stem = hashlib.sha256(opening_key.encode()).hexdigest()[:24]
         self._record = self._folder / f"{self._stem}-{secrets.token_hex(4)}.json"
         self._lock: int | None = None
-        self._found: Path | None = None
-        self.work = self._find()
+        self._earlier_record: Path | None = None
+        self.work = self._find_earlier()
 
-    def keep(self, work: Work) -> None:
-        """Write the record, or remove it where there is nothing unsaved; raises LookdevError where that fails."""
+    def store(self, work: Work) -> None:
+        """Write the record, or remove it if there is no unsaved work; raise LookdevError if that fails."""
         try:
             if not work.files:
                 self._record.unlink(missing_ok=True)
@@ -87,20 +90,20 @@ class Recovery:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             with atomic_path(self._record) as temporary:
                 temporary.touch(0o600)
-                temporary.write_text(work.packed(), "utf-8")
+                temporary.write_text(work.to_json(), "utf-8")
         except OSError as error:
             hint = f"make room there, or set {STATE_VARIABLE} to another folder"
             raise LookdevError(f"{self._folder}: unsaved work cannot be kept: {error.strerror}; {hint}") from error
 
     def forget(self) -> None:
-        """Remove the record that was found."""
-        if self._found is not None:
-            self._found.unlink(missing_ok=True)
-            self._lock_of(self._found).unlink(missing_ok=True)
-        self._found, self.work = None, None
+        """Remove the record of the earlier Designer."""
+        if self._earlier_record is not None:
+            self._earlier_record.unlink(missing_ok=True)
+            self._lock_of(self._earlier_record).unlink(missing_ok=True)
+        self._earlier_record, self.work = None, None
 
     def close(self) -> bool:
-        """End; return whether the record stays, since there is unsaved work."""
+        """Release the lock; return whether there is unsaved work, whose record stays."""
         stays = self._record.exists()
         if self._lock is not None:
             if not stays:
@@ -109,13 +112,13 @@ class Recovery:
             self._lock = None
         return stays
 
-    def _find(self) -> Work | None:
+    def _find_earlier(self) -> Work | None:
         records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)
         for record in records:
             try:
                 if not self._is_locked(record):
-                    work = Work.unpacked(record.read_text("utf-8"))
-                    self._found = record
+                    work = Work.from_json(record.read_text("utf-8"))
+                    self._earlier_record = record
                     return work
             except (OSError, ValueError, RecursionError):
                 continue
@@ -144,8 +147,3 @@ def _age(file: Path) -> float:
         return file.stat().st_mtime
     except OSError:
         return 0.0
-
-
-def now() -> float:
-    """Return the time of a record."""
-    return time.time()

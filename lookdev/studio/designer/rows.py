@@ -1,4 +1,4 @@
-"""The layers of looks for the page: a row for each parameter, and masks as they are typed."""
+"""The layers of looks for the page: a row for each parameter; masks and sources in the words that a user types."""
 
 from __future__ import annotations
 
@@ -18,61 +18,61 @@ from lookdev.material.look import Bump, Coordinates, Layer, Primvar
 from lookdev.material.usd import MODES
 
 NO_PART = (
-    "a look does not know which part wears it: dress the part in a look of its own, or give the asset a primvar, and "
-    "the mask primvar:NAME"
+    "a mask cannot select a part: assign a look of its own to the part, or give the asset a primvar, and the mask "
+    "primvar:NAME"
 )
 
 
 def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: int | None) -> Iterator[dict[str, Any]]:
-    """Yield each layer of a stack, base first, also those that are not enabled.
+    """Yield a row for each layer of a stack, base first, with disabled layers.
 
-    `number` is that of the stack, `place` that of the look, which has no layer that is not enabled. `solo` is the
-    number of the only layer that is shown.
+    ``number`` is the layer's number in the stack; ``place`` is its index in the look, which lacks disabled layers.
+    `solo` is the number of the only visible layer, if there is one.
     """
-    entries = outline.entries if outline else [Entry(k, each.name) for k, each in enumerate(look.layers)]
-    place = 0
+    entries = outline.entries if outline else [Entry(k, layer.name) for k, layer in enumerate(look.layers)]
+    index = 0
     for entry in entries:
         if not entry.enabled:
             yield {"number": entry.number, "place": None, "name": entry.name, "enabled": False, "mode": entry.mode}
             continue
-        layer = look.layers[place]
-        ours = layer.model in MODELS
-        uniform = place if solo is None else 0 if solo == entry.number else None
+        layer = look.layers[index]
+        is_own = layer.model in MODELS
+        uniform = index if solo is None else 0 if solo == entry.number else None
         yield {
             "number": entry.number,
-            "place": place,
+            "place": index,
             "name": entry.name,
             "enabled": True,
             "mode": layer.mode,
             "model": layer.model,
-            "modes": [each for each in MODES if ours and each in MODELS[layer.model].modes],
-            "own": ours,
-            "title": MODELS[layer.model].title if ours else layer.model,
-            "parameters": [*_parameters(place, layer, uniform, folder)],
-            "mask": _words(layer.mask, folder) if place else None,
+            "modes": [mode for mode in MODES if is_own and mode in MODELS[layer.model].modes],
+            "own": is_own,
+            "title": MODELS[layer.model].title if is_own else layer.model,
+            "parameters": [*_parameters(index, layer, uniform, folder)],
+            "mask": _source_row(layer.mask, folder) if index else None,
         }
-        place += 1
+        index += 1
 
 
-def _parameters(place: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
-    if place > 0:
-        # The only layer that is shown is shown whole.
+def _parameters(index: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
+    if index > 0:
+        # A solo layer is drawn without its mask, so the mask is not a uniform.
         yield _row(uniform if uniform else None, MASK, layer.mask)
         yield from _numbers("mask", layer.mask)
     if layer.model in MODELS:
-        for each in MODELS[layer.model].parameters.values():
-            if each.file is None:
-                value = layer.inputs.get(each.name)
-                yield {**_row(uniform, each, value), "source": _words(value, folder)}
-                yield from _numbers(each.name, value)
+        for parameter in MODELS[layer.model].parameters.values():
+            if parameter.file is None:
+                value = layer.inputs.get(parameter.name)
+                yield {**_row(uniform, parameter, value), "source": _source_row(value, folder)}
+                yield from _numbers(parameter.name, value)
 
 
-def _numbers(of: str, value: Any) -> Iterator[dict[str, Any]]:
-    """Yield the numbers of an expression."""
+def _numbers(owner: str, value: Any) -> Iterator[dict[str, Any]]:
+    """Yield a row for each number of an expression."""
     for name, number in value.inputs.items() if isinstance(value, Formula) else ():
         if isinstance(number, float | int):
-            wide = Parameter(f"{of}.{name}", "float", float(number), (0.0, max(1.0, 2.0 * abs(number))))
-            yield _row(None, wide, float(number))
+            parameter = Parameter(f"{owner}.{name}", "float", float(number), (0.0, max(1.0, 2.0 * abs(number))))
+            yield _row(None, parameter, float(number))
 
 
 def _row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def _row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any
         "kind": parameter.kind,
         "default": parameter.default,
         "value": value if constant else None,
-        "varies": "" if constant or value is None else varies(value),
+        "varies": "" if constant or value is None else describe_source(value),
         "uniform": live_name(uniform, parameter.name) if live and uniform is not None else "",
         "soft": parameter.soft,
         "hard": parameter.hard,
@@ -92,8 +92,8 @@ def _row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any
     }
 
 
-def varies(value: Any) -> str:
-    """Return what gives a parameter that varies its value, in words."""
+def describe_source(value: Any) -> str:
+    """Return a description of the source of a parameter that varies over the surface."""
     match value:
         case Texture():
             return f"texture {value.file.name}, {value.channel}"
@@ -106,18 +106,18 @@ def varies(value: Any) -> str:
     return "varies"
 
 
-def _words(mask: Any, folder: Path | None) -> dict[str, Any]:
-    """Return a mask, or what a parameter has, as `parse_mask` reads it, with the sources of its names."""
+def _source_row(mask: Any, folder: Path | None) -> dict[str, Any]:
+    """Return a mask, or the source of a parameter, as `parse_mask` reads it, with the sources of its names."""
     inputs = mask.inputs if isinstance(mask, Formula) else {}
     kind = {Texture: "texture", Primvar: "primvar", Formula: "expression"}.get(type(mask), "number")
     return {
         "kind": kind,
-        "text": "" if mask is None else _source(mask, folder),
-        "inputs": {name: _source(each, folder) for name, each in inputs.items()},
+        "text": "" if mask is None else _source_text(mask, folder),
+        "inputs": {name: _source_text(source, folder) for name, source in inputs.items()},
     }
 
 
-def _source(source: Any, folder: Path | None) -> str:
+def _source_text(source: Any, folder: Path | None) -> str:
     match source:
         case Texture():
             return f"{os.path.relpath(source.file, folder or Path())}:{source.channel}"
@@ -130,7 +130,7 @@ def _source(source: Any, folder: Path | None) -> str:
         case float() | int():
             return f"{source:g}"
         case tuple():
-            return " ".join(f"{each:g}" for each in source)
+            return " ".join(f"{component:g}" for component in source)
     return "the view"
 
 
@@ -139,22 +139,22 @@ def read_source(
     inputs: Mapping[str, str],
     folder: Path,
     roots: list[Path],
-    what: str = "mask",
+    target: str = "mask",
     kind: Kind = "float",
 ) -> Mask:
-    """Return a mask of a page's words, or the source of a parameter; images are relative to the look's folder.
+    """Return the mask, or the source of a parameter, in a text of the page; images are relative to the look's folder.
 
-    Raises LookdevError where it is none, or an image is outside of the folders that the page may read.
+    Raises LookdevError if the text is not valid, or an image is outside of the folders that the page may read.
     """
-    if what == "mask" and text.strip().startswith("part:"):
+    if target == "mask" and text.strip().startswith("part:"):
         raise LookdevError(NO_PART)
-    given = [f"{name}={value.strip()}" for name, value in inputs.items()]
-    source = parse_mask(text.strip(), given, folder, what, kind)
-    if what != "mask" and isinstance(source, float):
-        raise LookdevError(f"{what}: {text.strip()} is a constant: its slider sets it")
+    assignments = [f"{name}={value.strip()}" for name, value in inputs.items()]
+    source = parse_mask(text.strip(), assignments, folder, target, kind)
+    if target != "mask" and isinstance(source, float):
+        raise LookdevError(f"{target}: {text.strip()} is a constant: its slider sets it")
     sources = [source] if not isinstance(source, Computed) else list(source.inputs.values())
-    for each in sources:
-        if isinstance(each, Image) and not any(each.file.resolve().is_relative_to(root.resolve()) for root in roots):
+    for image in sources:
+        if isinstance(image, Image) and not any(image.file.resolve().is_relative_to(root.resolve()) for root in roots):
             below = ", ".join(map(str, roots))
-            raise LookdevError(f"{each.file}: this page reads images below {below} alone; copy it there")
+            raise LookdevError(f"{image.file}: this page reads images below {below} alone; copy it there")
     return source

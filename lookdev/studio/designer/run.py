@@ -1,4 +1,4 @@
-"""`lookdev design`: from a job or an asset to a page that is served."""
+"""`lookdev design`: open a job or an asset and serve the page."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from lookdev.studio.designer.opening import open_document
 from lookdev.studio.server import serve_page
 
 
-def design(what: str, material: Path | None, address: Address, *, browser: bool, say: Callable[[str], None]) -> None:
-    """Serve the Designer until the program is interrupted; `what` is a job, an asset's file or a built-in asset.
+def design(source: str, material: Path | None, address: Address, *, browser: bool, say: Callable[[str], None]) -> None:
+    """Serve the Designer until the program is interrupted; `source` is a job, an asset's file or a built-in asset.
 
-    Raises LookdevError where there is no such file, it has faults, or the address cannot be listened at.
+    Raises LookdevError if the file does not exist or has faults, or the server cannot listen at the address.
     """
-    file = Path(what)
-    if what not in BUILTINS and not file.exists():
-        hint = nearest_hint(what, list(BUILTINS))
-        raise LookdevError(f"{what}: no such job or asset, and no built-in asset of that name ({hint})")
+    file = Path(source)
+    if source not in BUILTINS and not file.exists():
+        hint = nearest_hint(source, list(BUILTINS))
+        raise LookdevError(f"{source}: no such job or asset, and no built-in asset of that name ({hint})")
     if material is not None and file.suffix == ".toml":
         raise LookdevError("--material goes with an asset: a job names its materials itself")
-    if material is None and what in BUILTINS:
-        raise LookdevError(f"'{what}' has no materials of its own: --material LOOK.usda would be right")
+    if material is None and source in BUILTINS:
+        raise LookdevError(f"'{source}' has no materials of its own: --material LOOK.usda would be right")
     document = open_document(
-        None if what in BUILTINS else file, what if what in BUILTINS else None, material, recovers=True
+        None if source in BUILTINS else file, source if source in BUILTINS else None, material, recovers=True
     )
     try:
         serve_page(lambda: DesignerApp(document).application(), address, [PICTURE], browser=browser, say=say)

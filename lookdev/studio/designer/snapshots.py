@@ -1,4 +1,4 @@
-"""Snapshots: pictures of what was shown, each with the state of the looks. They last as long as the server."""
+"""Snapshots: pictures of the page, each with the state of the looks. They last as long as the server."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from lookdev.studio.designer.history import State
 
 MOST = 24
 LARGEST = 4 << 20
-"""Bytes of a picture."""
+"""Largest size of a picture, in bytes."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A picture as PNG, the state, the names of look and rig, and seconds of the epoch."""
+    """A picture as PNG, the state of the looks, the names of the visible look and rig, and seconds of the epoch."""
 
     number: int
     picture: bytes
@@ -31,33 +31,39 @@ class Snapshot:
 
 
 class Snapshots:
-    """Snapshots by number; of more than `MOST` the oldest go."""
+    """Snapshots by number: the last `MOST` ones."""
 
     def __init__(self) -> None:
-        self._kept: dict[int, Snapshot] = {}
+        self._snapshots: dict[int, Snapshot] = {}
         self._next = 1
 
-    def keep(self, picture: bytes, state: State, chosen: tuple[str, str]) -> None:
-        """Keep a snapshot; raises LookdevError where the picture is no PNG, or too large."""
+    def store(self, picture: bytes, state: State, scene_key: tuple[str, str]) -> None:
+        """Store a snapshot; raise LookdevError if the picture is not a PNG, or is too large."""
         if not picture.startswith(_PNG) or len(picture) > LARGEST:
             raise LookdevError(f"a snapshot is a PNG of at most {LARGEST >> 20} MiB")
-        self._kept[self._next] = Snapshot(self._next, picture, state, chosen, time.time())
+        self._snapshots[self._next] = Snapshot(self._next, picture, state, scene_key, time.time())
         self._next += 1
-        if len(self._kept) > MOST:
-            del self._kept[min(self._kept)]
+        if len(self._snapshots) > MOST:
+            del self._snapshots[min(self._snapshots)]
 
     def drop(self, number: int) -> None:
-        """Forget a snapshot."""
-        del self._kept[self[number].number]
+        """Delete a snapshot."""
+        del self._snapshots[self[number].number]
 
     def __getitem__(self, number: int) -> Snapshot:
-        if number not in self._kept:
+        if number not in self._snapshots:
             raise LookdevError(f"there is no snapshot {number}")
-        return self._kept[number]
+        return self._snapshots[number]
 
-    def listed(self) -> list[dict[str, Any]]:
-        """Return number, name, time, look and rig of each, the oldest first."""
+    def describe(self) -> list[dict[str, Any]]:
+        """Return number, name, time, look and rig of each snapshot, the oldest first."""
         return [
-            {"number": each.number, "name": each.name, "time": each.time, "look": each.chosen[0], "rig": each.chosen[1]}
-            for each in self._kept.values()
+            {
+                "number": snapshot.number,
+                "name": snapshot.name,
+                "time": snapshot.time,
+                "look": snapshot.chosen[0],
+                "rig": snapshot.chosen[1],
+            }
+            for snapshot in self._snapshots.values()
         ]

@@ -1,4 +1,4 @@
-"""The files of edited looks: what they had when they were read, what an edit makes of them, and what is on disk now."""
+"""The files of edited looks: their original contents, their edited contents, and the digests of those on disk."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lookdev.material.library.stack import Outline, outline_of
 from lookdev.material.usd import read_look
 
 LARGEST = 64 << 20
-"""Bytes of a file whose looks are edited."""
+"""Largest file whose looks can be edited, in bytes."""
 
 
 _MOST_IMAGES = 500
@@ -29,7 +29,7 @@ _LONGEST_EDIT = 600  # seconds
 
 
 class ConflictError(LookdevError):
-    """A file has been changed on disk since it was read or saved: what is in it would be lost."""
+    """A file has changed on disk since it was read or saved: saving would lose the change."""
 
     def __init__(self, files: list[Path]) -> None:
         self.files = files
@@ -38,7 +38,7 @@ class ConflictError(LookdevError):
 
 @dataclass(frozen=True)
 class Place:
-    """Where a look is: a file, a prim, and the variants in which the job wears it."""
+    """The location of a look: a file, a prim, and the variants that the job chooses."""
 
     file: Path
     prim: str
@@ -51,66 +51,66 @@ class Place:
 
 @dataclass(frozen=True)
 class Opened:
-    """A look as it is read, and its layers and variants as its file has them."""
+    """A look, and the outline of its layers and variants in its file."""
 
     look: Look
     outline: Outline
 
 
 class Sources:
-    """Contents of files, by path: `first` as read, and the digest of what is known to be on disk."""
+    """The original contents of files, by path, and the digests of the contents that are known to be on disk."""
 
     def __init__(self) -> None:
-        self._first: dict[Path, bytes] = {}
-        self._known: dict[Path, str] = {}
+        self._original_contents: dict[Path, bytes] = {}
+        self._known_digests: dict[Path, str] = {}
         self._stamps: dict[Path, tuple[tuple[int, int, int], str]] = {}
-        self._read = lru_cache(256)(self._reading)
+        self._read_cached = lru_cache(256)(self._read_look)
 
-    def take(self, file: Path) -> None:
-        """Note what a file has; raises LookdevError where it is too large, or is no USD layer."""
-        if file in self._first:
+    def track(self, file: Path) -> None:
+        """Read a file of looks; raise LookdevError if it is too large, or is not a USD layer."""
+        if file in self._original_contents:
             return
         if file.suffix not in (".usda", ".usd", ".usdc") or file.is_symlink():
             raise LookdevError(f"{file}: only looks in USD files, not links or packages, are edited here")
         if file.stat().st_size > LARGEST:
             raise LookdevError(f"{file} has more than {LARGEST >> 20} MiB: keep its materials in a file of their own")
-        for left in file.parent.glob(f".*{file.stem}.designer-*{file.suffix}"):  # by a Designer that was killed
+        for leftover in file.parent.glob(f".*{file.stem}.designer-*{file.suffix}"):  # of a Designer that was killed
             with suppress(OSError):
-                if time.time() - left.stat().st_mtime > _LONGEST_EDIT:
-                    left.unlink()
-        self._first[file] = file.read_bytes()
-        self._known[file] = digest(self._first[file])
+                if time.time() - leftover.stat().st_mtime > _LONGEST_EDIT:
+                    leftover.unlink()
+        self._original_contents[file] = file.read_bytes()
+        self._known_digests[file] = digest(self._original_contents[file])
 
     def add(self, file: Path, content: bytes) -> None:
-        """Note a file that is no look, with the content that was read, or that it has first where there is no file."""
-        self._first[file] = content
-        self._known[file] = self.on_disk(file) and digest(content)
+        """Add a file that is not a look, with the content that was read, or with the first content of a new file."""
+        self._original_contents[file] = content
+        self._known_digests[file] = self.digest_on_disk(file) and digest(content)
 
     @property
     def files(self) -> list[Path]:
-        """The files that were read."""
-        return list(self._first)
+        """The files that were read or added."""
+        return list(self._original_contents)
 
     def content(self, files: Mapping[Path, bytes], file: Path) -> bytes:
-        """Return the edited content of a file, or that which was read."""
-        return files.get(file, self._first[file])
+        """Return the edited content of a file, or its original content."""
+        return files.get(file, self._original_contents[file])
 
-    def unsaved(self, files: Mapping[Path, bytes], file: Path) -> bool:
-        """Return whether what is edited is not what is known to be on disk; no file is unsaved that is not edited."""
-        if file not in self._first or (not self._known[file] and file not in files):
+    def is_unsaved(self, files: Mapping[Path, bytes], file: Path) -> bool:
+        """Return whether the content of a file differs from the known one on disk; a new file needs an edit."""
+        if file not in self._original_contents or (not self._known_digests[file] and file not in files):
             return False
-        return digest(self.content(files, file)) != self._known[file]
+        return digest(self.content(files, file)) != self._known_digests[file]
 
-    def known(self, file: Path) -> str:
-        """Return the digest of what is known to be on disk."""
-        return self._known[file]
+    def known_digest(self, file: Path) -> str:
+        """Return the digest of the content that is known to be on disk."""
+        return self._known_digests[file]
 
-    def expect(self, file: Path, known: str) -> None:
-        """Take another digest for what is known to be on disk."""
-        self._known[file] = known
+    def set_known_digest(self, file: Path, known_digest: str) -> None:
+        """Set the digest of the content that is known to be on disk."""
+        self._known_digests[file] = known_digest
 
-    def on_disk(self, file: Path) -> str:
-        """Return the digest of what is on disk now; an empty string where there is no file."""
+    def digest_on_disk(self, file: Path) -> str:
+        """Return the digest of the content on disk now; an empty string if there is no file."""
         try:
             status = file.stat()
             stamp = (status.st_ino, status.st_size, status.st_mtime_ns)
@@ -120,23 +120,23 @@ class Sources:
             return ""
         return self._stamps[file][1]
 
-    def changed(self) -> list[Path]:
-        """Return the files that others have changed."""
-        return [file for file, known in self._known.items() if self.on_disk(file) != known]
+    def changed_files(self) -> list[Path]:
+        """Return the files that other programs have changed."""
+        return [file for file, known_digest in self._known_digests.items() if self.digest_on_disk(file) != known_digest]
 
     def write(self, file: Path, content: bytes, *, over: bool) -> None:
-        """Write a file, whole or not at all; raises ConflictError where it was changed, unless `over`."""
-        if not over and self.on_disk(file) != self._known[file]:
+        """Write a file, whole or not at all; raise ConflictError if it has changed on disk, unless `over`."""
+        if not over and self.digest_on_disk(file) != self._known_digests[file]:
             raise ConflictError([file])
         with atomic_path(file) as temporary:
             temporary.write_bytes(content)
             if file.exists():
                 shutil.copymode(file, temporary)
-        self._known[file] = digest(content)
+        self._known_digests[file] = digest(content)
 
     @contextmanager
-    def beside(self, file: Path, content: bytes) -> Iterator[Path]:
-        """Yield a hidden copy of a file with another content, which is removed; faults are those of the file."""
+    def copy_beside(self, file: Path, content: bytes) -> Iterator[Path]:
+        """Yield a temporary, hidden copy of a file with another content; faults in it are reported for the file."""
         name = f".{file.stem}.designer-{os.getpid()}{file.suffix}"
         temporary = file.with_name(name)
         try:
@@ -150,32 +150,36 @@ class Sources:
         finally:
             temporary.unlink(missing_ok=True)
 
-    def opened(self, place: Place, files: Mapping[Path, bytes], variants: Mapping[str, str], original: Look) -> Opened:
-        """Return a look of edited files; raises LookError where it is none."""
-        content = self.content(files, place.file)
-        made = self._read(content, place.file, place.prim, tuple(sorted({**place.variants, **variants}.items())))
-        return replace(made, look=replace(made.look, name=original.name, source=original.source))
+    def open_look(
+        self, location: Place, files: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
+    ) -> Opened:
+        """Return the look at a location, with edits; raise LookError if there is no valid look."""
+        content = self.content(files, location.file)
+        opened = self._read_cached(
+            content, location.file, location.prim, tuple(sorted({**location.variants, **variants}.items()))
+        )
+        return replace(opened, look=replace(opened.look, name=original.name, source=original.source))
 
-    def _reading(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> Opened:
-        chosen = dict(variants)
-        if content == self._first[file] and self.on_disk(file) == digest(content):
-            return Opened(read_look(file, prim, chosen), outline_of(file, prim, chosen))
-        with self.beside(file, content) as temporary:
-            return Opened(read_look(temporary, prim, chosen), outline_of(temporary, prim, chosen))
+    def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> Opened:
+        choices = dict(variants)
+        if content == self._original_contents[file] and self.digest_on_disk(file) == digest(content):
+            return Opened(read_look(file, prim, choices), outline_of(file, prim, choices))
+        with self.copy_beside(file, content) as temporary:
+            return Opened(read_look(temporary, prim, choices), outline_of(temporary, prim, choices))
 
 
 def images_below(folder: Path) -> list[str]:
-    """Return the images below a folder, relative to it, at most `_MOST_IMAGES`, without hidden ones."""
-    found: list[str] = []
+    """Return the images below a folder, relative to it, without hidden ones: at most `_MOST_IMAGES`."""
+    images: list[str] = []
     for above, folders, files in os.walk(folder):
-        folders[:] = sorted(each for each in folders if not each.startswith("."))
-        names = [each for each in sorted(files) if each.lower().endswith(IMAGES) and not each.startswith(".")]
-        found += [Path(above, each).relative_to(folder).as_posix() for each in names]
-        if len(found) >= _MOST_IMAGES:
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        names = [name for name in sorted(files) if name.lower().endswith(IMAGES) and not name.startswith(".")]
+        images += [Path(above, name).relative_to(folder).as_posix() for name in names]
+        if len(images) >= _MOST_IMAGES:
             break
-    return found[:_MOST_IMAGES]
+    return images[:_MOST_IMAGES]
 
 
 def digest(content: bytes) -> str:
-    """Return the SHA-256 of a content."""
+    """Return the SHA-256 digest of a content."""
     return hashlib.sha256(content).hexdigest()

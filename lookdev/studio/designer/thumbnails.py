@@ -1,4 +1,4 @@
-"""Pictures of presets: a sphere in the studio dome by the float64 models, kept in the cache by content."""
+"""Thumbnails of presets: a sphere in the studio dome by the float64 models, cached by content."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from lookdev.plotting.solid import sphere_values
 from lookdev.plotting.subject import read_subject
 
 SIZE = 56
-"""Pixels of a side."""
+"""Side of a thumbnail, in pixels."""
 
 _OPTIONS = Options(size=SIZE)
-_alone = threading.Lock()  # one at a time: the page and its picture come first
+_lock = threading.Lock()  # one thumbnail at a time: the page and its picture come first
 
 
 def thumbnail(preset: Preset) -> Path:
-    """Return the file of a preset's picture, a PNG whose background is transparent.
+    """Return the file of a preset's thumbnail, a PNG with a transparent background.
 
-    Raises LookdevError where the preset is wrong, or the cache cannot be written.
+    Raises LookdevError if the preset has faults, or the cache cannot be written.
     """
     rooms = ("brdf", "light", "plot", "material")
     key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
-    with _alone:
-        return derived("thumbnails", key, lambda: (Content.holding(_drawn(preset), ".png"),))[0].path
+    with _lock:
+        return derived("thumbnails", key, lambda: (Content.holding(_draw(preset), ".png"),))[0].path
 
 
-def _drawn(preset: Preset) -> bytes:
-    found = sphere_values(read_subject(preset.name, preset.file.parent), _OPTIONS)
-    shown = np.zeros((SIZE * SIZE, 4))
-    shown[found["pixel"], :3] = picture(np.asarray(found["dome"]), _OPTIONS)
-    shown[found["pixel"], 3] = 1.0
-    pixels = np.rint(255.0 * shown).astype(np.uint8).reshape(SIZE, SIZE, 4)[::-1]
+def _draw(preset: Preset) -> bytes:
+    sphere = sphere_values(read_subject(preset.name, preset.file.parent), _OPTIONS)
+    rgba = np.zeros((SIZE * SIZE, 4))
+    rgba[sphere["pixel"], :3] = picture(np.asarray(sphere["dome"]), _OPTIONS)
+    rgba[sphere["pixel"], 3] = 1.0
+    pixels = np.rint(255.0 * rgba).astype(np.uint8).reshape(SIZE, SIZE, 4)[::-1]
     stream = io.BytesIO()
     imsave(stream, pixels, format="png")
     return stream.getvalue()

@@ -1,7 +1,7 @@
-"""The turntable of what the page shows: the job's frames of the shown look and rig, rendered in the background.
+"""The turntable of the visible scene: the job's frames of a look and a rig, rendered in the background.
 
-It is a run as `lookdev render` makes: resumed where it stopped, with EXR frames, pictures and contact sheets. Unsaved
-edits, and the lights as the page has set them, are part of it, so it has an output folder of its own.
+It is a run like that of `lookdev render`: it has EXR frames, pictures and contact sheets, and resumes after an
+interruption. It includes unsaved edits and the page's settings of lights, so it has an output folder of its own.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ log = logging.getLogger("lookdev.studio")
 FOLDER = "designer"
 """The folder of turntables, in the output of a job."""
 
-_PATIENCE = 2.0  # seconds for a run to end at the end of the server
+_PATIENCE = 2.0  # seconds that a run has to end when the server ends
 
 
 class Turntable:
-    """At most one run at a time, in a thread of its own, of the job as it is when the run starts.
+    """The runs of a page, one at a time: each renders, in a thread of its own, the job in its state at the start.
 
-    All methods can be called by several threads.
+    Methods are thread-safe.
     """
 
     def __init__(self, job: Callable[[], Job]) -> None:
@@ -44,7 +44,10 @@ class Turntable:
         self._state: dict[str, Any] = {"state": "none"}
 
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
-        """Render the turntables of a scene, which is asked for in the thread; LookdevError while one is rendered."""
+        """Start to render the turntables of a scene, which the thread of the run calls for.
+
+        Raises LookdevError if a run is in progress.
+        """
         with self._lock:
             if self._thread is not None and self._thread.is_alive():
                 raise LookdevError("a turntable is being rendered: cancel it first")
@@ -52,7 +55,7 @@ class Turntable:
             self._number += 1
             job = self._job()
             turns = Turns(job.turntable, job.output / FOLDER, job.camera.azimuth)
-            exr = [file for each in turns.turntables for file in turns.files(look, rig, each)]
+            exr = [file for turntable in turns.turntables for file in turns.files(look, rig, turntable)]
             self._files = [file.with_suffix(".png") for file in exr]
             self._state = {
                 "state": "rendering",
@@ -67,12 +70,12 @@ class Turntable:
                 "failed": [],
                 "notes": [],
             }
-            # No thread that Python waits for at its end: workers end with it.
+            # A daemon: Python does not wait for it at exit, and workers end with the process.
             self._thread = threading.Thread(target=self._run, args=(job, scene, look, rig, turns), daemon=True)
             self._thread.start()
 
     def cancel(self) -> None:
-        """Have the run end; finished frames are kept, and the next run goes on from them."""
+        """Cancel the run; finished frames stay, and the next run continues from them."""
         self._cancelled.set()
 
     def close(self) -> None:
@@ -81,14 +84,14 @@ class Turntable:
         if self._thread is not None:
             self._thread.join(_PATIENCE)
 
-    def described(self) -> Mapping[str, Any]:
-        """Return how far the run is: its state, its folder, and which frames have a picture, by their numbers."""
+    def describe(self) -> Mapping[str, Any]:
+        """Return the progress of the run: state, folder, and the numbers of the frames that have a picture."""
         with self._lock:
             state, files = dict(self._state), list(self._files)
         return {**state, "pictures": [number for number, file in enumerate(files) if file.is_file()]}
 
     def picture(self, run: int, number: int) -> Path | None:
-        """Return the picture of a frame of the newest run; None where there is none."""
+        """Return the picture of a frame of the newest run, or None if there is no picture."""
         with self._lock:
             if run != self._number or not 0 <= number < len(self._files):
                 return None
@@ -96,40 +99,42 @@ class Turntable:
         return file if file.is_file() else None
 
     def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
-        from lookdev.run.render import render_setups  # not at the top: it imports what a page needs for no picture
+        from lookdev.run.render import (
+            render_setups,  # not at the top: its imports are slow, and a page needs them only here
+        )
 
         try:
             setup = _setup(job, scene(), look, rig)
             outputs = job.outputs.model_copy(update={"png": True})
             _, result = render_setups([setup], turns, outputs, job.render.background, report=self._report)
-            ended = "cancelled" if result.interrupted else "done" if not self._state["failed"] else "failed"
-            self._change(state=ended)
+            end_state = "cancelled" if result.interrupted else "done" if not self._state["failed"] else "failed"
+            self._update_state(state=end_state)
         except KeyboardInterrupt:
-            self._change(state="cancelled")
+            self._update_state(state="cancelled")
         except FaultsError as error:
-            self._change(state="failed", error="; ".join(str(fault) for fault in error.faults))
+            self._update_state(state="failed", error="; ".join(str(fault) for fault in error.faults))
         except LookdevError as error:
-            self._change(state="failed", error=str(error))
+            self._update_state(state="failed", error=str(error))
         except Exception as error:
             log.exception("a turntable failed")
-            self._change(state="failed", error=f"{type(error).__name__}: {shortened(str(error))}")
+            self._update_state(state="failed", error=f"{type(error).__name__}: {shortened(str(error))}")
 
     def _report(self, event: Event) -> None:
         if self._cancelled.is_set():
             raise KeyboardInterrupt  # as Ctrl-C ends `lookdev render`
         match event:
             case RunStarted():
-                self._change(pending=event.pending, done=event.total - event.pending)
+                self._update_state(pending=event.pending, done=event.total - event.pending)
             case FrameProgressed():
-                self._change(frame=event.name, samples=event.samples, relmse=event.relmse)
+                self._update_state(frame=event.name, samples=event.samples, relmse=event.relmse)
             case FrameDone() | FrameFound():
-                self._change(done=self._state["done"] + 1)
+                self._update_state(done=self._state["done"] + 1)
             case FrameFailed():
-                self._change(failed=[*self._state["failed"], f"{event.name}: {event.reason}"])
+                self._update_state(failed=[*self._state["failed"], f"{event.name}: {event.reason}"])
             case Noted():
-                self._change(notes=[*self._state["notes"], event.text])
+                self._update_state(notes=[*self._state["notes"], event.text])
 
-    def _change(self, **values: Any) -> None:
+    def _update_state(self, **values: Any) -> None:
         with self._lock:
             self._state = {**self._state, **values}
 
@@ -137,5 +142,5 @@ class Turntable:
 def _setup(job: Job, scene: Scene, look: str, rig: str) -> Setup:
     render = job.render
     setup = make_setup(look, rig, scene, render.sampling, SceneTasks(render.backend, render.device))
-    found = next(each for each in job.rigs if each.name == rig)
-    return replace(setup, exposure=found.exposure, rotation=found.rotation)
+    rig_table = next(rig_table for rig_table in job.rigs if rig_table.name == rig)
+    return replace(setup, exposure=rig_table.exposure, rotation=rig_table.rotation)

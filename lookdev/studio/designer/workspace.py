@@ -1,8 +1,9 @@
-"""The contents of edited files: their history, what is on disk, and what is kept of unsaved work."""
+"""The contents of edited files: their history, their files on disk, and the recovery of unsaved work."""
 
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +13,14 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.studio.designer.history import History, State
 from lookdev.studio.designer.operations import Operation
-from lookdev.studio.designer.recovery import Recovery, Work, now
+from lookdev.studio.designer.recovery import Recovery, Work
 from lookdev.studio.designer.sources import ConflictError, Sources, digest
 
 _FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
 
 
 class Workspace:
-    """A state with a history, and its files; all in one thread at a time."""
+    """The state of edits, with its history and its files; not thread-safe."""
 
     def __init__(self, recovery: Recovery | None) -> None:
         self.history = History()
@@ -28,42 +29,42 @@ class Workspace:
 
     @property
     def state(self) -> State:
-        """What is edited, now."""
+        """The present state."""
         return self.history.state
 
     def content(self, file: Path) -> bytes:
         """Return the edited content of a file."""
         return self.sources.content(self.state.files, file)
 
-    def edited(self, file: Path, operation: Operation) -> State:
-        """Return the state after an edit of a file."""
-        with self.sources.beside(file, self.content(file)) as copy:
+    def apply_edit(self, file: Path, operation: Operation) -> State:
+        """Return the state after an operation on a file; the present state stays."""
+        with self.sources.copy_beside(file, self.content(file)) as copy:
             operation(copy)
             return replace(self.state, files={**self.state.files, file: copy.read_bytes()})
 
-    def unsaved(self, file: Path) -> bool:
-        """Return whether a file lacks edits."""
-        return self.sources.unsaved(self.state.files, file)
+    def is_unsaved(self, file: Path) -> bool:
+        """Return whether a file has edits that are not on disk."""
+        return self.sources.is_unsaved(self.state.files, file)
 
     def save(self, file: Path | None, *, over: bool) -> list[Path]:
-        """Write a file, or all that lack edits; raises ConflictError where one was changed, unless `over`."""
-        wanted = [each for each in self.sources.files if self.unsaved(each)] if file is None else [file]
-        changed = self.sources.changed()
-        if not over and (conflicts := [each for each in wanted if each in changed]):
+        """Write a file, or all files with unsaved edits; raise ConflictError if one changed on disk, unless `over`."""
+        targets = [target for target in self.sources.files if self.is_unsaved(target)] if file is None else [file]
+        changed = self.sources.changed_files()
+        if not over and (conflicts := [target for target in targets if target in changed]):
             raise ConflictError(conflicts)
-        for each in wanted:
-            self.sources.write(each, self.content(each), over=over)
-        return wanted
+        for target in targets:
+            self.sources.write(target, self.content(target), over=over)
+        return targets
 
     def save_as(self, file: Path, name: str) -> Path:
-        """Write the edited content of a file to a new one beside it, and return that.
+        """Write the edited content of a file to a new file beside it, and return the new file.
 
-        Raises LookdevError where that exists, or its name does not fit.
+        Raises LookdevError if the new file exists, or its name is not valid.
         """
-        of_job = file.suffix == ".toml"
-        if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in {file.suffix, file.suffix if of_job else ".usd"}:
-            hint = f"for instance {file.stem}_2{file.suffix}"
-            raise LookdevError(f"'{name}' is no name of a file for this {'job' if of_job else 'look'}: {hint}")
+        is_job = file.suffix == ".toml"
+        if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in {file.suffix, file.suffix if is_job else ".usd"}:
+            hint = f"{file.stem}_2{file.suffix} would be right"
+            raise LookdevError(f"'{name}' is not a file name for this {'job' if is_job else 'look'}; {hint}")
         target = file.with_name(name)
         if target.exists() or target.is_symlink():
             raise LookdevError(f"{target} exists already; another name would be right")
@@ -71,63 +72,63 @@ class Workspace:
             temporary.write_bytes(self.content(file))
         return target
 
-    def on_disk(self) -> dict[Path, bytes]:
-        """Return the contents of files that others have changed; raises LookdevError where there are none."""
-        changed = self.sources.changed()
+    def changed_contents(self) -> dict[Path, bytes]:
+        """Return the contents of files that other programs have changed; raise LookdevError if there are none."""
+        changed = self.sources.changed_files()
         contents = {file: file.read_bytes() for file in changed if file.is_file()}
         if not contents:
             raise LookdevError(f"{changed[0]} is no longer there" if changed else "no file has changed on disk")
         return contents
 
     def accept(self, contents: Mapping[Path, bytes]) -> None:
-        """Take contents for what is known to be on disk."""
+        """Record contents as those that are known to be on disk."""
         for file, content in contents.items():
-            self.sources.expect(file, digest(content))
+            self.sources.set_known_digest(file, digest(content))
 
-    def ignore(self) -> None:
-        """Take what others have written for known, so that saving writes over it."""
-        for file in self.sources.changed():
-            self.sources.expect(file, self.sources.on_disk(file))
+    def accept_disk(self) -> None:
+        """Record changes by other programs as known, so that saving overwrites them."""
+        for file in self.sources.changed_files():
+            self.sources.set_known_digest(file, self.sources.digest_on_disk(file))
 
-    def keep(self, shown: tuple[str, str]) -> None:
-        """Keep unsaved work for after a crash."""
+    def store_unsaved(self, scene_key: tuple[str, str]) -> None:
+        """Store unsaved work, for recovery after a crash."""
         if self._recovery is not None:
-            edited = [file for file in self.sources.files if self.unsaved(file)]
-            files = {file: (self.content(file), self.sources.known(file)) for file in edited}
-            self._recovery.keep(Work(files, self.state.variants, now(), shown))
+            edited_files = [file for file in self.sources.files if self.is_unsaved(file)]
+            files = {file: (self.content(file), self.sources.known_digest(file)) for file in edited_files}
+            self._recovery.store(Work(files, self.state.variants, time.time(), scene_key))
 
     @property
-    def offered(self) -> Work | None:
-        """The unsaved work of a Designer that has ended."""
+    def offered_work(self) -> Work | None:
+        """The unsaved work of a Designer that has ended, if there is any."""
         return self._recovery.work if self._recovery else None
 
-    def offer(self) -> dict[str, Any] | None:
-        """Return what is offered, for the page: its time, its files, and which of them have changed since."""
-        if (work := self.offered) is None:
+    def describe_offer(self) -> dict[str, Any] | None:
+        """Return the offered work for the page: its time, its files, and which files have changed since."""
+        if (work := self.offered_work) is None:
             return None
         files = [
-            {"file": str(file), "changed": self.sources.on_disk(file) != known}
-            for file, (_, known) in work.files.items()
+            {"file": str(file), "changed": self.sources.digest_on_disk(file) != known_digest}
+            for file, (_, known_digest) in work.files.items()
         ]
         return {"time": work.time, "files": files}
 
-    def recovered(self) -> State:
-        """Return the state with the work that is offered; raises LookdevError where none is."""
-        work = self.offered
+    def recovered_state(self) -> State:
+        """Return the present state with the offered work; raise LookdevError if there is no offer."""
+        work = self.offered_work
         if work is None:
             raise LookdevError("there is no unsaved work of an earlier Designer")
-        for file, (_, known) in work.files.items():
-            self.sources.take(file)
-            self.sources.expect(file, known)
+        for file, (_, known_digest) in work.files.items():
+            self.sources.track(file)
+            self.sources.set_known_digest(file, known_digest)
         files = {**self.state.files, **{file: content for file, (content, _) in work.files.items()}}
         return State(files, {**self.state.variants, **work.variants})
 
-    def forget(self) -> None:
-        """Remove the record of the work that is offered."""
+    def forget_offer(self) -> None:
+        """Remove the record of the offered work."""
         if self._recovery is None or self._recovery.work is None:
             raise LookdevError("there is no unsaved work of an earlier Designer")
         self._recovery.forget()
 
     def close(self) -> bool:
-        """End; return whether there is unsaved work, which stays for the next time."""
+        """End recovery; return whether there is unsaved work, which the next Designer offers."""
         return self._recovery is not None and self._recovery.close()

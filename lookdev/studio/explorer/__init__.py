@@ -1,6 +1,7 @@
-"""Explorer: models, looks and measured data side by side, by plots that follow the hand (Burley 2012, section 3.2).
+"""The Explorer: interactive plots of models, looks and measured data, side by side (Burley 2012, section 3.2).
 
-`surfaces` has what is plotted, by the words of the command line, and its numbers; `catalogue` what there is to plot;
-`shading` the GLSL by which the page draws spheres and lobes, and what it is compared with; `frames` the renderer's own
-picture; `channel` the page's messages; `app` the routes. The state of a page is in its URL alone.
+`surfaces` reads surfaces from the words of the command line and computes their plots; `catalogue` lists what the page
+offers; `shading` generates the GLSL with which the page draws spheres and lobes, and reference values for it; `frames`
+renders the exact picture; `channel` handles the messages of a page; `app` has the routes. The state of a page is in its
+URL alone.
 """

@@ -1,4 +1,4 @@
-"""The explorer's routes: its page and scripts, what it offers, its websocket, uploads, and plots as files."""
+"""The routes of the Explorer: its page and scripts, its catalogue, its websocket, uploads, and plots as files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from starlette.websockets import WebSocket
 from lookdev.errors import LookdevError, shortened
 from lookdev.plotting import SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
-from lookdev.studio.explorer.channel import Channel, options_of
+from lookdev.studio.explorer.channel import Channel, parse_options
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.scripts import Scripts
@@ -33,12 +33,12 @@ _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf
 
 
 def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
-    """Return the explorer of some surfaces; a page without a state of its own shows the `first` ones."""
+    """Return the application of the Explorer; a page whose URL has no state shows the surfaces `first`."""
     frames = Frames()
     threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
     rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
-    figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is used by one thread at a time
-    offered = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
+    figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
+    start_data = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -50,24 +50,24 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
                 pool.shutdown(wait=False, cancel_futures=True)
 
     async def start(request: Request) -> Response:
-        return Response(offered, media_type="application/json", headers={"cache-control": "no-store"})
+        return Response(start_data, media_type="application/json", headers={"cache-control": "no-store"})
 
-    async def talk(socket: WebSocket) -> None:
+    async def open_channel(socket: WebSocket) -> None:
         await Channel(socket, surfaces, frames, threads, rendering).run()
 
     async def upload(request: Request) -> Response:
         name = request.query_params.get("name", "upload")
         try:
-            kept = await surfaces.roots.upload(name, request.stream())
+            stored_name = await surfaces.roots.upload(name, request.stream())
         except LookdevError as error:
             log.warning("refused the upload %s: %s", shortened(name, 80), shortened(str(error), 160))
             return JSONResponse({"error": f"{shortened(name, 80)}: {error}"}, 422)
         except ClientDisconnect:
             return PlainTextResponse("", 400)
-        return JSONResponse({"name": kept})
+        return JSONResponse({"name": stored_name})
 
-    def written(kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
-        plot = draw(kind, [surfaces.subject(each) for each in words], options_of(json.loads(options)))
+    def write_plot(kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
+        plot = draw(kind, [surfaces.subject(subject) for subject in words], parse_options(json.loads(options)))
         with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
             file = Path(folder) / f"plot{suffix}"
             plot.write(file)
@@ -79,11 +79,11 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
             return PlainTextResponse(f"one of {', '.join(SUFFIXES)} would be right\n", 404)
         words, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
 
-        def made() -> bytes:
-            return figures.submit(written, kind, suffix, words, options).result()
+        def draw_in_turn() -> bytes:
+            return figures.submit(write_plot, kind, suffix, words, options).result()
 
         try:
-            data = await anyio.to_thread.run_sync(made)
+            data = await anyio.to_thread.run_sync(draw_in_turn)
         except (LookdevError, ValueError, TypeError) as error:
             return PlainTextResponse(f"{error}\n", 422)
         headers = {"content-disposition": f'attachment; filename="{kind}{suffix}"', "cache-control": "no-store"}
@@ -92,7 +92,7 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
     return Starlette(
         routes=[
             Route("/start", start),
-            WebSocketRoute("/talk", talk),
+            WebSocketRoute("/talk", open_channel),
             Route(UPLOAD, upload, methods=["POST"]),
             Route("/save/{kind}.{suffix}", save),
             Mount("/viewport", Scripts(directory=VIEWPORT)),

@@ -1,4 +1,4 @@
-"""What a page offers: models with their parameters, presets, files, kinds of plots and their options, as JSON."""
+"""The catalogue of the Explorer's page: models and parameters, presets, files, kinds of plots and their options."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from lookdev.plotting.curves import FRESNEL_RANGE
 from lookdev.plotting.figure import COLORS
 from lookdev.plotting.kinds import KINDS
 from lookdev.plotting.options import AXES, CHANNELS, SCALES, Options
-from lookdev.studio.explorer.shading import usually_live
+from lookdev.studio.explorer.shading import live_parameters
 from lookdev.studio.roots import LARGEST_UPLOAD, Roots
 
 MEASURED_SUFFIXES = (".binary", ".dat", ".bin")
 
 
 def catalogue(roots: Roots, library: Path | None) -> dict[str, Any]:
-    """Return everything that a page needs before it shows the first surface."""
+    """Return the data that a page needs before it shows the first surface, for JSON."""
     return {
         "models": {name: _model(model) for name, model in MODELS.items()},
         "presets": presets(library),
-        "looks": list(roots.listed(SUFFIXES)),
-        "measured": list(roots.listed(MEASURED_SUFFIXES)),
+        "looks": list(roots.list_files(SUFFIXES)),
+        "measured": list(roots.list_files(MEASURED_SUFFIXES)),
         "kinds": {
             name: {"text": kind.text, "uses": kind.uses, "most": kind.most, "slow": kind.draft is not None}
             for name, kind in KINDS.items()
         },
-        "options": {each.name: each.default for each in fields(Options)},
+        "options": {option.name: option.default for option in fields(Options)},
         "choices": {"scale": SCALES, "angles": SCALES[:2], "axis": AXES, "channels": CHANNELS},
         "colors": COLORS,
         "fresnelRange": FRESNEL_RANGE,
@@ -39,39 +39,42 @@ def catalogue(roots: Roots, library: Path | None) -> dict[str, Any]:
 
 
 def presets(library: Path | None) -> list[dict[str, str]]:
-    """Return the presets of the library, none where there is none."""
+    """Return the presets of the library; an empty list if there is no library."""
     try:
-        found = read_library(library_folders(library)).presets
+        library_presets = read_library(library_folders(library)).presets
     except LookError:
         return []
-    return [{"name": each.name, "model": each.model, "category": each.category, "doc": each.doc} for each in found]
+    return [
+        {"name": preset.name, "model": preset.model, "category": preset.category, "doc": preset.doc}
+        for preset in library_presets
+    ]
 
 
 def _model(model: Model) -> dict[str, Any]:
-    live = usually_live(model.name)
+    live = live_parameters(model.name)
     return {
         "title": model.title,
         "text": model.text,
         "delta": model.delta,
         "quoted": model.quoted,
-        "parameters": [_parameter(model, each, each.name in live) for each in model.parameters.values()],
+        "parameters": [_parameter(model, parameter, parameter.name in live) for parameter in model.parameters.values()],
     }
 
 
-def _parameter(model: Model, each: Parameter, live: bool) -> dict[str, Any]:
+def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, Any]:
     return {
-        "name": each.name,
-        "kind": each.kind,
-        "default": each.default,
-        "hard": each.hard,
-        "soft": each.soft,
-        "unit": each.unit,
-        "help": each.help,
-        "quote": model.quotes.get(each.name, ""),
-        "choices": each.choices,
-        "follows": each.follows,
-        "optional": each.optional,
+        "name": parameter.name,
+        "kind": parameter.kind,
+        "default": parameter.default,
+        "hard": parameter.hard,
+        "soft": parameter.soft,
+        "unit": parameter.unit,
+        "help": parameter.help,
+        "quote": model.quotes.get(parameter.name, ""),
+        "choices": parameter.choices,
+        "follows": parameter.follows,
+        "optional": parameter.optional,
         "live": live,
-        "file": each.file is not None,
-        "stands": each.stands is not None,
+        "file": parameter.file is not None,
+        "stands": parameter.stands is not None,
     }

@@ -1,8 +1,8 @@
-"""The messages of one page: what it asks over its websocket, computed in threads, the newest of a kind first.
+"""The messages of one page: requests over its websocket, and their answers, which threads compute.
 
-A request is a JSON object with an ``id``, what to ``do`` and a ``slot``. A later request of the same slot replaces one
-that has not begun: while a slider moves, what it has passed is not computed. An answer has the id, and is JSON, or a
-packet of arrays (`lookdev.studio.packets`).
+A request is a JSON object with an ``id``, a ``slot``, and the name ``do`` of the computation. A later request of the
+same slot replaces one that has not begun: while a slider moves, positions that it has passed are not computed. An
+answer has the id; it is JSON or a packet of arrays (`lookdev.studio.packets`).
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from lookdev.studio.explorer import shading, usd
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import packet
-from lookdev.studio.talk import Answer, Talk, Ticket, log
+from lookdev.studio.talk import Answer, PageSocket, Ticket, log
 from lookdev.text import TextError, parse_json
 
 _MOST_WAITING = 64
 _MOST_LOGGED = 20
 _AT_ONCE = 3
-"""Requests of one page that are computed at once."""
+"""Number of requests of one page that are computed at the same time."""
 
 
 class Refused(LookdevError):
-    """A message is no request."""
+    """A message is not a valid request."""
 
 
 class Channel:
-    """Reads the requests of one websocket and answers them, until the page is gone."""
+    """The server's end of one websocket: it reads requests and answers them, until the page is gone."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Channel:
         threads: ThreadPoolExecutor,
         rendering: ThreadPoolExecutor,
     ) -> None:
-        self._talk = Talk(socket, frames.cancel)
+        self._socket = PageSocket(socket, frames.cancel)
         self._surfaces = surfaces
         self._frames = frames
         self._threads = threads
@@ -58,10 +58,10 @@ class Channel:
         self._refusals = 0
 
     async def run(self) -> None:
-        """Serve the page; a message that is no request is refused, and the next one read."""
+        """Serve the page; a message that is not a valid request is refused, and does not end the websocket."""
         for _ in range(_AT_ONCE):
-            self._talk.begin(self._work())
-        await self._talk.serve(self._take)
+            self._socket.start_task(self._work())
+        await self._socket.serve(self._take)
 
     async def _take(self, text: Any) -> None:
         try:
@@ -71,9 +71,9 @@ class Channel:
             return
         match request["do"]:
             case "cancel":
-                self._talk.cancel()
+                self._socket.cancel()
             case "render":
-                self._talk.begin(self._render(request, self._talk.replaced()))
+                self._socket.start_task(self._render(request, self._socket.replace_ticket()))
             case _:
                 self._enqueue(request)
 
@@ -93,32 +93,32 @@ class Channel:
                 continue
             request = self._waiting.pop(next(iter(self._waiting)))
             compute = partial(_DO[request["do"]], self._surfaces, request)
-            await self._talk.answer(request, compute, self._threads)
+            await self._socket.answer(request, compute, self._threads)
 
     async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
         loop = asyncio.get_running_loop()
 
         def report(state: dict[str, Any]) -> None:
             with suppress(RuntimeError):  # the loop has ended
-                asyncio.run_coroutine_threadsafe(self._talk.send({"id": request["id"], "progress": state}), loop)
+                asyncio.run_coroutine_threadsafe(self._socket.send({"id": request["id"], "progress": state}), loop)
 
         def compute() -> Answer:
-            look = self._surfaces.rendered_look(_text(request, "surface"))
+            look = self._surfaces.rendered_look(_text_value(request, "surface"))
             facts, arrays = self._frames.render(look, ticket, report)
             return packet({"id": request["id"], **facts}, arrays)
 
-        await self._talk.answer(request, compute, self._rendering)
+        await self._socket.answer(request, compute, self._rendering)
 
     async def _refuse(self, problem: str) -> None:
         self._refusals += 1
         if self._refusals <= _MOST_LOGGED:
             more = "; further ones are not logged" if self._refusals == _MOST_LOGGED else ""
             log.warning("refused a message: %s%s", shortened(problem, 160), more)
-        await self._talk.send({"error": problem})
+        await self._socket.send({"error": problem})
 
 
 def _request(text: Any) -> dict[str, Any]:
-    """Return a request, or raise LookdevError for any other message."""
+    """Return the request in a message; raise LookdevError if the message is not a valid request."""
     if not isinstance(text, str):
         raise Refused("a message of bytes; JSON would be right")
     try:
@@ -136,57 +136,57 @@ def _request(text: Any) -> dict[str, Any]:
     return request
 
 
-def _text(request: Mapping[str, Any], key: str, default: str | None = None) -> str:
+def _text_value(request: Mapping[str, Any], key: str, default: str | None = None) -> str:
     value = request.get(key, default)
     if not isinstance(value, str):
         raise Refused(f"{key}: a text would be right")
     return value
 
 
-def options_of(given: object) -> Options:
-    """Return options of JSON; raises LookdevError for what are none."""
-    if not isinstance(given, dict):
+def parse_options(data: object) -> Options:
+    """Return the options of a plot from JSON data; raise LookdevError if they are not valid."""
+    if not isinstance(data, dict):
         raise Refused("options: an object would be right")
-    defaults = {each.name: each.default for each in fields(Options)}
+    defaults = {option.name: option.default for option in fields(Options)}
     values: dict[str, Any] = {}
-    for name, value in given.items():
+    for name, value in data.items():
         if name not in defaults:
             raise Refused(f"options: no '{shortened(str(name), 40)}'")
-        usual = defaults[name]
-        if isinstance(usual, float) and isinstance(value, int) and not isinstance(value, bool):
+        default = defaults[name]
+        if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
-        if type(value) is not type(usual) or value != value:  # NaN
-            raise Refused(f"options: {name} is {shortened(repr(value), 40)}; {usual!r} would be right")
+        if type(value) is not type(default) or value != value:  # NaN
+            raise Refused(f"options: {name} is {shortened(repr(value), 40)}; {default!r} would be right")
         values[name] = value
     return Options(**values)
 
 
 def _values(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
-    kind, options = _text(request, "kind"), options_of(request.get("options", {}))
+    kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
     kind_named(kind)
-    found = surfaces.values(
-        kind, _text(request, "surface"), options, request.get("draft") is True, _text(request, "moving", "")
+    plot_values = surfaces.values(
+        kind, _text_value(request, "surface"), options, request.get("draft") is True, _text_value(request, "moving", "")
     )
     header: dict[str, Any] = {"id": request["id"]}
-    if "test" in found:
-        header["note"] = sampling_note(found)
-    return packet(header, found)
+    if "test" in plot_values:
+        header["note"] = sampling_note(plot_values)
+    return packet(header, plot_values)
 
 
-def _described(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
-    return {"id": request["id"], **surfaces.describe(_text(request, "surface"))}
+def _describe(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    return {"id": request["id"], **surfaces.describe(_text_value(request, "surface"))}
 
 
 def _shader(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
     extra = request.get("live", [])
-    if not isinstance(extra, list) or not all(isinstance(each, str) for each in extra):
+    if not isinstance(extra, list) or not all(isinstance(name, str) for name in extra):
         raise Refused("live: a list of names would be right")
-    header, tables = shading.shader(surfaces, _text(request, "surface"), extra)
+    header, tables = shading.shader(surfaces, _text_value(request, "surface"), extra)
     return packet({"id": request["id"], **header}, tables)
 
 
 def _pairs(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
-    return packet({"id": request["id"]}, shading.pairs(surfaces, _text(request, "surface")))
+    return packet({"id": request["id"]}, shading.pairs(surfaces, _text_value(request, "surface")))
 
 
 def _dome(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
@@ -194,24 +194,24 @@ def _dome(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
 
 
 def _usd(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
-    return {"id": request["id"], "text": usd.usd_text(surfaces, _text(request, "surface"))}
+    return {"id": request["id"], "text": usd.usd_text(surfaces, _text_value(request, "surface"))}
 
 
 def _command(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
-    given = request.get("surfaces", [])
-    if not isinstance(given, list) or not all(isinstance(each, str) for each in given):
+    words = request.get("surfaces", [])
+    if not isinstance(words, list) or not all(isinstance(surface, str) for surface in words):
         raise Refused("surfaces: a list of texts would be right")
-    text = surfaces.command(_text(request, "kind"), given, options_of(request.get("options", {})))
+    text = surfaces.command(_text_value(request, "kind"), words, parse_options(request.get("options", {})))
     return {"id": request["id"], "text": text}
 
 
 _DO: dict[str, Callable[[Surfaces, Mapping[str, Any]], Answer]] = {
     "values": _values,
-    "describe": _described,
+    "describe": _describe,
     "shader": _shader,
     "pairs": _pairs,
     "dome": _dome,
     "usd": _usd,
     "command": _command,
 }
-"""What a page can ask for, besides rendering."""
+"""The computations of a request, by the name ``do``; rendering and cancelling are apart."""

@@ -1,4 +1,4 @@
-"""The exact frame: a surface on a sphere by the renderer, in a supervised worker that stays for the next one."""
+"""The exact frame: a surface on a sphere, rendered by a supervised worker, which stays for the next frame."""
 
 from __future__ import annotations
 
@@ -26,43 +26,43 @@ from lookdev.studio.talk import Ticket
 
 BACKEND = "exact"
 SIZE = 288
-"""Pixels of a frame's side."""
+"""Side of a frame, in pixels."""
 
 _SAMPLES = 256
 _ERROR = 0.004
 
 
 class Frames:
-    """Renders one frame at a time; those of other pages wait. The worker ends with `close`."""
+    """The renderer of exact frames: one frame at a time, while other pages wait. The worker ends with `close`."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lookdev-explore-")
-        self._one = threading.Lock()
+        self._render_lock = threading.Lock()
         self._worker: Worker | None = None
         self._current: Ticket | None = None
 
     def render(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
     ) -> tuple[dict[str, Any], Values]:
-        """Render a look on a sphere in the studio dome, and return what is known of the frame, and its pixels.
+        """Render a look on a sphere in the studio dome; return facts about the frame, and its pixels.
 
-        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled, and what
-        workers raise.
+        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled and the
+        errors of workers.
         """
         report({"state": "waiting"})
-        while not self._one.acquire(timeout=0.1):
+        while not self._render_lock.acquire(timeout=0.1):
             ticket.check()
         try:
             ticket.check()
-            return self._rendered(look, ticket, report)
+            return self._render_frame(look, ticket, report)
         except WorkerError as error:
-            ticket.check()  # a worker that is killed for it died of no fault
+            ticket.check()  # a cancelled frame kills its worker, which is not an error
             raise WorkerError(explained(error, self._log)) from error
         finally:
             self._current = None
-            self._one.release()
+            self._render_lock.release()
 
-    def _rendered(
+    def _render_frame(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
     ) -> tuple[dict[str, Any], Values]:
         began = time.perf_counter()
@@ -79,11 +79,11 @@ class Frames:
         ticket.check()
         worker.start()
 
-        def progress(made: Progress) -> None:
+        def forward_progress(state: Progress) -> None:
             ticket.check()
-            report({"state": "rendering", "samples": made.samples, "of": made.of, "relmse": made.relmse})
+            report({"state": "rendering", "samples": state.samples, "of": state.of, "relmse": state.relmse})
 
-        done = worker.render(task, progress)
+        done = worker.render(task, forward_progress)
         ticket.check()
         facts = {"samples": done.samples, "relmse": done.relmse, "seconds": time.perf_counter() - began}
         return facts, {"beauty": 0.5 * (done.a + done.b), "alpha": done.alpha}
@@ -93,7 +93,7 @@ class Frames:
         return Path(self._folder.name) / "worker.log"
 
     def cancel(self, ticket: Ticket) -> None:
-        """Have a frame end soon, and the worker where it renders it."""
+        """Cancel a frame; if the worker is rendering it, end the worker."""
         ticket.cancelled.set()
         worker = self._worker
         if self._current is ticket and worker is not None:

@@ -1,4 +1,4 @@
-"""`lookdev explore`: from words to a page that is served."""
+"""`lookdev explore`: read the words of the command line and serve the page."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from lookdev.studio.roots import Roots
 from lookdev.studio.server import serve_page
 
 FIRST = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
-"""What a page shows that is asked for nothing: the two models of film, alike in colour and roughness."""
+"""Surfaces of a page that starts without any: the two models of film, with the same colour and roughness."""
 
 
 def explore(
-    what: Sequence[str],
+    subjects: Sequence[str],
     folders: Sequence[Path],
     library: Path | None,
     address: Address,
@@ -26,26 +26,26 @@ def explore(
     browser: bool,
     say: Callable[[str], None],
 ) -> None:
-    """Serve the explorer until the program is interrupted; `say` is given what a user must know, such as the URL.
+    """Serve the Explorer until the program is interrupted; `say` receives messages for the user, such as the URL.
 
-    Raises LookdevError where something of `what` is wrong, a folder is missing, or the address cannot be listened at.
+    Raises LookdevError if one of `subjects` is wrong, a folder is missing, or the server cannot listen at the address.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-uploads-") as uploads:
         roots = Roots(Path(uploads))
         for folder in folders:
             roots.add(folder)
         surfaces = Surfaces(roots, library)
-        first = [named_words(each, roots) for each in what]
+        first = [named_words(words, roots) for words in subjects]
         for words in first:
             surfaces.subject(words)
         serve_page(lambda: application(surfaces, first or FIRST), address, [UPLOAD], browser=browser, say=say)
 
 
 def named_words(words: str, roots: Roots) -> str:
-    """Return words of the command line with its files as roots, by their names."""
+    """Add the file in words of the command line to the roots; return the words with its name."""
     label, rest = split_label(words)
-    found = LOOK.fullmatch(rest)
-    file = found["file"] if found else rest
+    match = LOOK.fullmatch(rest)
+    file = match["file"] if match else rest
     _, equals, path = file.partition(":file=")
     if equals:
         file = path.partition(",")[0]

@@ -1,4 +1,4 @@
-"""What the page draws itself: a surface as GLSL with its numbers as uniforms, light, and values to be compared with."""
+"""Data of the page's own renderer: GLSL of a surface, its uniforms, the light, and reference values by Python."""
 
 from __future__ import annotations
 
@@ -19,41 +19,43 @@ from lookdev.plotting.angles import Values
 from lookdev.studio.explorer.surfaces import Surfaces
 
 DOME = "studio"
-"""The built-in environment map of spheres, in the page and in the renderer."""
+"""The built-in environment map that lights spheres, in the page and in the renderer."""
 
 _DRAWN = 4096
 _PAIRS = 2048
 
 
-def usually_live(model: str) -> frozenset[str]:
-    """Return the numbers of a model that sliders change without a compilation: all but normals and optional ones."""
-    known = MODELS[model].parameters.values()
-    return frozenset(each.name for each in known if each.kind in ("float", "color") and not each.optional)
+def live_parameters(model: str) -> frozenset[str]:
+    """Return the parameters of a model that are uniforms by default: colours and numbers that are not optional."""
+    parameters = MODELS[model].parameters.values()
+    return frozenset(
+        parameter.name for parameter in parameters if parameter.kind in ("float", "color") and not parameter.optional
+    )
 
 
 def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, Any], Values]:
-    """Return the functions of a surface and what they read, and its tables, (rows, `TABLE_WIDTH`).
+    """Return the GLSL functions of a surface with their inputs, and their tables, (rows, `TABLE_WIDTH`).
 
-    `extra` are further parameters that stay uniforms: a lobe's own normal, or a part that defaults leave out. A surface
-    of several layers has no uniforms.
+    `extra` are further parameters that are uniforms: the normal of a lobe, or a part of the model that the defaults
+    leave out. A surface of several layers has no uniforms.
     """
     look = surfaces.look(words)
 
     def live(number: int, name: str) -> bool:
         model = look.layers[number].model
-        return len(look.layers) == 1 and (name in usually_live(model) or name in extra)
+        return len(look.layers) == 1 and (name in live_parameters(model) or name in extra)
 
     functions = look_functions(look, image_file, live)
     header = {
         "prelude": PRELUDE,
         "text": functions.text,
         "numbers": functions.numbers,
-        "places": {live_name(0, each): each for each in MODELS[look.layers[0].model].parameters},
+        "places": {live_name(0, parameter): parameter for parameter in MODELS[look.layers[0].model].parameters},
         "transmits": functions.transmits,
         "deltas": functions.deltas,
-        "attributes": [[each.parameter, each.kind] for each in functions.attributes],
+        "attributes": [[attribute.parameter, attribute.kind] for attribute in functions.attributes],
     }
-    return header, {f"look_table{k}": _rows(np.load(each.path)) for k, each in enumerate(functions.tables)}
+    return header, {f"look_table{k}": _rows(np.load(table.path)) for k, table in enumerate(functions.tables)}
 
 
 def _rows(values: Any) -> Any:
@@ -63,9 +65,9 @@ def _rows(values: Any) -> Any:
 
 
 def pairs(surfaces: Surfaces, words: str) -> Values:
-    """Return random pairs of directions `wo`, `wi` (n, 3), and `value`, f times the cosine, and `pdf` there, by Python.
+    """Return random pairs of directions `wo`, `wi` (n, 3), with `value`, f times the cosine, and `pdf`, by Python.
 
-    Directions are as float32 has them: both sides are given the same.
+    Directions are rounded to float32, so that page and Python evaluate the same ones.
     """
     subject = surfaces.subject(words)
     rng = np.random.default_rng(3)
@@ -80,18 +82,19 @@ def pairs(surfaces: Surfaces, words: str) -> Values:
     if subject.bsdf.transmits(w[0]):
         w[1, ::4, 2] *= -1.0
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True)).astype(np.float32).astype(np.float64)
-    found = {"wo": wo, "wi": wi, "value": evaluate_cosine(subject.bsdf, wo, wi), "pdf": pdf(subject.bsdf, wo, wi)}
+    values = {"wo": wo, "wi": wi, "value": evaluate_cosine(subject.bsdf, wo, wi), "pdf": pdf(subject.bsdf, wo, wi)}
     for number, delta in enumerate(subject.bsdf.deltas(wo, np.zeros(len(wo), np.bool_))):
-        found[f"direction{number}"] = np.broadcast_to(delta.direction, wo.shape)
-        found[f"factor{number}"] = np.broadcast_to(delta.value, wo.shape)
-    return found
+        values[f"direction{number}"] = np.broadcast_to(delta.direction, wo.shape)
+        values[f"factor{number}"] = np.broadcast_to(delta.value, wo.shape)
+    return values
 
 
 @lru_cache(maxsize=1)
 def dome() -> Values:
-    """Return the studio dome: `radiance` and pdf of directions, (h, w, 4), and drawn directions with theirs.
+    """Return the studio dome as a map and as samples.
 
-    Of `drawn`, (2, n, 4), one row has directions and pdf, the other radiances.
+    `radiance` (h, w, 4) has radiance and pdf by direction. `drawn` (2, n, 4) has samples: directions and pdf in its
+    first row, radiances in its second.
     """
     light = prepare_light(load_environment(builtin=DOME), sampled=False)
     height, width = light.table.shape[:2]

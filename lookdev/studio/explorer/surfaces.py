@@ -1,4 +1,4 @@
-"""Surfaces by the words of the command line: what a page edits of them, and their numbers in plots."""
+"""Surfaces from the words of the command line: their parameters, for the page to edit, and their values in plots."""
 
 from __future__ import annotations
 
@@ -25,37 +25,38 @@ from lookdev.plotting.subject import LOOK, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
 LONGEST_WORDS = 4000
-_KEPT = 64
+_CACHE_SIZE = 64
 
 
 @dataclass(frozen=True)
 class _Frozen:
-    """Layers whose numbers are constants, but for those of one name, as a key."""
+    """A key of layers of constants, in which the parameter named `moving` has no value."""
 
     layers: tuple[tuple[str, str, float, tuple[tuple[str, Any], ...]], ...]
     moving: str
 
     @classmethod
     def of(cls, layers: Sequence[StackLayer], moving: str) -> _Frozen:
-        found = []
+        frozen = []
         for layer in layers:
             values = tuple(
                 (name, value if isinstance(value, str) else tuple(np.ravel(value).tolist()))
                 for name, value in layer.parameters.items()
                 if name != moving
             )
-            found.append((layer.model, layer.mode, float(np.asarray(layer.mask)), values))
-        return cls(tuple(found), moving)
+            frozen.append((layer.model, layer.mode, float(np.asarray(layer.mask)), values))
+        return cls(tuple(frozen), moving)
 
 
-@lru_cache(maxsize=_KEPT)
-def _compiled(frozen: _Frozen) -> Compiled:
-    def make(graph: Graph) -> list[StackLayer]:
+@lru_cache(maxsize=_CACHE_SIZE)
+def _compile_frozen(frozen: _Frozen) -> Compiled:
+    def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
-        for name, mode, mask, given in frozen.layers:
+        for name, mode, mask, values in frozen.layers:
             model = MODELS[name]
             numbers: dict[str, Any] = {
-                k: v if isinstance(v, str) else np.array(v if len(v) > 1 else v[0]) for k, v in given
+                parameter: value if isinstance(value, str) else np.array(value if len(value) > 1 else value[0])
+                for parameter, value in values
             }
             if moving := model.parameters.get(frozen.moving):
                 wide = [f"{moving.name}_{i}" for i in range(3)]
@@ -63,27 +64,30 @@ def _compiled(frozen: _Frozen) -> Compiled:
             layers.append(StackLayer(name, numbers, np.asarray(mask), mode))  # type: ignore[arg-type]
         return layers
 
-    return compile_layers(make)
+    return compile_layers(make_layers)
 
 
-def faster(subject: Subject, moving: str = "") -> Subject:
-    """Return a subject whose f is that of a traced program, in which one parameter may change.
+def accelerate(subject: Subject, moving: str = "") -> Subject:
+    """Return a subject whose f runs a compiled program, in which the parameter `moving` may change.
 
-    What is a look-up of measured data gains little and is left as it is, as are views that change the parameters.
+    Subjects of measured data would gain little, and subjects whose parameters change with the view cannot be compiled:
+    they are returned unchanged.
     """
     if not subject.layers or not subject.seen_alike or subject.is_delta:
         return subject
-    if any(each.file for layer in subject.layers for each in MODELS[layer.model].parameters.values()):
+    if any(parameter.file for layer in subject.layers for parameter in MODELS[layer.model].parameters.values()):
         return subject
-    known = subject.parameters
-    if known is None or moving not in known or isinstance(known[moving], str):
+    parameters = subject.parameters
+    if parameters is None or moving not in parameters or isinstance(parameters[moving], str):
         moving = ""
-    program = _compiled(_Frozen.of(subject.layers, moving))
+    program = _compile_frozen(_Frozen.of(subject.layers, moving))
     numbers = {}
-    if known is not None and moving:
-        value = np.asarray(known[moving])
+    if parameters is not None and moving:
+        value = np.asarray(parameters[moving])
         numbers = (
-            {f"{moving}_{i}": float(each) for i, each in enumerate(value)} if value.ndim else {moving: float(value)}
+            {f"{moving}_{i}": float(component) for i, component in enumerate(value)}
+            if value.ndim
+            else {moving: float(value)}
         )
 
     def f(wo: Floats, wi: Floats) -> Floats:
@@ -94,51 +98,52 @@ def faster(subject: Subject, moving: str = "") -> Subject:
 
 @dataclass
 class Surfaces:
-    """Reads surfaces from words in which files have the names of `roots`, and keeps the last ones."""
+    """Surfaces from words in which files have the names of `roots`; the last ones that were read are cached."""
 
     roots: Roots
     library: Path | None = None
     _known: dict[str, Subject] = field(default_factory=dict)
 
     def subject(self, words: str, fresh: bool = False) -> Subject:
-        """Return what words stand for; `fresh`: files are read again. Raises LookdevError as `read_subject`."""
+        """Return the subject of words; with `fresh`, read its files again. Raises what `read_subject` raises."""
         if len(words) > LONGEST_WORDS:
             raise LookdevError(f"a surface of {len(words)} characters; at most {LONGEST_WORDS} would be right")
-        known = None if fresh else self._known.get(words)
-        if known is None:
-            known = read_subject(words, self.library, self.roots.locate)
-            self._known[words] = known
-            # Of requests in several threads, some may remove what others have removed.
-            for old in list(self._known)[:-_KEPT]:
+        subject = None if fresh else self._known.get(words)
+        if subject is None:
+            subject = read_subject(words, self.library, self.roots.locate)
+            self._known[words] = subject
+            # Several threads may remove the same entry.
+            for old in list(self._known)[:-_CACHE_SIZE]:
                 self._known.pop(old, None)
-        return known
+        return subject
 
     def values(self, kind: str, words: str, options: Options, draft: bool = False, moving: str = "") -> Values:
-        """Return the numbers of a surface in a plot; `moving` names the parameter that the next request may change."""
-        chosen = kind_named(kind)
-        function = chosen.draft if draft and chosen.draft else chosen.values
-        return function(faster(self.subject(words), moving), options)
+        """Return the values of a surface in a plot; the next request may change the parameter `moving`."""
+        plot_kind = kind_named(kind)
+        compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
+        return compute(accelerate(self.subject(words), moving), options)
 
     def describe(self, words: str) -> dict[str, Any]:
-        """Return what a page edits: the label, the words before parameters, the model, and all parameters' values.
+        """Return the data of a surface that a page edits: label, base, model and all parameter values.
 
-        `given` has the parameters in the words, `usual` the values without them.
+        ``base`` are the words before the parameters, ``given`` the parameters in the words, and ``usual`` the values
+        without them.
         """
         label, rest = split_label(words, self.roots.locate)
         subject = self.subject(words, fresh=True)
-        base, given = rest, {}
+        base, stated = rest, {}
         model = MODELS.get(subject.model)
         editable = model is not None and subject.seen_alike
         if model is not None:
-            if Path(base).suffix and ":" not in base and any(each.file for each in model.parameters.values()):
-                (name,) = (each.name for each in model.parameters.values() if each.file)
-                base, given = model.name, {name: rest}
+            if Path(base).suffix and ":" not in base and any(parameter.file for parameter in model.parameters.values()):
+                (name,) = (parameter.name for parameter in model.parameters.values() if parameter.file)
+                base, stated = model.name, {name: rest}
             elif _is_look(base):
                 editable = False
             else:
-                base, _, text = rest.partition(":")
-                read_parameters(words, model, text, self.roots.locate)
-                given = dict(pair.split("=", 1) for pair in text.split(",") if pair)
+                base, _, parameter_text = rest.partition(":")
+                read_parameters(words, model, parameter_text, self.roots.locate)
+                stated = dict(pair.split("=", 1) for pair in parameter_text.split(",") if pair)
         return {
             "words": words,
             "label": label,
@@ -148,24 +153,24 @@ class Surfaces:
             "editable": editable,
             "delta": subject.is_delta,
             "look": _is_look(rest),
-            "given": {name.strip(): _plain(model, name.strip(), value.strip()) for name, value in given.items()},
+            "given": {name.strip(): _parse_value(model, name.strip(), value.strip()) for name, value in stated.items()},
             "values": _values(model, subject),
-            "usual": self._usual(base, subject, model),
+            "usual": self._default_values(base, subject, model),
             "title": _title(subject, model),
         }
 
-    def _usual(self, base: str, subject: Subject, model: Model | None) -> dict[str, Any]:
-        """Return the values of a surface whose parameters are not given."""
+    def _default_values(self, base: str, subject: Subject, model: Model | None) -> dict[str, Any]:
+        """Return the values that the parameters have where the words do not state them."""
         if model is None or subject.parameters is None:
             return {}
         if base == model.name:
-            return {name: _listed(each.default) for name, each in model.parameters.items()}
+            return {name: _plain_value(parameter.default) for name, parameter in model.parameters.items()}
         return _values(model, self.subject(base))
 
     def command(self, kind: str, surfaces: Sequence[str], options: Options) -> str:
-        """Return the command that makes a plot of surfaces."""
+        """Return the command line that writes a plot of surfaces."""
         uses = kind_named(kind).uses
-        words = [shlex.quote(self.roots.path_words(each)) for each in surfaces]
+        words = [shlex.quote(self.roots.path_words(subject)) for subject in surfaces]
         parts = ["lookdev", "plot", kind, *words, "-o", f"{kind}.png"]
         for name, value in options.given().items():
             if name in uses:
@@ -177,22 +182,22 @@ class Surfaces:
         return " ".join(map(str, parts))
 
     def look_file(self, words: str) -> Path | None:
-        """Return the file of a look, or None for what is no look of a file."""
+        """Return the file of a look, or None if the words do not name a look in a file."""
         _, rest = split_label(words, self.roots.locate)
-        found = LOOK.fullmatch(rest)
-        return self.roots.locate(found["file"]) if found else None
+        match = LOOK.fullmatch(rest)
+        return self.roots.locate(match["file"]) if match else None
 
     def rendered_look(self, words: str) -> Look:
-        """Return the look that the renderer shows: of a file all of it, with its textures."""
+        """Return the look for the renderer: of a look in a file, all layers and textures."""
         _, rest = split_label(words, self.roots.locate)
-        if (found := LOOK.fullmatch(rest)) and found["layer"] is None:
-            return replace(read_look(self.roots.locate(found["file"]), found["prim"]), name="explored")
+        if (match := LOOK.fullmatch(rest)) and match["layer"] is None:
+            return replace(read_look(self.roots.locate(match["file"]), match["prim"]), name="explored")
         return self.look(words)
 
     def look(self, words: str, name: str = "explored") -> Look:
-        """Return the look of a surface, its parameters constants.
+        """Return the look of a surface; its parameters are constants.
 
-        Raises LookdevError where they change with the view.
+        Raises LookdevError if the parameters change with the view.
         """
         subject = self.subject(words)
         if not subject.seen_alike:
@@ -201,49 +206,51 @@ class Surfaces:
 
 
 def look_of(layers: Sequence[StackLayer], name: str) -> Look:
-    """Return a look of layers of constants."""
-    found = []
+    """Return a look of layers whose parameters are constants."""
+    look_layers = []
     for number, layer in enumerate(layers):
-        given = changed(MODELS[layer.model], layer.parameters)
+        parameters = non_default_parameters(MODELS[layer.model], layer.parameters)
         mask = float(np.asarray(layer.mask)) if number else 1.0
-        found.append(Layer(layer.name or f"Layer{number}", layer.model, given, mask, layer.mode))
-    return Look(name, tuple(found))
+        look_layers.append(Layer(layer.name or f"Layer{number}", layer.model, parameters, mask, layer.mode))
+    return Look(name, tuple(look_layers))
 
 
-def changed(model: Model, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters that are not at their defaults, plain values; a follower is given where it differs."""
-    found: dict[str, Any] = {}
+def non_default_parameters(model: Model, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that differ from their default, or from the parameter that they follow, as plain values."""
+    stated: dict[str, Any] = {}
     for name, parameter in model.parameters.items():
         value = parameters[name]
-        usual = parameters[parameter.follows] if parameter.follows else parameter.default
+        default = parameters[parameter.follows] if parameter.follows else parameter.default
         if isinstance(value, str):
-            if value != usual:
-                found[name] = value
-        elif not same(np.asarray(value), np.asarray(usual, np.float64)):
-            found[name] = tuple(np.ravel(value).tolist()) if np.ndim(value) else float(value)
-    return found
+            if value != default:
+                stated[name] = value
+        elif not same(np.asarray(value), np.asarray(default, np.float64)):
+            stated[name] = tuple(np.ravel(value).tolist()) if np.ndim(value) else float(value)
+    return stated
 
 
 def _is_look(words: str) -> bool:
     return LOOK.fullmatch(words) is not None
 
 
-def _plain(model: Model | None, name: str, text: str) -> Any:
+def _parse_value(model: Model | None, name: str, text: str) -> Any:
     if model is None or model.parameters[name].kind == "token":
         return text
-    numbers = [float(each) for each in text.split("/")]
+    numbers = [float(number) for number in text.split("/")]
     if model.parameters[name].kind == "float":
         return numbers[0]
     return numbers if len(numbers) == 3 else numbers * 3
 
 
 def _values(model: Model | None, subject: Subject) -> dict[str, Any]:
-    """Return the parameters of a single layer, but for the path of a file."""
-    known = model.parameters if model else {}
-    return {name: _listed(value) for name, value in (subject.parameters or {}).items() if not known[name].file}
+    """Return the parameters of a single layer, without the path of a file."""
+    parameters = model.parameters if model else {}
+    return {
+        name: _plain_value(value) for name, value in (subject.parameters or {}).items() if not parameters[name].file
+    }
 
 
-def _listed(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 

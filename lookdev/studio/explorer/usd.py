@@ -1,4 +1,4 @@
-"""A surface as a look in USD, as text to copy."""
+"""The USD text of a surface's look, for copying."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from pathlib import Path
 from lookdev.brdf import MODELS
 from lookdev.errors import LookdevError
 from lookdev.material.library.edit import model_look
-from lookdev.studio.explorer.surfaces import Surfaces, changed
+from lookdev.studio.explorer.surfaces import Surfaces, non_default_parameters
 from lookdev.text import read_text
 
 _LARGEST = 1 << 20
 
 
 def usd_text(surfaces: Surfaces, words: str) -> str:
-    """Return the look of a surface: that of a model with its parameters, or the text of the look's own file.
+    """Return the look of a surface as USD text: the text of its file, or a look of a model and its parameters.
 
-    Raises LookdevError where the file is none of text.
+    Raises LookdevError if the file is binary.
     """
     if file := surfaces.look_file(words):
         if file.suffix != ".usda":
@@ -26,9 +26,9 @@ def usd_text(surfaces: Surfaces, words: str) -> str:
         return read_text(file, _LARGEST)
     subject = surfaces.subject(words)
     if subject.parameters is None:
-        raise LookdevError(f"{words}: is no single layer")
+        raise LookdevError(f"{words}: is not a single layer")
     model = MODELS[subject.model]
     with tempfile.TemporaryDirectory(prefix="lookdev-copy-") as folder:
         file = Path(os.path.realpath(folder)) / "explored.usda"
-        model_look(file, model, changed(model, subject.parameters))
+        model_look(file, model, non_default_parameters(model, subject.parameters))
         return read_text(file, _LARGEST)

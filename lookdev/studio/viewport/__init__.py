@@ -1,7 +1,8 @@
 """The viewport: a scene drawn in a browser by WebGL 2, its looks and lights as generated GLSL.
 
-`view_scene` makes of a `lookdev.scene.Scene` what the page needs: plain data, and buffers named by their content. The
-modules in ``static/`` draw it. Light is direct with cast shadow, and exactly that; `SceneView.left_out` names the rest.
+`view_scene` converts a `lookdev.scene.Scene` for the page: to plain data, and to buffers named by their content. The
+modules in ``static/`` draw it. The picture has direct light with cast shadows; `SceneView.left_out` lists the effects
+that it lacks.
 """
 
 from lookdev.studio.viewport.view import SceneView, light_rows, sliders, view_scene

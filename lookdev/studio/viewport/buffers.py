@@ -1,4 +1,4 @@
-"""Arrays for the browser, by their content: what did not change is not sent again."""
+"""Arrays for the browser, by a digest of their content: an array that has not changed is not sent again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Buffers:
     content: dict[str, bytes] = field(default_factory=dict)
 
     def texture(self, texels: NDArray[Any]) -> Mapping[str, Any]:
-        """Keep a texture (H, W) or (H, W, 4); return its format by WebGL's name, its size, and its digest."""
+        """Add a texture (H, W) or (H, W, 4); return its digest, its format by WebGL's name, and its size."""
         channels = 1 if texels.ndim == 2 else texels.shape[2]
         height, width = texels.shape[:2]
         return {
@@ -31,14 +31,14 @@ class Buffers:
         }
 
     def array(self, values: NDArray[Any]) -> str:
-        """Keep an array; return its digest."""
+        """Add an array; return its digest."""
         data = np.ascontiguousarray(values).tobytes()
         name = hashlib.sha256(data).hexdigest()[:32]
         self.content[name] = data
         return name
 
     def rows(self, numbers: NDArray[Any], width: int) -> Mapping[str, Any]:
-        """Keep numbers (n,), or texels (n, 4), that follow each other over rows of a texture, as `texture`."""
+        """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; as `texture` does."""
         count = len(numbers)
         padded = np.zeros((-(-count // width) * width, *numbers.shape[1:]), numbers.dtype)
         padded[:count] = numbers

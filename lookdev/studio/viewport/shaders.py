@@ -1,4 +1,4 @@
-"""The shaders of the viewport: hand-written GLSL about the functions of a look and of the lights."""
+"""The shaders of the viewport: hand-written GLSL around the generated functions of a look and of the lights."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ precision highp usampler2D;
 """
 
 DRAWN, LIT = 1, 1
-"""Directions of the BSDF and of the lights of a pixel in a frame; a look that transmits has one of each side's."""
+"""Samples of the BSDF and of the lights for a pixel in a frame; a look that transmits samples lights on both sides."""
 
 
 @dataclass(frozen=True)
 class LookShaders:
-    """The fragment shaders of a look: what is seen, and what it reflects. Looks of one text share a program."""
+    """The fragment shaders of a look, for visibility and for light. Looks with equal text share a program."""
 
     visible: str
     relight: str
@@ -50,46 +50,46 @@ def _sobol() -> str:
 
 
 def vertex_shader() -> str:
-    """Return the vertex shader of what is seen."""
+    """Return the vertex shader of visible triangles."""
     visible = _sections("visible.glsl")
     return _HEAD + visible["camera"] + visible["vertex"]
 
 
 def behind_shader(rig: RigFunctions) -> str:
-    """Return the fragment shader of what is seen of the lights behind the asset."""
+    """Return the fragment shader of the background, in which the camera sees lights."""
     camera, behind = _sections("visible.glsl")["camera"], _sections("display.glsl")["behind"]
     defines = "#define TRANSMITS 0\n#define LIT 1\n#define SHADOWS 0\n"
     return "".join([_HEAD, defines, camera, PRELUDE, rig.text, behind])
 
 
 def develop_shader(view: str) -> str:
-    """Return the fragment shader from light to code values; `view` is the GLSL of OpenColorIO's function ``view``."""
+    """Return the fragment shader that converts light to code values; `view` is OpenColorIO's GLSL function ``view``."""
     return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
 
 
 class Shadows(IntEnum):
-    """How the shaders of a look find what occludes a light, by their `SHADOWS`."""
+    """The shadows of a look, as the macro `SHADOWS` of its shaders selects them."""
 
     NONE = 0
     TRACED = 1
     BEHIND = 2
-    """All that comes from behind the surface is occluded, and nothing else."""
+    """All light from behind the surface is occluded, and no other light."""
 
     @classmethod
     def of(cls, asset: Asset, look: LookFunctions, rig: RigFunctions) -> Shadows:
-        """Return how light is occluded on a look of an asset: a convex one occludes none that comes from before it."""
+        """Return the shadows of a look on an asset; a convex asset occludes no light from the front of its surface."""
         if not asset.convex:
             return cls.TRACED
         if asset.sheet or not (look.transmits or look.see_through):
             return cls.NONE
-        # How far behind the surface the occluder is matters to lights that are not plain.
+        # For lights that are not plain, the distance of the occluder matters.
         return cls.BEHIND if rig.plain else cls.TRACED
 
 
 def look_shaders(
     look: LookFunctions, rig: RigFunctions, corners: Corners, shadows: Shadows, convex: bool
 ) -> LookShaders:
-    """Return the fragment shaders of a look under lights, on a surface that may be `convex`."""
+    """Return the fragment shaders of a look under a rig, on an asset that may be `convex`."""
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
     shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {
@@ -110,8 +110,8 @@ def look_shaders(
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     read = "\n".join(
-        f"    {'mesh_tangent' if each.parameter == 'shading_tangent' else each.parameter} = {corners.read(each)};"
-        for each in look.attributes
+        f"    {'mesh_tangent' if name == 'shading_tangent' else name} = {corners.read(binding)};"
+        for name, binding in ((binding.parameter, binding) for binding in look.attributes)
     )
     surface = relight["surface"].replace("//@ attributes", read)
     deltas = "".join(
@@ -121,9 +121,9 @@ def look_shaders(
         deltas += "        if (k >= DRAWN + LIT) {\n            here.w = surface_world(wi);\n"
         deltas += "            here.diffuse = vec3(0.0);\n        }\n"
     parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
-    own = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
+    visible_shader = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
     if look.see_through:
         declared, _, main = visible["fragment"].partition("void main()")
-        own = "".join([*parts, declared, surface, relight["absent"], "void main()", main])
+        visible_shader = "".join([*parts, declared, surface, relight["absent"], "void main()", main])
     main = relight["main"].replace("//@ deltas\n", deltas)
-    return LookShaders(own, "".join([*parts, rig.text, surface, shadow, main]))
+    return LookShaders(visible_shader, "".join([*parts, rig.text, surface, shadow, main]))

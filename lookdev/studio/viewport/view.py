@@ -1,4 +1,4 @@
-"""A scene as the page draws it: plain data, and the buffers that it names."""
+"""Conversion of a scene to the data of the page: plain data, and the buffers that it names."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from lookdev.studio.viewport.shaders import (
 )
 
 INTERREFLECTION = "interreflection: light that other places of the asset reflect or transmit"
-"""What no picture of the viewport shows."""
+"""The light that no picture of the viewport has."""
 
 _HOLES = "light through holes: a surface that is present in part casts a whole shadow"
 
@@ -44,24 +44,24 @@ _LARGEST_HALF = 65504.0
 
 @dataclass(frozen=True, eq=False)
 class SceneView:
-    """What the modules in ``static/`` draw: `data` is JSON, and `buffers` are the bytes that it names by digest."""
+    """A scene for the modules in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest."""
 
     data: Mapping[str, Any]
     buffers: Mapping[str, bytes]
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the picture leaves out, a sentence each."""
+        """The effects that the picture lacks, a sentence for each."""
         return tuple(self.data["left_out"])
 
 
 def sliders(look: Look) -> Live:
-    """Return which constants of a look are uniforms, which change while nothing compiles: those that it states.
+    """Return the constants of a look that are uniforms, and change without compilation: those that the look states.
 
-    What a look does not state folds: the shader of a look without sheen has no sheen, and takes a tenth of the time.
+    Other constants are folded: the shader of a look without sheen has no code of sheen, and takes a tenth of the time.
     """
-    of_layers = stated(look)
-    return lambda number, name: of_layers(number, name) or (name == "mask" and number > 0)
+    is_stated = stated(look)
+    return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
 
 
 def view_scene(
@@ -71,32 +71,32 @@ def view_scene(
     live: Callable[[Look], Live] = sliders,
     resolve: Callable[[Texture | Bump], Path] = image_file,
 ) -> SceneView:
-    """Return a scene for the page, in a view of a display; `live` of each look and `resolve` as of `look_functions`.
+    """Return a scene for the page, in a view of a display; `live` and `resolve` are arguments of `look_functions`.
 
     Raises
     ------
     AssetError
-        Its asset is too large, or lacks what a look reads.
+        The asset is too large, or lacks an attribute that a look reads.
     TextureError
         An image is missing or unreadable.
     OutputError
         OpenColorIO has no such view.
     """
-    buffers, shown_as = Buffers(), view_shader(view)
+    buffers, display = Buffers(), view_shader(view)
     looks = list({id(look): look for look in scene.looks}.values())
     numbers = {id(look): number for number, look in enumerate(looks)}
-    worn = [numbers[id(look)] for look in scene.looks]
-    stand = Stand(scene.asset.center, scene.camera.pivot)
-    rig = rig_functions(scene.lights, scene.lit_by, stand, scene.grouped)
+    look_numbers = [numbers[id(look)] for look in scene.looks]
+    rig_origin = Stand(scene.asset.center, scene.camera.pivot)
+    rig = rig_functions(scene.lights, scene.lit_by, rig_origin, scene.grouped)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
-    order = tuple(sorted(range(len(worn)), key=lambda slot: (worn[slot], slot)))
-    bindings = tuple(binding for each in functions for binding in each.attributes)
-    shadows = [Shadows.of(scene.asset, each, rig) for each in functions]
+    order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
+    bindings = tuple(binding for look in functions for binding in look.attributes)
+    shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
     corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
-    holes = [_HOLES] * any(each.see_through for each in functions)
-    ranges = {each.slot: each for each in corners.ranges}
+    holes = [_HOLES] * any(look.see_through for look in functions)
+    ranges = {triangles.slot: triangles for triangles in corners.ranges}
     parts = [
-        {"path": slot.path, "look": worn[number], "first": ranges[number].first, "last": ranges[number].last}
+        {"path": slot.path, "look": look_numbers[number], "first": ranges[number].first, "last": ranges[number].last}
         for number, slot in enumerate(scene.asset.slots)
     ]
     data = {
@@ -111,18 +111,18 @@ def view_scene(
         "looks": [
             _look(
                 look,
-                each,
-                look_shaders(each, rig, corners, shadows[number], scene.asset.convex),
+                glsl,
+                look_shaders(glsl, rig, corners, shadows[number], scene.asset.convex),
                 buffers,
                 [part for part in parts if part["look"] == number],
             )
-            for number, (look, each) in enumerate(zip(looks, functions, strict=True))
+            for number, (look, glsl) in enumerate(zip(looks, functions, strict=True))
         ],
         "parts": parts,
         "rig": _rig(rig, buffers),
         "behind": behind_shader(rig),
-        "develop": develop_shader(shown_as["glsl"]),
-        "view": {"name": shown_as["name"], "textures": shown_as["textures"]},
+        "develop": develop_shader(display["glsl"]),
+        "view": {"name": display["name"], "textures": display["textures"]},
         "left_out": [INTERREFLECTION, *holes],
         "shadows": any(shadows),
     }
@@ -130,9 +130,9 @@ def view_scene(
 
 
 def light_rows(scene: Scene) -> NDArray[np.float32]:
-    """Return the numbers of a scene's lights, with which ``rig_numbers`` begins.
+    """Return the numbers of a scene's lights: the beginning of the texture ``rig_numbers``.
 
-    Lights of other radiance have other numbers, and the same shaders.
+    A change of a light's radiance changes these numbers, and no shader.
     """
     return CodedRig.of(scene.lights).rows(Stand(scene.asset.center, scene.camera.pivot))
 
@@ -172,13 +172,13 @@ def _look(
 
 
 def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the images of a look by their samplers: half floats where these suffice, but for slopes."""
-    for each in functions.look_ups:
-        for tile, file in each.files.items():
+    """Yield the images of a look by their samplers, as half floats if these suffice; slopes stay float32."""
+    for look_up in functions.look_ups:
+        for tile, file in look_up.files.items():
             texels = read_exr(file.path, "RGBA")
-            if not each.slopes and np.abs(texels).max() <= _LARGEST_HALF:
+            if not look_up.slopes and np.abs(texels).max() <= _LARGEST_HALF:
                 texels = texels.astype(np.float16)
-            yield (f"look_{each.name}_{tile}" if tile else f"look_{each.name}"), buffers.texture(texels)
+            yield (f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"), buffers.texture(texels)
 
 
 def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
@@ -187,7 +187,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
         textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
     for k, dome in enumerate(rig.domes):
         if dome is not None:
-            textures |= {f"dome{k}_{name}": buffers.texture(each) for name, each in _dome(dome).items()}
+            textures |= {f"dome{k}_{name}": buffers.texture(texels) for name, texels in _dome(dome).items()}
     for k, light in enumerate(rig.pictures):
         assert light.texture, "it is a picture"
         textures[f"picture{k}"] = buffers.texture(_colors(light.texture))

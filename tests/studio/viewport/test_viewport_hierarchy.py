@@ -1,4 +1,4 @@
-"""The hierarchy of triangles that shadow rays walk: by a walk in NumPy, against all triangles."""
+"""The hierarchy for shadow rays: a traversal in NumPy against a test of all triangles."""
 
 import numpy as np
 import pytest
@@ -11,28 +11,28 @@ from lookdev.studio.viewport.hierarchy import FIRST_BITS, Hierarchy
 Floats = NDArray[np.float64]
 
 
-def walked(found: Hierarchy, start: Floats, w: Floats) -> tuple[list[int], int]:
-    """Return the numbers of the triangles of all leaves whose boxes a ray meets, and how many boxes were tested."""
-    texels, numbers, node, tested = found.texels, [], 0, 0
+def walk(hierarchy: Hierarchy, start: Floats, w: Floats) -> tuple[list[int], int]:
+    """Return the numbers of the triangles in all leaves whose boxes a ray hits, and the number of box tests."""
+    texels, numbers, node, tested = hierarchy.texels, [], 0, 0
     *low, cell = texels[0]
     origin, step = (start - low) / cell, cell / w
-    while node < found.nodes:
+    while node < hierarchy.nodes:
         texel, tested = texels[1 + node], tested + 1
         cells = texel[:3].view(np.uint32) - np.uint32(FIRST_BITS)
         ends = np.stack([cells & 0x7FFF, cells >> 15]).astype(np.float64)
-        reached = np.sort((ends - origin) * step, axis=0)
-        met = max(reached[0].max(), 0.0) <= reached[1].min()
+        crossings = np.sort((ends - origin) * step, axis=0)
+        met = max(crossings[0].max(), 0.0) <= crossings[1].min()
         leaf = texel[3] < 0.0
         node = node + 1 if met or leaf else int(texel[3])
-        place = 1 + found.nodes - 3 * int(1.0 + texel[3])
+        texel_of_triangle = 1 + hierarchy.nodes - 3 * int(1.0 + texel[3])
         while met and leaf:
-            numbers.append(int(texels[place, 3]))
-            leaf, place = texels[place + 2, 3] == 0.0, place + 3
+            numbers.append(int(texels[texel_of_triangle, 3]))
+            leaf, texel_of_triangle = texels[texel_of_triangle + 2, 3] == 0.0, texel_of_triangle + 3
     return numbers, tested
 
 
-def meeting(corners: Floats, start: Floats, w: Floats) -> set[int]:
-    """Return the numbers of the triangles (t, 3, 3) that a ray meets, but for those that it meets at an edge."""
+def triangles_on_ray(corners: Floats, start: Floats, w: Floats) -> set[int]:
+    """Return the numbers of the triangles (t, 3, 3) that a ray hits, without hits near an edge."""
     edge1, edge2, off = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
     p, q = np.cross(w, edge2), np.cross(off, edge1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,8 +60,8 @@ SHAPES = {
 def test_a_walk_meets_what_a_ray_meets(shape: str) -> None:
     corners = SHAPES[shape].astype(np.float32)
     slots = np.arange(len(corners), dtype=np.float32) % 3
-    found = Hierarchy.of(corners, slots)
-    triangles = found.texels[1 + found.nodes :].reshape(-1, 3, 4)
+    hierarchy = Hierarchy.of(corners, slots)
+    triangles = hierarchy.texels[1 + hierarchy.nodes :].reshape(-1, 3, 4)
     order = triangles[:, 0, 3].astype(int)
     assert sorted(order) == list(range(len(corners)))
     np.testing.assert_array_equal(triangles[:, 0, :3], corners[order, 0])
@@ -73,8 +73,8 @@ def test_a_walk_meets_what_a_ray_meets(shape: str) -> None:
         start = middle + wide * rng.normal(0.0, 0.5, 3)
         w = corners[rng.integers(len(corners))].mean(axis=0) - start + 0.02 * wide * rng.normal(0.0, 1.0, 3)
         w = w / np.linalg.norm(w)
-        expected = meeting(corners.astype(np.float64), start, w)
-        numbers, _ = walked(found, start, w)
+        expected = triangles_on_ray(corners.astype(np.float64), start, w)
+        numbers, _ = walk(hierarchy, start, w)
         assert expected <= set(numbers)
         assert len(numbers) == len(set(numbers))
         met += len(expected)
@@ -82,16 +82,16 @@ def test_a_walk_meets_what_a_ray_meets(shape: str) -> None:
 
 
 def test_few_boxes_are_tested() -> None:
-    """From a surface of 15744 triangles: a ray passes others close by."""
+    """Rays start on a surface of 15744 triangles, and pass close to others."""
     asset = load_asset(builtin="suzanne")
-    found, rng = corners_of(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
-    triangles = found.texels[: found.occluders].reshape(-1, 3, found.stride, 4)
+    hierarchy, rng = corners_of(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
+    triangles = hierarchy.texels[: hierarchy.occluders].reshape(-1, 3, hierarchy.stride, 4)
     places, normals = triangles[:, :, 0, :3].astype(np.float64), triangles[:, :, 1, :3].astype(np.float64)
-    hierarchy = Hierarchy(found.texels[found.occluders :], found.nodes)
+    hierarchy = Hierarchy(hierarchy.texels[hierarchy.occluders :], hierarchy.nodes)
     counts = []
     for number in rng.integers(0, len(places), 200):
         normal, w = normals[number].mean(axis=0), rng.normal(size=3)
         w *= np.sign(w @ normal) / np.linalg.norm(w)
-        numbers, tested = walked(hierarchy, places[number].mean(axis=0) + 1e-6 * normal, w)
+        numbers, tested = walk(hierarchy, places[number].mean(axis=0) + 1e-6 * normal, w)
         counts.append((tested, len(numbers)))
     assert (np.mean(counts, axis=0) < (90.0, 15.0)).all(), np.mean(counts, axis=0)

@@ -1,4 +1,4 @@
-"""What the viewport shows, against direct light with its shadows in float64, and how long it takes."""
+"""The viewport's pictures against direct light with shadows in float64, and the time that they take."""
 
 import logging
 import math
@@ -34,11 +34,11 @@ from lookdev.studio.viewport import view_scene
 ROOT = Path(__file__).parents[3]
 log = logging.getLogger(__name__)
 POSE = Pose(30.0, 75.0)
-# Where the look is no part of the claim: its program compiles in half of the time of others, and it has little noise.
+# For tests that do not depend on the look: it compiles in half of the time of others, and has little noise.
 MATT = (Layer("Layer", "lambert", {"reflectance": (0.7, 0.5, 0.3)}),)
 LAMPS = [name for name, kind in LIGHT_KINDS.items() if kind.type.shapes]
 MOST = 0.120
-"""Seconds from a slider to the first changed frame at 512 x 512, in software, on two free cores."""
+"""Largest time from a slider to the first changed frame at 512 x 512, in seconds, in software, on two free cores."""
 Floats = NDArray[np.float64]
 
 
@@ -51,7 +51,7 @@ def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewpor
 
 @dataclass(frozen=True)
 class Compared:
-    """What seeds of the viewport show at pixels, (S, P, 3), and the reference there."""
+    """Pixels of the viewport for several seeds, `found` (S, P, 3), and their reference, `expected`."""
 
     found: Floats
     expected: Estimate
@@ -62,18 +62,18 @@ class Compared:
 
     @property
     def variance(self) -> Floats:
-        """Of the difference: of the mean of independent seeds, and of the reference."""
+        """Variance of the difference: that of the mean of independent seeds, plus that of the reference."""
         return np.asarray(self.expected.error**2 + self.found.var(axis=0, ddof=1) / len(self.found))
 
     @property
     def error(self) -> float:
-        """Of the sum over pixels and channels, which are as noisy together."""
+        """Standard error of the sum over pixels and channels, if the channels of a pixel are fully correlated."""
         return float(np.sqrt((np.sqrt(self.variance).sum(axis=-1) ** 2).sum()))
 
     def assert_agrees(self) -> None:
-        """As a whole within four standard errors, and pixel by pixel as far apart as the noise: twice its square.
+        """The sums agree within four standard errors, and squared differences of pixels are below twice the variance.
 
-        Both with 0.1 % of rounding to float32, and of images to half floats.
+        Both allow 0.1 % for the rounding to float32, and of images to half floats.
         """
         apart, value, noise = self.mean - self.expected.value, self.expected.value, self.variance.sum()
         assert np.isfinite(self.mean).all()
@@ -86,28 +86,28 @@ def compare(
     page: ViewportPage, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, shadows: bool = True
 ) -> Compared:
     """Compare pixels that the asset covers in part or whole."""
-    # From the beginning no more samples than these: how many there are does not depend on how fast they are made.
-    turned = {"element": POSE.element, "lighting": POSE.lighting, "shadows": shadows, "most": count, "seed": 0}
-    page.js("viewport.set(given[0])", turned)
+    # The limit of samples holds from the start, so that their number does not depend on the speed of the machine.
+    settings = {"element": POSE.element, "lighting": POSE.lighting, "shadows": shadows, "most": count, "seed": 0}
+    page.js("viewport.set(given[0])", settings)
     page.show(view_scene(scene))
-    found = []
+    films = []
     for seed in range(seeds):
         page.js("viewport.set({seed: given[0]})", seed)
-        found.append(page.accumulated(count).astype(np.float64))
-    covered = np.argwhere(found[0][..., 3] > 0.0)
+        films.append(page.accumulate(count).astype(np.float64))
+    covered = np.argwhere(films[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
     reference = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped, shadows=shadows)
     expected = frame_pixels(
         reference, scene.lights, scene.camera, POSE, scene.film.resolution, rows[:, ::-1].copy(), samples=samples
     )
-    return Compared(np.stack([each[rows[:, 0], rows[:, 1], :3] for each in found]), expected)
+    return Compared(np.stack([film[rows[:, 0], rows[:, 1], :3] for film in films]), expected)
 
 
 def dome(**changes: Any) -> Light:
     return replace(LIGHT_KINDS["dome"].example(), **changes)  # type: ignore[type-var]
 
 
-def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = False) -> Scene:
+def make_scene(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = False) -> Scene:
     asset = make_plane() if sheet else make_sphere(64, 32)
     camera = Camera(30.0, 35.0, (0.1, 0.0, 0.05), 5.9, azimuth=20.0, roll=10.0, axis=(0.3, -0.2), shift=(0.02, -0.03))
     look = Look("look", tuple(layers))
@@ -118,11 +118,11 @@ def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = Fals
     "name", ["frosted", *(pytest.param(name, marks=pytest.mark.proof) for name in ("brushed", "coated", "chrome"))]
 )
 def test_a_dome_lights_every_kind_of_lobe(name: str, page: ViewportPage) -> None:
-    compare(page, dressed(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
+    compare(page, make_scene(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
 
 
 def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None:
-    compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
+    compare(page, make_scene(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
 
 
 @pytest.mark.parametrize(
@@ -130,24 +130,24 @@ def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None
     [("matt", 64), *(pytest.param(name, 128, marks=pytest.mark.proof) for name in ("leaf", "painted"))],
 )
 def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: ViewportPage) -> None:
-    """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
+    """Lamps of all kinds, one of which does not rotate; a tilted, coloured dome, and a uniform one."""
     lamps = [LIGHT_KINDS[kind].example() for kind in LAMPS]
     still = replace(lamps[0], emission=replace(lamps[0].emission, turns=False))  # type: ignore[type-var]
     leaning = dome(axes=((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8)), emission=Emission((0.3, 0.2, 0.1)))
     white = load_dome(builtin="white").dome
     same = replace(white, emission=Emission((0.1, 0.1, 0.2)))
     lights = [leaning, still, *lamps[1:], same]
-    compare(page, dressed(LOOKS.get(name, MATT), lights), samples, 40, samples=64).assert_agrees()
+    compare(page, make_scene(LOOKS.get(name, MATT), lights), samples, 40, samples=64).assert_agrees()
 
 
 def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: ViewportPage) -> None:
     angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
     table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
     beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
-    # Beside another kind, and one of its own kind, whose light no profile changes.
+    # The rig also has a lamp of another kind, and one of the same kind, both without a profile.
     lamps = [LIGHT_KINDS[kind].example() for kind in ("sphere", "sphere", "rect")]
     shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam))  # type: ignore[type-var]
-    compare(page, dressed(MATT, [shaped, *lamps[1:], dome()]), 64, 40, samples=64).assert_agrees()
+    compare(page, make_scene(MATT, [shaped, *lamps[1:], dome()]), 64, 40, samples=64).assert_agrees()
 
 
 HALF_GLASS = Layer("Layer", "pixar", {"surfaceColor": (0.7, 0.5, 0.1), "roughness": 0.0, "clear": 0.5})
@@ -157,8 +157,8 @@ HALF_GLASS = Layer("Layer", "pixar", {"surfaceColor": (0.7, 0.5, 0.1), "roughnes
 def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
     """Return Suzanne, who occludes herself, under lights."""
     layers = {**LOOKS, "matt": MATT, "half glass": (HALF_GLASS,)}[look]
-    asset, worn = load_asset(builtin="suzanne"), Look("look", tuple(layers))
-    return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
+    asset, material = load_asset(builtin="suzanne"), Look("look", tuple(layers))
+    return replace(Scene.of_look(asset, material, lights[0], (16, 16)), lights=tuple(lights))
 
 
 # Four seeds of 64 samples of the painted look were 2.3 times as far off as their noise, of 2.
@@ -170,11 +170,11 @@ def test_shadow_is_switched_while_nothing_compiles(look: str, samples: int, page
     scene = monkey([dome()], look)
     shaded = compare(page, scene, samples, 40, samples=64)
     compiled = page.js("return viewport.programs.compiled")
-    lit = compare(page, scene, samples, 40, samples=64, shadows=False)
+    unshadowed = compare(page, scene, samples, 40, samples=64, shadows=False)
     assert page.js("return viewport.programs.compiled") == compiled
     shaded.assert_agrees()
-    lit.assert_agrees()
-    assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
+    unshadowed.assert_agrees()
+    assert unshadowed.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(unshadowed.error, shaded.error)
 
 
 QUICK = [("texture, local_dome", "matt"), ("shadow", "matt")]
@@ -192,7 +192,7 @@ def test_parts_cast_the_shadow_of_linked_lights(page: ViewportPage) -> None:
 
 
 def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
-    """Yield squares of `side` pixels of a frame `width` pixels wide, about places of the asset, as scenes."""
+    """Yield scenes of square crops, `side` pixels of a frame `width` pixels wide, around points of the asset."""
     camera, (across, along) = scene.camera, scene.film.resolution
     x, y = np.random.default_rng(8).uniform((0, 0), (across, along), (400, 2)).T
     origin, ray = camera_rays(camera, POSE, (across, along), x, y)
@@ -204,8 +204,8 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
         yield replace(scene, camera=replace(camera, fov=fov, shift=shift), film=Film((side, side)))
 
 
-def shipped(asset: str, look: str) -> Scene:
-    """Return a built-in asset in a look that ships."""
+def shipped_scene(asset: str, look: str) -> Scene:
+    """Return a scene of a built-in asset and a shipped look."""
     material = read_look(ROOT / "materials" / f"{look}.usda")
     return Scene.of_look(load_asset(builtin=asset), material, load_dome(builtin="courtyard").dome, (512, 512))
 
@@ -213,22 +213,22 @@ def shipped(asset: str, look: str) -> Scene:
 @pytest.mark.proof
 @pytest.mark.parametrize(("asset", "look"), CELLS)
 def test_the_mean_difference_is_one_percent(asset: str, look: str, page: ViewportPage) -> None:
-    """Of each pixel and channel of windows of a frame, relative to its value, or to 1 % of the mean where it is darker.
+    """The difference of pixels of crops, relative to their values, or to 1 % of the mean for darker ones, is small.
 
     docs/designer.md has the table, by ``pytest -m proof tests/studio/viewport --log-cli-level=INFO``.
     """
     if asset == "parts":
         scene = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes[look, "courtyard"]
     else:
-        scene = shipped(asset, look)
-    compared = [compare(page, each, 8192, 16, samples=4096, seeds=2) for each in windows(scene, 3, 64, 8)]
-    value = np.concatenate([each.expected.value for each in compared])
-    apart = np.concatenate([each.mean for each in compared]) - value
-    variance = np.concatenate([each.variance for each in compared])
+        scene = shipped_scene(asset, look)
+    compared = [compare(page, window, 8192, 16, samples=4096, seeds=2) for window in windows(scene, 3, 64, 8)]
+    value = np.concatenate([window.expected.value for window in compared])
+    apart = np.concatenate([window.mean for window in compared]) - value
+    variance = np.concatenate([window.variance for window in compared])
     floor = np.maximum(value, 0.01 * value.mean())
     difference, noise = (np.abs(apart) / floor).mean(), (np.sqrt(variance) / floor).mean()
     signed = apart.sum() / value.sum()
-    error = math.hypot(*(each.error for each in compared)) / value.sum()
+    error = math.hypot(*(window.error for window in compared)) / value.sum()
     log.info("%s %s: %.4f, noise %.4f, signed %+.4f +- %.4f", asset, look, difference, noise, signed, error)
     assert difference < 0.01
 
@@ -237,7 +237,7 @@ def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Viewpor
 @pytest.mark.parametrize(("asset", "look"), [("shaderball", "car_paint"), ("sphere", "brushed_metal")])
 def test_a_slider_shows_in_time(asset: str, look: str, page: ViewportPage) -> None:
     """``pytest -m bench tests/studio/viewport --log-cli-level=INFO``."""
-    page.show(view_scene(shipped(asset, look)))
+    page.show(view_scene(shipped_scene(asset, look)))
     times, scale = page.js(
         "const name = 'layer0_metallic', times = [];"
         "for (let k = 0; k < 40; k++) {"
