@@ -264,7 +264,7 @@ def _bsdf(parameters: Parameters) -> Bsdf:
         frame = frame_of(parameters["normal"]).facing(wo)
 
         def lobe(build: Callable[[Parameters, Array, Frame], Lobe], normal: str) -> Lobe:
-            # Lobes about one normal share its frame.
+            # Lobes with the same normal share a frame.
             shared = same(parameters[normal], parameters["normal"])
             lobe_frame = frame if shared else frame_of(parameters[normal]).facing(wo)
             return build(parameters, lobe_frame.to_local(wo), lobe_frame).blended(presence)

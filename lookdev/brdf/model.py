@@ -106,7 +106,7 @@ class Model:
     quoted: str = ""
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
-        """Combine layers of this model, base first, into one surface; tokens that differ raise ModelError."""
+        """Combine layers of this model, base first, into one surface; raises ModelError for tokens that differ."""
         return self.combine(layers) if self.combine else self.bsdf(self.blended(layers))
 
     def blended(self, layers: Sequence[StackLayer]) -> Parameters:

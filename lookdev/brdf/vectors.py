@@ -102,7 +102,7 @@ def normalize(v: Array) -> Array:
 
 # Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017, listing 3, vector b1.
 def perpendicular(n: Array) -> Array:
-    """Return a unit vector (..., 3) perpendicular to each unit vector, without singularities."""
+    """Return unit vectors (..., 3) perpendicular to unit vectors (..., 3), without singularities."""
     x, y, z = n[..., 0], n[..., 1], n[..., 2]
     sign = np.where(z < 0.0, -1.0, 1.0)
     a = -1.0 / (sign + z)

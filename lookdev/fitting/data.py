@@ -36,7 +36,7 @@ class Data:
         return Data(self.wo[::step], self.wi[::step], self.f[::step])
 
 
-def data_of(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = LIMIT) -> Data:
+def evaluate_pairs(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = LIMIT) -> Data:
     """Evaluate a surface at counts of theta_h, theta_d and phi_d, up to `limit` degrees from the normal.
 
     theta_h is in even steps of its root. Each pair is rotated about the normal by a different azimuth, so that an

@@ -67,7 +67,7 @@ def free_parameters(model: Model, fixed: Mapping[str, Any], names: Sequence[str]
         if name not in numbers:
             raise LookdevError(f"{model.name} has no number '{name}' ({nearest_hint(name, list(numbers))})")
         if name in fixed:
-            raise LookdevError(f"{model.name}.{name} is given and wanted; one of the two would be right")
+            raise LookdevError(f"{model.name}.{name} is both fixed and to be fitted; one of the two would be right")
     default_names = [
         name
         for name, parameter in numbers.items()

@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 
 from lookdev.brdf import Model, evaluate
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.fitting.data import Data, data_of
+from lookdev.fitting.data import Data, evaluate_pairs
 from lookdev.fitting.loss import LOSSES
 from lookdev.fitting.parameters import Free, free_parameters
-from lookdev.plotting import Subject, subject_of
+from lookdev.plotting import Subject, model_subject
 from lookdev.plotting.angles import Floats
 
 _TRIALS = 128
@@ -125,7 +125,7 @@ def fit(
     free: Sequence[Free] = free_parameters(model, fixed or {}, wanted)
     if not free:
         raise LookdevError(f"{model.name}: nothing is left to fit")
-    measured = data_of(data.bsdf, data.label)
+    measured = evaluate_pairs(data.bsdf, data.label)
     free = free if wanted else _select_effective(model, constant, free, measured, loss)
     problem = _Problem(model, constant, free, measured, loss)
     solution = problem.solve(starts, seed)
@@ -138,11 +138,13 @@ def fit(
         for parameter, part in problem.parts(effect)
         if parameter.width == 1 and part.max() < _NO_EFFECT * scale
     )
-    fitted = {**(fixed or {}), **{name: value.tolist() for name, value in values.items()}}
-    subject = subject_of(model, {name: _to_tuple(value) for name, value in fitted.items()}, f"{model.name}, fitted")
+    all_values = {**(fixed or {}), **{name: value.tolist() for name, value in values.items()}}
+    subject = model_subject(
+        model, {name: _to_tuple(value) for name, value in all_values.items()}, f"{model.name}, fitted"
+    )
     red, green, blue = (float(np.sqrt(np.mean(residual[:, channel] ** 2))) for channel in range(3))
     return Fit(
-        model, subject, fitted, unknown, loss, float(np.sqrt(np.mean(residual**2))), (red, green, blue),
+        model, subject, all_values, unknown, loss, float(np.sqrt(np.mean(residual**2))), (red, green, blue),
         solution.losses, len(problem.data.f), time.process_time() - start_time,
     )  # fmt: skip
 

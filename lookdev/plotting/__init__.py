@@ -7,7 +7,7 @@ a matplotlib figure and its numbers, which `Plot.write` writes. All numbers come
 from lookdev.plotting.figure import SUFFIXES, Plot
 from lookdev.plotting.kinds import KINDS, Kind, draw, kind_named
 from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject, read_subject, subject_of
+from lookdev.plotting.subject import Subject, model_subject, read_subject
 
 __all__ = [
     "KINDS",
@@ -18,6 +18,6 @@ __all__ = [
     "Subject",
     "draw",
     "kind_named",
+    "model_subject",
     "read_subject",
-    "subject_of",
 ]

@@ -16,12 +16,12 @@ from lookdev.plotting.figure import (
     DASHES,
     RGB,
     Plot,
-    channels_of,
+    create_figure,
     draw_curves,
-    figure_of,
-    legend,
+    draw_legend,
     legend_label,
     scale_values,
+    split_channels,
     unique_labels,
 )
 from lookdev.plotting.options import Options
@@ -45,7 +45,7 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
 
     theta_i is in the plane of incidence, negative on the viewer's side.
     """
-    figure, axes = figure_of()
+    figure, axes = create_figure()
     ax = axes[0, 0]
     values, columns = _draw_and_evaluate(ax, subjects, options, cartesian_values)
     if options.axis == "theta_i":
@@ -55,7 +55,7 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
         still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
     ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
     scale_values(ax, options, values["inner"])
-    legend(ax)
+    draw_legend(ax)
     return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
 
 
@@ -78,12 +78,12 @@ def cartesian_values(subject: Subject, options: Options) -> Values:
 
 def retro(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
-    figure, axes = figure_of()
+    figure, axes = create_figure()
     ax = axes[0, 0]
     values, columns = _draw_and_evaluate(ax, subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
     scale_values(ax, options, values["inner"])
-    legend(ax)
+    draw_legend(ax)
     return Plot(figure, {"theta (degrees)": values["x"], **columns})
 
 
@@ -108,7 +108,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
             strict=True,
         )
     )
-    figure, axes = figure_of(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
+    figure, axes = create_figure(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
     ax = axes[0, 0]
     peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
     floor = peak * 10.0**-_DECADES
@@ -120,7 +120,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
 
     columns: dict[str, Floats] = {}
     for index, (label, values) in enumerate(curves):
-        for channel, (ending, curve) in enumerate(channels_of(values, options).items()):
+        for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
             color, dashes = (RGB[channel], DASHES[index % 4]) if ending else (COLORS[index % len(COLORS)], "-")
             ax.plot(theta, radius(curve), color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}")
             columns[f"{label}{ending}"] = curve
@@ -161,7 +161,7 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
         raise LookdevError(
             "fresnel: mirrors and glass, of which it plots reflectances, beside others; not both at once"
         )
-    figure, axes = figure_of()
+    figure, axes = create_figure()
     ax = axes[0, 0]
     values, columns = _draw_and_evaluate(ax, subjects, options, fresnel_values)
     degrees = values["x"]
@@ -174,7 +174,7 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
         # Beyond 80 degrees f of a microfacet model grows without bound; the plot is cut off as the figure is.
         ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
-    legend(ax)
+    draw_legend(ax)
     return Plot(figure, {"theta_d (degrees)": degrees, **columns})
 
 
@@ -195,7 +195,7 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
     the numbers have it, too.
     """
-    figure, axes = figure_of()
+    figure, axes = create_figure()
     ax = axes[0, 0]
     labels = unique_labels([subject.label for subject in subjects])
     surface_values = [albedo_values(subject, options) for subject in subjects]
@@ -204,7 +204,9 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     errors = dict(zip(labels, (surface["error"] for surface in surface_values), strict=True))
     columns = draw_curves(ax, degrees, curves, options, marker=".", markersize=4)
     for index, (label, values) in enumerate(curves):
-        bands = zip(channels_of(values, options).values(), channels_of(errors[label], options).items(), strict=True)
+        bands = zip(
+            split_channels(values, options).values(), split_channels(errors[label], options).items(), strict=True
+        )
         for channel, (curve, (ending, error)) in enumerate(bands):
             color = RGB[channel] if ending else COLORS[index % len(COLORS)]
             ax.fill_between(degrees, curve - error, curve + error, color=color, alpha=0.3, linewidth=0.0)
@@ -214,7 +216,7 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     ax.set_title(f"directional albedo; integration error at most {worst:.1g}")
     scale_values(ax, options, np.ones(len(degrees), np.bool_))
     ax.axhline(1.0, color="#999999", linewidth=0.8)
-    legend(ax)
+    draw_legend(ax)
     return Plot(figure, {"theta_o (degrees)": degrees, **columns}, (f"integration error at most {worst:.2g}",))
 
 

@@ -74,7 +74,7 @@ def checked_suffix(file: Path) -> str:
     return file.suffix.lower()
 
 
-def figure_of(
+def create_figure(
     columns: int = 1, rows: int = 1, size: tuple[float, float] = (6.4, 4.4), **axes: Any
 ) -> tuple[Figure, Any]:
     """Return a figure with a grid of axes, each of `size` in inches, and the axes, (rows, columns)."""
@@ -96,7 +96,7 @@ def unique_labels(labels: Sequence[str]) -> list[str]:
     ]
 
 
-def channels_of(values: Floats, options: Options) -> dict[str, Floats]:
+def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
     """Return the curves to draw of colours (..., 3), by the suffix of their label."""
     if options.channels == "rgb":
         return {f".{name}": values[..., index] for index, name in enumerate("rgb")}
@@ -109,7 +109,7 @@ def draw_curves(
     """Draw labelled colours (n, 3) as curves over x (n,), and return them as columns."""
     columns: dict[str, Floats] = {}
     for index, (label, values) in enumerate(curves):
-        for channel, (ending, curve) in enumerate(channels_of(values, options).items()):
+        for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
             color = RGB[channel] if ending else COLORS[index % len(COLORS)]
             dashes = DASHES[(index if ending else index // len(COLORS)) % len(DASHES)]
             axes.plot(x, curve, color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}", **style)
@@ -138,7 +138,7 @@ def scale_values(axes: Axes, options: Options, inner: NDArray[np.bool_]) -> None
         axes.set_xlim(left=max(axes.get_xlim()[0], -options.limit if options.axis == "theta_i" else 0.0))
 
 
-def legend(axes: Axes) -> None:
+def draw_legend(axes: Axes) -> None:
     """Draw a grid, and the legend below the plot."""
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from lookdev.errors import LookdevError
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, half_difference
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, figure_of, legend_label, picture, unique_labels
+from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -32,7 +32,7 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
     coincide at phi_d = 90 degrees.
     """
     theta, wo, wi = slice_grid(options)
-    figure, axes = figure_of(len(subjects), size=(3.7, 3.9))
+    figure, axes = create_figure(len(subjects), size=(3.7, 3.9))
     columns = _angles(theta)
     for index, (label, subject) in enumerate(
         zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
@@ -65,7 +65,7 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     first, second = (evaluate_f(subject, wo, wi, options.cosine) for subject in subjects)
     above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
     root = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
-    figure, axes = figure_of(3, size=(3.9, 3.9))
+    figure, axes = create_figure(3, size=(3.9, 3.9))
     labels = unique_labels([subject.label for subject in subjects])
     for ax, f, label in zip(axes[0], (first, second), labels, strict=False):
         _draw_image(ax, picture(f, options))

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
 from lookdev.errors import LookdevError
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
-from lookdev.plotting.figure import Plot, figure_of, legend_label, unique_labels
+from lookdev.plotting.figure import Plot, create_figure, legend_label, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -44,7 +44,7 @@ class ChiSquare:
 
 def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot, for each surface, the pdf and f times the cosine over the sphere, and the weights of samples."""
-    figure, axes = figure_of(3, len(subjects), size=(4.0, 3.0))
+    figure, axes = create_figure(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
     notes = []
     for row, (label, subject) in enumerate(

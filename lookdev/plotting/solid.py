@@ -12,7 +12,7 @@ from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, figure_of, legend_label, picture, unique_labels
+from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -27,7 +27,7 @@ _ROOT = 1.1673039782614187
 def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
     theta, phi, view = lobe_grid(options)
-    figure, axes = figure_of(len(subjects), size=(4.6, 4.4), subplot_kw={"projection": "3d"})
+    figure, axes = create_figure(len(subjects), size=(4.6, 4.4), subplot_kw={"projection": "3d"})
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
     columns["phi_i (degrees)"] = np.tile(np.degrees(phi), len(theta))
     for ax, label, subject in zip(
@@ -76,7 +76,7 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     The light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi. The
     dome is integrated by multiple importance sampling, 48 samples each of surface and dome a pixel.
     """
-    figure, axes = figure_of(len(subjects), 2, size=(3.0, 3.0))
+    figure, axes = create_figure(len(subjects), 2, size=(3.0, 3.0))
     columns: dict[str, Floats] = {}
     for index, (label, subject) in enumerate(
         zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)

@@ -120,9 +120,9 @@ def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> Subjec
         return _look_subject(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
     if name in MODELS:
-        return subject_of(*read_model(words, locate), words)
+        return model_subject(*read_model(words, locate), words)
     if _is_file(words, locate):
-        return subject_of(MEASURED, {"file": str(locate(words))}, Path(words).name)
+        return model_subject(MEASURED, {"file": str(locate(words))}, Path(words).name)
     if Path(name).suffix:
         raise LookdevError(f"{words}: no such file; a look, a MERL binary or data of Ngan et al. would be right")
     return _preset_subject(words, name, rest, library)
@@ -143,7 +143,7 @@ def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Any]
     return model, read_parameters(words, model, rest, locate)
 
 
-def subject_of(model: Model, constants: Mapping[str, object], label: str) -> Subject:
+def model_subject(model: Model, constants: Mapping[str, object], label: str) -> Subject:
     """Return the subject of a model with some of its parameters; raises ModelError if one is wrong."""
     parameters = model.complete(constants)
     return Subject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
@@ -156,7 +156,7 @@ def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) 
         name, equals, value = pair.partition("=")
         name = name.strip()
         if not equals:
-            raise ModelError(f"{words}: '{pair}' is no NAME=VALUE, for instance {next(iter(model.parameters))}=…")
+            raise ModelError(f"{words}: '{pair}' is not NAME=VALUE, for instance {next(iter(model.parameters))}=…")
         if name not in model.parameters:
             raise ModelError(f"{words}: {model.name} has no '{name}' ({nearest_hint(name, list(model.parameters))})")
         parameter, text = model.parameters[name], value.strip()
@@ -189,7 +189,7 @@ def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> S
     except LookError:
         names = [*MODELS, *(preset.name for preset in read_library(library_folders(library)).presets)]
         hint = nearest_hint(name, names) if nearest_hint(name, names).startswith("did") else "see lookdev materials"
-        raise LookdevError(f"'{name}' is no model, no preset and no file ({hint})") from None
+        raise LookdevError(f"'{name}' is not a model, a preset or a file ({hint})") from None
     (layer,) = _layers_at(preset_look(preset, name), (0.5, 0.5), np.ones(1))
     parameters = dict(layer.parameters) | {
         key: complete_parameters(layer.model, {key: value})[key]
@@ -257,5 +257,7 @@ def _parse_uv(words: str, text: str | None) -> tuple[float, float]:
     try:
         u, v = (float(number) for number in text.split(","))
     except ValueError:
-        raise LookdevError(f"{words}: '@{text}' is no place; @U,V would be right, for instance @0.5,0.25") from None
+        raise LookdevError(
+            f"{words}: '@{text}' is not a location; @U,V would be right, for instance @0.5,0.25"
+        ) from None
     return u, v

@@ -10,9 +10,9 @@ from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 from lookdev.brdf.measured.synthetic import isotropic_samples
 from lookdev.errors import LookdevError
 from lookdev.fitting import LOSSES, fit, free_parameters
-from lookdev.fitting.data import data_of
+from lookdev.fitting.data import evaluate_pairs
 from lookdev.fitting.solve import fit_text
-from lookdev.plotting import Subject, read_subject, subject_of
+from lookdev.plotting import Subject, model_subject, read_subject
 
 DISNEY = MODELS["disney"]
 KNOWN: dict[str, Any] = {
@@ -41,12 +41,12 @@ def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: Subject
         assert np.asarray(result.values[name]) == pytest.approx(np.asarray(value), rel=0.01), name
     # The aspect ratio of the highlight is the root of 1 - 0.9 anisotropic.
     assert result.values["anisotropic"] < 0.01
-    assert result.loss < 1e-3 * np.abs(LOSSES[loss](data_of(result.subject.bsdf, "").f)).max()
+    assert result.loss < 1e-3 * np.abs(LOSSES[loss](evaluate_pairs(result.subject.bsdf, "").f)).max()
     assert result.unknown == ()
 
 
 def test_an_anisotropic_surface_is_found_too() -> None:
-    data = subject_of(DISNEY, {"metallic": 1.0, "anisotropic": 0.6, "roughness": 0.4}, "brushed")
+    data = model_subject(DISNEY, {"metallic": 1.0, "anisotropic": 0.6, "roughness": 0.4}, "brushed")
     result = fit(data, DISNEY, wanted=("anisotropic", "roughness", "metallic", "baseColor"))
     assert result.values["anisotropic"] == pytest.approx(0.6, rel=0.01)
     assert result.values["roughness"] == pytest.approx(0.4, rel=0.01)
@@ -58,9 +58,9 @@ OTHERS = [name for name in CONTINUOUS if name not in (*SAMPLE, "disney", "measur
 
 @pytest.mark.parametrize("name", [*SAMPLE, *(pytest.param(name, marks=pytest.mark.proof) for name in OTHERS)])
 def test_another_model_is_fitted_better_than_by_the_defaults(name: str) -> None:
-    data = subject_of(MODELS[name], MODELS[name].probe, name)
+    data = model_subject(MODELS[name], MODELS[name].probe, name)
     result = fit(data, DISNEY, starts=2)
-    pairs = data_of(data.bsdf, name)
+    pairs = evaluate_pairs(data.bsdf, name)
 
     def differences(bsdf: Bsdf) -> np.ndarray:
         return np.log1p(evaluate(bsdf, pairs.wo, pairs.wi) * pairs.cosine) - np.log1p(pairs.f * pairs.cosine)
@@ -73,7 +73,7 @@ def test_another_model_is_fitted_better_than_by_the_defaults(name: str) -> None:
 
 
 def test_what_has_no_effect_is_named() -> None:
-    data = subject_of(MODELS["lambert"], {}, "lambert")
+    data = model_subject(MODELS["lambert"], {}, "lambert")
     result = fit(data, DISNEY, {"sheen": 0.0}, wanted=("baseColor", "roughness", "sheenTint"))
     assert result.unknown == ("sheenTint",)
     assert "sheenTint" in fit_text(result)
@@ -91,14 +91,14 @@ def test_all_numbers_but_optional_ones_are_fitted() -> None:
     [
         ({"loss": "lgo"}, "did you mean 'log'"),
         ({"wanted": ("rougness",)}, "did you mean 'roughness'"),
-        ({"wanted": ("sheen",), "fixed": {"sheen": 0.1}}, "given and wanted"),
+        ({"wanted": ("sheen",), "fixed": {"sheen": 0.1}}, "both fixed and to be fitted"),
         ({"starts": 0}, "1 to 128"),
         ({"model": MODELS["mirror"]}, "mirror scatters along single directions"),
-        ({"data": subject_of(MODELS["glass"], {}, "glass")}, "glass scatters along single directions"),
+        ({"data": model_subject(MODELS["glass"], {}, "glass")}, "glass scatters along single directions"),
         ({"fixed": {"roughness": 3.0}}, "its range is 0 to 1"),
     ],
 )
 def test_a_fit_that_cannot_be_is_refused(arguments: dict[str, Any], message: str) -> None:
-    inputs = {"data": subject_of(MODELS["lambert"], {}, "lambert"), "model": DISNEY, **arguments}
+    inputs = {"data": model_subject(MODELS["lambert"], {}, "lambert"), "model": DISNEY, **arguments}
     with pytest.raises(LookdevError, match=message):
         fit(**inputs)

@@ -9,9 +9,9 @@ import pytest
 
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture import Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
+from lookdev.fitting.picture import Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
 from lookdev.fitting.picture.photo import REC709, estimate_noise, to_rec709
-from lookdev.fitting.picture.target import block_of
+from lookdev.fitting.picture.target import block_side
 from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.material import Layer, Look
 from lookdev.material.change import Constant
@@ -160,7 +160,7 @@ def test_noise_is_estimated_by_brightness() -> None:
 @pytest.mark.parametrize(("size", "pixels", "side"), [((128, 128), 4096, 2), ((96, 96), 4096, 1), ((97, 101), 16, 1),
                                                       ((1920, 1080), 4096, 20), ((32, 32), 4096, 1)])  # fmt: skip
 def test_blocks_divide_a_picture(size: tuple[int, int], pixels: int, side: int) -> None:
-    assert block_of(size, pixels) == side
+    assert block_side(size, pixels) == side
 
 
 def test_pictures_that_show_too_little_are_refused() -> None:
@@ -174,7 +174,11 @@ def test_pictures_that_show_too_little_are_refused() -> None:
 
 def test_units_and_values_are_inverse() -> None:
     look = Look("look", (Layer("L", "phong", {"exponent": 40.0}),))
-    for parameter in (*unknowns_of(look, ["exponent"]), *unknowns_of(look, ["exponent=10..90"]), exposure_unknown()):
+    for parameter in (
+        *parse_unknowns(look, ["exponent"]),
+        *parse_unknowns(look, ["exponent=10..90"]),
+        exposure_unknown(),
+    ):
         value = np.array([max(parameter.low, 12.5) if parameter.name != "exposure" else 0.7])
         unit = parameter.unit(value)
         assert parameter.value(unit) == pytest.approx(value)
@@ -186,4 +190,4 @@ def test_units_and_values_are_inverse() -> None:
 @pytest.mark.parametrize(("bounds", "words"), [("1", "has no 'exponent=1'"), ("9..3", "that rise"), ("a..b", "two")])
 def test_wrong_ranges_are_refused(bounds: str, words: str) -> None:
     with pytest.raises(LookdevError, match=words):
-        unknowns_of(Look("look", (Layer("L", "phong", {"exponent": 5.0}),)), [f"exponent={bounds}"])
+        parse_unknowns(Look("look", (Layer("L", "phong", {"exponent": 5.0}),)), [f"exponent={bounds}"])

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from lookdev.brdf import MODELS, evaluate
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.errors import LookdevError
-from lookdev.plotting import KINDS, Options, Plot, draw, subject_of
+from lookdev.plotting import KINDS, Options, Plot, draw, model_subject
 from lookdev.plotting.angles import half_difference, towards
 from lookdev.plotting.sampling import chi_square
 
-PLASTIC = subject_of(MODELS["disney"], {"roughness": 0.4, "baseColor": (0.6, 0.2, 0.1)}, "plastic")
-WHITE = subject_of(MODELS["lambert"], {"reflectance": (1.0, 1.0, 1.0)}, "white")
-GLASS = subject_of(MODELS["glass"], {}, "glass")
+PLASTIC = model_subject(MODELS["disney"], {"roughness": 0.4, "baseColor": (0.6, 0.2, 0.1)}, "plastic")
+WHITE = model_subject(MODELS["lambert"], {"reflectance": (1.0, 1.0, 1.0)}, "white")
+GLASS = model_subject(MODELS["glass"], {}, "glass")
 SUBJECTS = {"difference": (PLASTIC, WHITE)}
 
 

@@ -66,9 +66,9 @@ def test_every_example_look_has_f(file: Path) -> None:
 REFUSED = {
     "disny:roughness=1": "did you mean 'disney'",
     "red_plastik": "did you mean 'red_plastic'",
-    "qqqq": "no model, no preset and no file",
+    "qqqq": "is not a model, a preset or a file",
     "disney:rougness=1": "did you mean 'roughness'",
-    "disney:roughness": "is no NAME=VALUE",
+    "disney:roughness": "is not NAME=VALUE",
     "disney:roughness=a": "a number would be right",
     "disney:roughness=2": "its range is 0 to 1",
     "disney:baseColor=1/2": "R/G/B or one number",
@@ -76,7 +76,7 @@ REFUSED = {
     "nothing.binary": "no such file",
     "nothing.usda": "nothing.usda",
     f"{MATERIALS / 'car_paint.usda'}:9": "no layer '9'",
-    f"{MATERIALS / 'car_paint.usda'}@1": "is no place",
+    f"{MATERIALS / 'car_paint.usda'}@1": "is not a location",
 }
 
 

@@ -101,7 +101,7 @@ LAFORTUNE = Model(
     ),
     bsdf=parts.bsdf_of_lobes(parts.lambertian("lafortune", "diffuse"), *map(_lobe, LOBES)),
     identifier="LookdevLafortune",
-    # Lobes are not normalised: each may reach the largest power all over the hemisphere.
+    # Lobes are not normalised: each may reach the largest power over the whole hemisphere.
     energy=lambda tokens: 1.0 + len(LOBES) * LARGEST * np.pi,
     reciprocal=lambda tokens: ("diffuse", *(f"lobe{number}" for number in LOBES)),
     probe={"weight1": (0.3, 0.3, 0.3), "weight2": (0.2, 0.2, 0.2), "weight3": (0.1, 0.1, 0.1)}

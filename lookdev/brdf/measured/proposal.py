@@ -1,4 +1,4 @@
-"""Importance sampling of measured data: tables of half vectors, one for each cell of views, with a cosine lobe beside.
+"""Importance sampling of measured data: a table of half vectors for each cell of views, and a cosine lobe.
 
 For each cell of half vectors, a table has the mean over some points of ``(f - floor) cos``, times the Jacobian
 ``4 wi . wm`` from directions of the light to half vectors (Walter et al. 2007, eq. 14). The density over solid angle is
@@ -78,16 +78,18 @@ class Proposal:
         view = self._view(d.wo)
         begin, end = look_up(self.density, view, i), look_up(self.density, view, i + 1.0)
         halves = (begin + fraction * (end - begin)) * look_up(self.part, view * float(thetas) + i, j)
-        cosine = self._cosine(view)
-        density: Array = cosine * (1.0 / np.pi) * d.cos_theta_i + (1.0 - cosine) * 0.25 * halves / d.cos_theta_d
+        cosine_share = self._cosine(view)
+        density: Array = (
+            cosine_share * (1.0 / np.pi) * d.cos_theta_i + (1.0 - cosine_share) * 0.25 * halves / d.cos_theta_d
+        )
         return density
 
     def sample(self, wo: Array, u1: Array, u2: Array) -> Array:
         """Draw directions to the light (..., 3), which may be below the horizon."""
         thetas, phis = _HALF_VECTOR_CELLS[self.directed]
         view = self._view(wo)
-        cosine = self._cosine(view)
-        u = np.clip((u1 - cosine) / (1.0 - cosine), 0.0, BELOW_ONE)
+        cosine_share = self._cosine(view)
+        u = np.clip((u1 - cosine_share) / (1.0 - cosine_share), 0.0, BELOW_ONE)
         i, up = _bisect(self.marginal, view, u)
         j, around = _bisect(self.conditional, view * float(thetas) + i, u2)
         begin, end = look_up(self.density, view, i), look_up(self.density, view, i + 1.0)
@@ -98,8 +100,8 @@ class Proposal:
         x, y = sine * np.cos(phi), sine * np.sin(phi)
         along, beside = self._axis(wo)
         wm = vector(along * x - beside * y, beside * x + along * y, 1.0 - 2.0 * s)
-        by_cosine = sample_cosine(np.minimum(u1 / cosine, BELOW_ONE), u2)
-        return np.where(np.expand_dims(u1 < cosine, -1), by_cosine, reflect(wo, wm))
+        cosine_sample = sample_cosine(np.minimum(u1 / cosine_share, BELOW_ONE), u2)
+        return np.where(np.expand_dims(u1 < cosine_share, -1), cosine_sample, reflect(wo, wm))
 
     def _axis(self, wo: Array) -> tuple[Any, Any]:
         """Return x and y of the direction from which the azimuths of half vectors are measured."""
@@ -112,6 +114,7 @@ class Proposal:
         return np.where(is_vertical, 1.0, x / divisor), np.where(is_vertical, 0.0, y / divisor)
 
     def _cosine(self, view: Array) -> Array:
+        """Return the share of the cosine lobe for a row of the tables."""
         return look_up(self.cosine, view, 0.0 * view)
 
     def _view(self, wo: Array) -> Array:

@@ -8,6 +8,6 @@ depend on a renderer.
 from lookdev.fitting.picture.photo import Photo, read_photo
 from lookdev.fitting.picture.search import Found, Search, Settings
 from lookdev.fitting.picture.target import Target
-from lookdev.fitting.picture.unknowns import Unknown, unknowns_of
+from lookdev.fitting.picture.unknowns import Unknown, parse_unknowns
 
-__all__ = ["Found", "Photo", "Search", "Settings", "Target", "Unknown", "read_photo", "unknowns_of"]
+__all__ = ["Found", "Photo", "Search", "Settings", "Target", "Unknown", "parse_unknowns", "read_photo"]

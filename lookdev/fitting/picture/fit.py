@@ -13,11 +13,11 @@ from scipy.ndimage import uniform_filter
 
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
-from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
+from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
-from lookdev.fitting.picture.page import Pictures, Row, numbers, rows_of, write_page
+from lookdev.fitting.picture.page import Pictures, Row, format_numbers, table_rows, write_page
 from lookdev.fitting.picture.search import Point
-from lookdev.fitting.picture.target import block_means, block_of
+from lookdev.fitting.picture.target import block_means, block_side
 from lookdev.fitting.picture.unknowns import exposure_unknown
 from lookdev.job import load_job
 from lookdev.material import Look
@@ -117,9 +117,10 @@ class PictureFit:
         lines = [f"{self.wish.picture}: {self.frame}"]
         width = max(len(row.name) for row in self.rows)
         for row in self.rows:
-            error = "" if np.isnan(row.error).all() else f" ± {numbers(row.error, 2)}"
+            error = "" if np.isnan(row.error).all() else f" ± {format_numbers(row.error, 2)}"
             remark = f"  ({row.remark})" if row.remark else ""
-            lines.append(f"  {row.name:<{width}} = {numbers(row.after)}{error}  (was {numbers(row.before)}){remark}")
+            before, after = format_numbers(row.before), format_numbers(row.after)
+            lines.append(f"  {row.name:<{width}} = {after}{error}  (was {before}){remark}")
         lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in result.alike]
         lines.append(
             f"{self._state}: difference {_percent(result.before)} before, {_percent(result.after)} after, of which the "
@@ -150,9 +151,9 @@ def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: N
     request, notes = _check_request(request, photo, frame, look)
     if request.exposure:
         unknowns = (*unknowns, exposure_unknown())
-    block = block_of(photo.size, request.pixels)
+    block = block_side(photo.size, request.pixels)
     with live_frame(job, frame, look, unknowns) as live:
-        wide = live.scene_of(photo.size, block)
+        wide = live.scene_at(photo.size, block)
         first = live.render(wide, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in wide.shaders)
         target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
@@ -166,7 +167,7 @@ def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: N
             request,
             frame.name,
             result,
-            tuple(rows_of(result, before)),
+            tuple(table_rows(result, before)),
             block,
             photo.noise_from,
             tuple(_write_look(request, frame, unknowns, result)),
@@ -204,13 +205,13 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
     candidates = []
     for look in looks:
         try:
-            candidates.append((look, unknowns_of(look, parameters)))
+            candidates.append((look, parse_unknowns(look, parameters)))
         except ModelError as error:
             last_error = error
     if len(candidates) > 1:
         names = ", ".join(f"'{look.name}'" for look, _ in candidates)
         raise LookdevError(
-            f"the parts wear several looks with {', '.join(parameters)}: {names}; a job whose frame shows one of them "
+            f"several looks of the parts have {', '.join(parameters)}: {names}; a job whose frame shows one of them "
             "would be right"
         )
     if not candidates:
@@ -252,7 +253,7 @@ def _check_look(file: Path | None, frame: JobFrame, look: Look) -> None:
     material = frame.table.material
     if material is None or look.name != frame.table.name:
         raise LookdevError(
-            f"look '{frame.table.name}': the parameters are of '{look.name}', which is no 'material' of the look's own"
+            f"look '{frame.table.name}': the parameters are of '{look.name}', which is not the look's own 'material'"
         )
     if file is not None:
         check_suffix(file)
@@ -277,8 +278,8 @@ def _page_pictures(
         renders = [gain * render[..., :3] for render in result.pictures]
         side, errors = block, [np.zeros_like(render) for render in renders]
     else:
-        side = block_of(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
-        scene = live.scene_of(photo.size, side)
+        side = block_side(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
+        scene = live.scene_at(photo.size, side)
         width, height = scene.resolution
         samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
         renders, errors = [], []
@@ -290,9 +291,8 @@ def _page_pictures(
     noise = block_means(photo.noise**2, side) / side**2
     # The difference of two halves is a poor estimate of a variance: it is averaged over neighbours.
     variances = [uniform_filter(noise + error**2, (5, 5, 1)) for error in errors]
-    noise_before, noise_after = (
-        np.sqrt(np.maximum(variance, 0.0)) for variance in variances
-    )  # rounding of running sums may make them negative
+    # Rounding of the filter's running sums may make variances negative.
+    noise_before, noise_after = (np.sqrt(np.maximum(variance, 0.0)) for variance in variances)
     rows, columns = (np.arange(length // side) * side // block for length in photo.color.shape[:2])
     used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
     return Pictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, used)

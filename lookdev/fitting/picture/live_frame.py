@@ -88,7 +88,7 @@ class LiveFrame:
         self._numbers = itertools.count()
         self.initial_values = {unknown.name: unknown.constant.value for unknown in self._unknowns.values()}
 
-    def scene_of(self, size: tuple[int, int], block: int) -> SceneTask:
+    def scene_at(self, size: tuple[int, int], block: int) -> SceneTask:
         """Return the scene at a lower resolution: each of its pixels is a block of pixels of `size`."""
         return replace(self._setup.task, resolution=(size[0] // block, size[1] // block))
 

@@ -72,15 +72,15 @@ class Row:
     remark: str = ""
 
 
-def rows_of(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
+def table_rows(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
     """Return the rows of the table; `before` has the values of the original look by name."""
     rows = []
     for name, value in result.values.items():
-        numbers = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
-        remark = "no effect on the picture" if {*numbers} <= {*result.without_effect} else ""
-        remark = remark or ("not determined by the picture" if {*numbers} & {*result.undetermined} else "")
-        others = [f"{b if a in numbers else a}" for a, b, _ in result.alike if {a, b} & {*numbers}]
-        outside = list(dict.fromkeys(other for other in others if other not in numbers))
+        names = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
+        remark = "no effect on the picture" if {*names} <= {*result.without_effect} else ""
+        remark = remark or ("not determined by the picture" if {*names} & {*result.undetermined} else "")
+        others = [f"{b if a in names else a}" for a, b, _ in result.alike if {a, b} & {*names}]
+        outside = list(dict.fromkeys(other for other in others if other not in names))
         rows.append(
             Row(
                 name,
@@ -93,8 +93,8 @@ def rows_of(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]
     return rows
 
 
-def numbers(values: Sequence[float], digits: int = 4) -> str:
-    """Return values as text."""
+def format_numbers(values: Sequence[float], digits: int = 4) -> str:
+    """Return values as text, ``?`` for nan."""
     return ", ".join("?" if np.isnan(value) else f"{value:.{digits}g}" for value in values)
 
 
@@ -180,8 +180,10 @@ def _table(rows: Sequence[Row]) -> Iterator[str]:
     yield '<div class="wide"><table><tr><th>parameter</th><th class="number">before</th><th class="number">after</th>'
     yield '<th class="number">standard error</th><th></th></tr>'
     for row in rows:
-        cells = [f'<td class="number">{_swatch(value)}{numbers(value)}</td>' for value in (row.before, row.after)]
-        error = f'<td class="number">{numbers(row.error, 2)}</td>'
+        cells = [
+            f'<td class="number">{_swatch(value)}{format_numbers(value)}</td>' for value in (row.before, row.after)
+        ]
+        error = f'<td class="number">{format_numbers(row.error, 2)}</td>'
         yield f"<tr><td>{escape(row.name)}</td>{''.join(cells)}{error}<td>{escape(row.remark)}</td></tr>"
     yield "</table></div>"
 

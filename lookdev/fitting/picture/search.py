@@ -308,15 +308,15 @@ class Search:
         light = np.array([1.0, 1.0, 1.0, 0.0])[: halves.shape[-1]]  # alpha is not exposed
         gain = {unknown.is_exposure: 2.0 ** float(unknown.value(part)[0]) for unknown, part in parts}.get(True, 1.0)
         halves *= gain * light + (1.0 - light)
-        derivatives, index = [halves[:, 0]], 1
+        picture_and_slopes, index = [halves[:, 0]], 1
         for unknown, part in parts if slopes else ():
             if unknown.is_exposure:
-                derivatives.append(np.log(2.0) * unknown.rate(part)[0] * light * halves[:, 0])
+                picture_and_slopes.append(np.log(2.0) * unknown.rate(part)[0] * light * halves[:, 0])
                 continue
             for rate in unknown.rate(part):
-                derivatives.append(rate * halves[:, index])
+                picture_and_slopes.append(rate * halves[:, index])
                 index += 1
-        return np.stack(derivatives, axis=1)
+        return np.stack(picture_and_slopes, axis=1)
 
     def _local_model(self, unit: Floats, halves: tuple[Floats, Floats], samples: int) -> _LocalModel:
         """Return the local model; derivatives have their own seeds, so that their noise is independent."""

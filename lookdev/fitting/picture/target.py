@@ -26,7 +26,7 @@ _DARK = 0.02
 """The least error of a pixel, relative to the mean brightness, for dark pixels."""
 
 
-def block_of(size: tuple[int, int], pixels: int) -> int:
+def block_side(size: tuple[int, int], pixels: int) -> int:
     """Return the side of the blocks of a picture's pixels that correspond to one pixel of renders.
 
     It divides width and height, and leaves at least `pixels` blocks if possible. With a box filter, the mean of a block

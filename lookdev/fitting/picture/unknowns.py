@@ -80,7 +80,7 @@ def exposure_unknown() -> Unknown:
     return Unknown(_EXPOSURE, *_EXPOSURE.parameter.hard, _EXPOSURE.parameter.soft)
 
 
-def unknowns_of(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
+def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     """Return the unknowns of a look by names of its constants: ``roughness``, ``Flakes.mask``, ``sheen=0..0.3``.
 
     Bounds are those of the text, by default the hard range of the parameter. Raises LookdevError if a name is unknown
