@@ -101,23 +101,23 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
             "would be right"
         )
     alphas, variant, cos_theta = (p["alpha_x"], p["alpha_y"]), p["variant"], wo[..., 2]
-    seen = SeenAlphas(alphas[0], alphas[0], 1.0)
+    alphas_of_view = SeenAlphas(alphas[0], alphas[0], 1.0)
     x, y = alphas
     within: Real = 1.0
     if not same(*alphas):
-        seen = seen_alphas(alphas, wo, shape("anisotropic"))
+        alphas_of_view = seen_alphas(alphas, wo, shape("anisotropic"))
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
         # Shadowing removes about the part of a wider lobe that the limit cuts off. Shadowing of the 2012 variant does
         # not depend on the alphas.
         within = x / alphas[0]
-    ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, seen.ratio) for name in ("", "grazing_"))
+    ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, alphas_of_view.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
-    typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, seen.cosine), 0.0, 1.0)
+    typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, alphas_of_view.cosine), 0.0, 1.0)
     if variant == "2012":
         within = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical, p["roughness"])
     ratio, grazing = (np.clip(within * value, 0.001, 1.0) for value in (ratio, grazing))
-    mean = schlick_weight(typical) * seen.skew
+    mean = schlick_weight(typical) * alphas_of_view.skew
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
     metal_mean = ratio * mean / grazing

@@ -291,9 +291,12 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
     def errors(shape: Shape) -> Floats:
         deviations = []
         for alphas, wo, whole, weighted, mix in cases:
-            seen = seen_alphas(alphas, wo, shape)
-            mean = schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], seen.cosine))) * seen.skew
-            reflected = fits["specular_2014"](wo[2], seen.ratio) * mix
+            alphas_of_view = seen_alphas(alphas, wo, shape)
+            mean = (
+                schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], alphas_of_view.cosine)))
+                * alphas_of_view.skew
+            )
+            reflected = fits["specular_2014"](wo[2], alphas_of_view.ratio) * mix
             for f0 in (0.04, 1.0):
                 value, target = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
                 deviations.append(np.abs(value - target) / np.maximum(target, _FLOOR))

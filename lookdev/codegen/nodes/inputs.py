@@ -116,8 +116,8 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     builder.bind([f"{name}_a"], alpha_link)
 
 
-def _is_tile(coordinate: Any, whole: int) -> Any:
-    return (coordinate > whole - 0.5) & (coordinate < whole + 0.5)
+def _is_tile(coordinate: Any, number: int) -> Any:
+    return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 
 def _copies(s: Any, wrap: str) -> tuple[Any, ...]:

@@ -238,12 +238,12 @@ def _scale(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | No
 
 def _take_layers(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
     """Return layers with their values inside a group; of several layers, each has a panel, named in `names`."""
-    taken = []
+    layers = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
         mask = group.take({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
         parameters = group.take(model_named(layer.model).parameters, layer.parameters, panel)
-        taken.append(replace(layer, mask=mask, parameters=parameters))
-    return taken
+        layers.append(replace(layer, mask=mask, parameters=parameters))
+    return layers
 
 
 def _unique_names(names: Iterator[str]) -> list[str]:

@@ -113,8 +113,8 @@ def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
 
 def _shapes(rig: CodedRig) -> Iterator[str]:
     """Yield the functions that lamps of all kinds share, and those of each shape."""
-    beam, falloff, passed = _control_functions()
-    yield from (*beam * rig.shaped, *falloff * rig.falling, *passed * rig.shadowed)
+    beam, falloff, shadow = _control_functions()
+    yield from (*beam * rig.shaped, *falloff * rig.falling, *shadow * rig.shadowed)
     for kind in rig.kinds:
         yield from _picture_functions() if kind == "picture" else _shape_functions(kind)
         yield from _weight_function(kind, rig.shaped, rig.falling and kind != "distant")
@@ -132,11 +132,11 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
     factor = falloff_factor(distance, *trace.fields(*_FALL))
     colour = trace.fields("shadow0", "shadow1", "shadow2", stacked=True)
     enable, limit, zone, gamma = trace.fields(*_SHADOW)
-    passed = shadow_passed(distance, enable, limit, zone, gamma, colour)
+    share = shadow_passed(distance, enable, limit, zone, gamma, colour)
     return (
         trace.function("color lamp_beam(float lamps[], int at, vector w)", {}, beam),
         trace.function("float lamp_falloff(float lamps[], int at, float distance)", {}, factor),
-        trace.function("color lamp_passed(float lamps[], int at, float distance)", {}, passed),
+        trace.function("color lamp_passed(float lamps[], int at, float distance)", {}, share),
     )
 
 

@@ -68,27 +68,27 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -
     cone, falloff = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
     tint, (mean,) = symbols(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
     beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-    sent: Any = symbols(graph, ["red", "green", "blue"])
+    radiance: Any = symbols(graph, ["red", "green", "blue"])
     if shaped:
         within = cone_factor(off_axis(w), *cone[:3])
-        sent = sent * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
+        radiance = radiance * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
     if steps:
         profile, scale, angle_scale = numbers("profile", "profile_scale", "angle_scale")
         offset = np.maximum(profile, 0.0)
         factor = profile_factor(_TABLES, offset, steps, DEGREES * off_axis(w), azimuth(w), scale, angle_scale)
-        sent = sent * np.expand_dims(np.where(profile >= 0.0, factor, 1.0), -1)
+        radiance = radiance * np.expand_dims(np.where(profile >= 0.0, factor, 1.0), -1)
     if falling:
-        sent = sent * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *falloff), -1)
-    drawn = shape.sample(p, symbols(graph, ["u1", "u2"]))
+        radiance = radiance * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *falloff), -1)
+    direction = shape.sample(p, symbols(graph, ["u1", "u2"]))
     outputs: dict[str, Callable[[], list[Any]]] = {
         "weight": lambda: elements_of(mean * weight(shape, beam, falloff if falling else None, p, n)),
         "meet": lambda: [*elements_of(shape.distance(p, w)), *elements_of(shape.pdf(p, w))],
         "draw": lambda: [
-            *elements_of(drawn),
-            *elements_of(shape.distance(p, drawn)),
-            *elements_of(shape.pdf(p, drawn)),
+            *elements_of(direction),
+            *elements_of(shape.distance(p, direction)),
+            *elements_of(shape.pdf(p, direction)),
         ],
-        "sent": lambda: elements_of(sent),
+        "sent": lambda: elements_of(radiance),
     }
     if kind == "picture":
         _, hit = meet_plane(p, w, *sizes)
@@ -101,8 +101,8 @@ def shadow_operations() -> Functions:
     """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
     graph = Graph()
     enable, limit, zone, gamma = (symbol(graph, name) for name in SHADOW_FIELDS[:4])
-    passed = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, SHADOW_FIELDS[4:]))
-    return _write_functions({"passed": lambda: elements_of(passed)})
+    share = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, SHADOW_FIELDS[4:]))
+    return _write_functions({"passed": lambda: elements_of(share)})
 
 
 @cache
@@ -128,15 +128,19 @@ def part_operations() -> Functions:
         return density(part, Point(within[0], within[1], point.x, point.y))
 
     distance, hit = meet_plane(p, w, width, height)
-    drawn = towards_plane(p, draw(part, symbols(graph, ["u1", "u2"])))
-    drawn_distance, drawn_hit = meet_plane(p, drawn, width, height)
+    direction = towards_plane(p, draw(part, symbols(graph, ["u1", "u2"])))
+    direction_distance, direction_hit = meet_plane(p, direction, width, height)
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
     return _write_functions(
         {
             "angle": lambda: elements_of(angle),
             "place": lambda: [*elements_of(distance), *elements_of(hit.s), *elements_of(hit.t)],
             "density": lambda: elements_of(pdf(hit)),
-            "part": lambda: [*elements_of(drawn), *elements_of(drawn_distance), *elements_of(pdf(drawn_hit))],
+            "part": lambda: [
+                *elements_of(direction),
+                *elements_of(direction_distance),
+                *elements_of(pdf(direction_hit)),
+            ],
         }
     )
 
