@@ -126,6 +126,7 @@ def package_digest(*rooms: str) -> str:
     digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:
+        assert folder.is_dir(), f"lookdev has no room {folder.name}"
         for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE and file.is_file()):
             digest.update(f"\0{file.relative_to(package)}\0".encode())
             digest.update(file.read_bytes())

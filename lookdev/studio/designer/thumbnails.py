@@ -29,7 +29,7 @@ def thumbnail(preset: Preset) -> Path:
 
     Raises LookdevError if the preset has faults, or the cache cannot be written.
     """
-    rooms = ("brdf", "light", "plot", "material")
+    rooms = ("brdf", "light", "plotting", "material")
     key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
     with _lock:
         return derived("thumbnails", key, lambda: (Content.holding(_draw(preset), ".png"),))[0].path
