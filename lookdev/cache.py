@@ -215,21 +215,21 @@ def is_whole(file: Path, digest: str) -> bool:
     return False
 
 
-def derived(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tuple[Content, ...]:
+def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tuple[Content, ...]:
     """Return what was made for a key, in a folder `room` of the cache; make it where a file of it is missing.
 
     The key names all that it depends on. `make` puts it into the store. Raises OutputError where it cannot be kept.
     """
-    if (found := known(room, key)) is not None:
+    if (found := load_cached_files(room, key)) is not None:
         return found
     made = make()
-    keep(room, key, [[content.digest, content.suffix] for content in made])
+    store_cached(room, key, [[content.digest, content.suffix] for content in made])
     return made
 
 
-def known(room: str, key: str) -> tuple[Content, ...] | None:
-    """Return what `derived` has made for a key; None where there is nothing, or a file of it is missing."""
-    match kept(room, key):
+def load_cached_files(room: str, key: str) -> tuple[Content, ...] | None:
+    """Return what `cached_files` has made for a key; None where there is nothing, or a file of it is missing."""
+    match load_cached(room, key):
         case [*names]:
             found = tuple(Content(digest, suffix) for digest, suffix in names)
             if all(content.is_whole() for content in found):
@@ -237,14 +237,14 @@ def known(room: str, key: str) -> tuple[Content, ...] | None:
     return None
 
 
-def keep(room: str, key: str, value: Any) -> None:
+def store_cached(room: str, key: str, value: Any) -> None:
     """Keep a value that JSON holds for a key, in a folder `room` of the cache; raises OutputError where that fails."""
     record = _record(room, key)
     with _reported(record), atomic_path(record) as temporary:
         temporary.write_text(json.dumps({"value": value, "checksum": _checksum(room, key, value)}))
 
 
-def kept(room: str, key: str) -> Any:
+def load_cached(room: str, key: str) -> Any:
     """Return the value that was kept for a key; None where there is none, or it is damaged."""
     record = _record(room, key)
     try:

@@ -35,21 +35,21 @@ _MOST = 100  # faults in a message
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def printable(text: str) -> str:
+def replace_controls(text: str) -> str:
     """Return a text with a question mark for each character, but ends of lines, that controls a terminal."""
     return _CONTROLS.sub("?", text)
 
 
-def shortened(text: str, longest: int = 400) -> str:
-    """Return the beginning of a text, for a message, as `printable`."""
-    return printable(text if len(text) <= longest else f"{text[:longest]}… ({len(text)} characters)")
+def shorten(text: str, longest: int = 400) -> str:
+    """Return the beginning of a text, for a message, as `replace_controls`."""
+    return replace_controls(text if len(text) <= longest else f"{text[:longest]}… ({len(text)} characters)")
 
 
 class LookdevError(Exception):
     """Base of every error raised on purpose."""
 
     def __str__(self) -> str:
-        return "\n".join(shortened(line, 1500) for line in super().__str__().splitlines()[: _MOST + 1])
+        return "\n".join(shorten(line, 1500) for line in super().__str__().splitlines()[: _MOST + 1])
 
 
 @dataclass(frozen=True, order=True)
@@ -66,8 +66,8 @@ class Fault:
     hint: str = ""
 
     def __str__(self) -> str:
-        file, *rest = shortened(self.file, 4096), *map(shortened, filter(None, (self.where, self.what)))
-        return ": ".join((file, *rest)) + (f" ({shortened(self.hint)})" if self.hint else "")
+        file, *rest = shorten(self.file, 4096), *map(shorten, filter(None, (self.where, self.what)))
+        return ": ".join((file, *rest)) + (f" ({shorten(self.hint)})" if self.hint else "")
 
 
 class FaultsError(LookdevError):

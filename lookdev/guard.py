@@ -1,9 +1,9 @@
 """The program in a child process: a file that crashes, stalls or swells what reads it ends the child with a message.
 
 The libraries that read USD files and images trust their input: a damaged file can crash the process, and one of a few
-bytes can compose to any number of prims. `supervised` runs a program in a child. Where files of others are read, the
-program says so by `reading`; its parent then knows the file to name, and bounds time and memory until it is read.
-Outside of `supervised`, as in a program of a user's own, `reading` does nothing.
+bytes can compose to any number of prims. `run_supervised` runs a program in a child. Where the program reads files of
+others, it says so by `reading`; its parent then knows the file to name, and bounds time and memory until it is read.
+Outside of `run_supervised`, as in a program of a user's own, `reading` does nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lookdev.errors import LookdevError, shortened
+from lookdev.errors import LookdevError, shorten
 from lookdev.lifetime import end_with_parent
 
 MEMORY_VARIABLE = "LOOKDEV_READ_MEMORY"
@@ -86,7 +86,7 @@ def _report(**message: object) -> None:
         os.write(_reports, json.dumps(message).encode() + b"\n")
 
 
-def supervised(program: Callable[[], None]) -> int:
+def run_supervised(program: Callable[[], None]) -> int:
     """Run a program in a child process, from a process without threads, and return its exit code.
 
     SIGTERM and SIGINT are passed on. The program returns, or leaves with SystemExit.
@@ -132,7 +132,7 @@ def supervised(program: Callable[[], None]) -> int:
         raise ReadingError(reason)
     if code >= 0 or -code in _PASSED_ON:
         return code if code >= 0 else 128 - code
-    how, file = signal.Signals(-code).name, shortened(state.files[-1], 4096) if state.files else ""
+    how, file = signal.Signals(-code).name, shorten(state.files[-1], 4096) if state.files else ""
     if code == -signal.SIGKILL:
         while_reading = f" while it read {file}" if file else ""
         raise KilledError(f"the system killed the program{while_reading} ({how}), as it does where memory is short")
@@ -202,7 +202,7 @@ class _State:
         now = _Use.of(self.child)
         self.start = self.start or now
         what = self.limits.exceeded(self.start, now, sum(self.sizes.values()) / _MIB)
-        return what and f"{shortened(self.files[0], 4096)}: reading it takes {what}"
+        return what and f"{shorten(self.files[0], 4096)}: reading it takes {what}"
 
 
 def _watch(state: _State, reader: int) -> str:

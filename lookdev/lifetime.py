@@ -61,7 +61,7 @@ class Interruption:
 
 
 @contextmanager
-def ending_at_signals() -> Iterator[Interruption]:
+def end_at_signals() -> Iterator[Interruption]:
     """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
 
     Python runs handlers between its own instructions: a library that computes for long would hold them up, and a wait

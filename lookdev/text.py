@@ -64,10 +64,10 @@ def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
 
 def read_text(file: Path, largest: int = LARGEST) -> str:
     """Return the text of a file as `read_bytes`; raises TextError where it is not UTF-8."""
-    return decoded(read_bytes(file, largest), file)
+    return decode(read_bytes(file, largest), file)
 
 
-def decoded(data: bytes, file: object) -> str:
+def decode(data: bytes, file: object) -> str:
     """Return the UTF-8 text of `file`, with or without a mark at its start; raises TextError with line and column."""
     try:
         return data.decode("utf-8-sig")

@@ -14,7 +14,7 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
-from lookdev.lifetime import ending_at_signals
+from lookdev.lifetime import end_at_signals
 from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
@@ -143,7 +143,7 @@ if __name__ == "__main__":
         if isinstance(event, FrameDone):
             print(event.name, flush=True)  # noqa: T201  a test waits for it
 
-    with ending_at_signals():  # as in the command line: a signal just before a wait would be seen after it
+    with end_at_signals():  # as in the command line: a signal just before a wait would be seen after it
         result = run(Path(sys.argv[1]), report=tell)
     sys.stdout.write(result.summary() + "\n")
     sys.stdout.flush()

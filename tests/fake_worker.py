@@ -45,9 +45,9 @@ def result(task: dict, how: str) -> None:
     frame = (height, width)
     arrays = {"a": npy(0.25, *frame, 3), "b": npy(0.75, *frame, 3), "alpha": npy(0.5, *frame)}
     if passes := task["scene"]["sampling"]["passes"]:
-        from lookdev.rendering.passes import arrays_of
+        from lookdev.rendering.passes import channels_of_passes
 
-        for name, channels in arrays_of(passes, task["scene"]["light_groups"]).items():
+        for name, channels in channels_of_passes(passes, task["scene"]["light_groups"]).items():
             arrays[f"pass {name}"] = npy(0.5, *frame, len(channels))
     if how == "shape":
         arrays["b"] = npy(0.75, height - 1, width, 3)

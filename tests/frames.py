@@ -10,7 +10,7 @@ from lookdev.light import Light
 from lookdev.material import Layer, Look
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
+from lookdev.rendering.task import frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene
 
@@ -49,7 +49,7 @@ def render_seeds(
         task = replace(task, shaders=tuple(shaders))
     worker.start()
     return [
-        worker.render(one_frame(task, pose, f"{scene.asset.name} {seed}", seed=seed), lambda progress: None)
+        worker.render(frame_task(task, pose, f"{scene.asset.name} {seed}", seed=seed), lambda progress: None)
         for seed in seeds
     ]
 
@@ -75,6 +75,6 @@ def frames_of(worker: Worker, default: str = "exact") -> RenderScene:
         sampling = Sampling(**{"brdf_samples": 2, "ibl_samples": 4} | given)
         scene = scene_task(Scene.of_look(asset, look, light, (size, size), camera), sampling, backend)
         worker.start()
-        return worker.render(one_frame(scene, pose, asset.name), lambda progress: None)
+        return worker.render(frame_task(scene, pose, asset.name), lambda progress: None)
 
     return render_one

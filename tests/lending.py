@@ -53,4 +53,4 @@ def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> N
 
     patch.setattr("lookdev.rendering.executors.local.Worker", worker_of)
     patch.setattr("lookdev.fitting.picture.live_frame.Worker", worker_of)
-    patch.setattr("lookdev.checks.check.renderer", renderer)
+    patch.setattr("lookdev.checks.check.open_renderer", renderer)

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.cache import Content, atomic_path, cache_dir, derived, from_memory, keep, kept, take_notes
+from lookdev.cache import (
+    Content,
+    atomic_path,
+    cache_dir,
+    cached_files,
+    from_memory,
+    load_cached,
+    store_cached,
+    take_notes,
+)
 from lookdev.errors import ContentError, OutputError
 
 
@@ -102,34 +111,34 @@ def test_what_is_damaged_is_made_again_with_a_note(cache, damage, room):
         made.append(1)
         return tuple(Content.holding(data, ".txt") for data in (b"one", b"other"))
 
-    files = derived("stuff", "key", make)
-    assert derived("stuff", "key", make) == files
+    files = cached_files("stuff", "key", make)
+    assert cached_files("stuff", "key", make) == files
     assert len(made) == 1
     (damaged,) = [file for file in (cache / room).iterdir() if room == "stuff" or file == files[1].path]
     DAMAGE[damage](damaged)
-    assert derived("stuff", "key", make) == files
+    assert cached_files("stuff", "key", make) == files
     assert [file.path.read_bytes() for file in files] == [b"one", b"other"]
     assert len(made) == 2
     assert take_notes() == (f"{damaged}: was damaged, and is made again",)
-    assert derived("stuff", "key", make) == files
+    assert cached_files("stuff", "key", make) == files
     assert len(made) == 2
     assert take_notes() == ()
 
 
 def test_what_is_gone_is_made_again_without_a_note(cache):
-    (file,) = derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),))
+    (file,) = cached_files("stuff", "key", lambda: (Content.holding(b"one", ".txt"),))
     file.path.unlink()
-    assert derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),)) == (file,)
+    assert cached_files("stuff", "key", lambda: (Content.holding(b"one", ".txt"),)) == (file,)
     assert file.path.is_file()
     assert take_notes() == ()
 
 
 def test_a_value_of_another_key_is_damaged(cache):
-    keep("stuff", "a", [1])
-    keep("stuff", "b", [2])
+    store_cached("stuff", "a", [1])
+    store_cached("stuff", "b", [2])
     (cache / "stuff" / "a.json").write_bytes((cache / "stuff" / "b.json").read_bytes())
-    assert kept("stuff", "a") is None
-    assert kept("stuff", "b") == [2]
+    assert load_cached("stuff", "a") is None
+    assert load_cached("stuff", "b") == [2]
     assert json.loads((cache / "stuff" / "b.json").read_text())["value"] == [2]
     assert take_notes() == (f"{cache}/stuff/a.json: was damaged, and is made again",)
 
@@ -170,7 +179,7 @@ def test_a_full_disk_is_named(cache, tmp_path):
         with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}"):
             Content.holding(bytes(2000), ".txt")
         with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}/stuff/key.json"):
-            keep("stuff", "key", "long" * 1000)
+            store_cached("stuff", "key", "long" * 1000)
         with pytest.raises(OSError, match=f"'{tmp_path}/frame.png'"):
             _write_twice(tmp_path / "frame.png")
     finally:

@@ -17,19 +17,19 @@ pytestmark = pytest.mark.both_pythons
 _PROGRAM = """
 import ctypes, os, signal, sys, time
 from pathlib import Path
-from lookdev.guard import opened, reading, supervised
-from lookdev.lifetime import ending_at_signals
+from lookdev.guard import opened, reading, run_supervised
+from lookdev.lifetime import end_at_signals
 def program():
 {body}
 try:
-    print("code", supervised(program))
+    print("code", run_supervised(program))
 except Exception as error:
     print(type(error).__name__, error)
 """
 
 
 def outcome(body: str, **variables: str) -> str:
-    """Return what a supervised program writes to stdout, then its parent."""
+    """Return what a run_supervised program writes to stdout, then its parent."""
     done = subprocess.run(
         (sys.executable, "-c", _PROGRAM.format(body=textwrap.indent(body, "    "))),
         stdout=subprocess.PIPE,
@@ -132,7 +132,7 @@ def test_a_limit_that_is_no_number_is_refused():
 def test_the_first_signal_counts():
     """Ctrl-C comes from the terminal and from the parent: what it starts to remove is removed nevertheless."""
     body = """
-    with ending_at_signals():
+    with end_at_signals():
         try:
             for _ in range(2):
                 signal.raise_signal(signal.SIGINT)
@@ -154,7 +154,7 @@ def test_signals_that_come_together_interrupt_once():
     interruptions = 0
     for place in range(1, 60):
         events = []
-        with ending_at_signals():
+        with end_at_signals():
             try:
                 sys.settrace(again)
                 signal.raise_signal(signal.SIGINT)
@@ -168,7 +168,7 @@ def test_signals_that_come_together_interrupt_once():
 def test_a_signal_is_repeated_until_it_is_raised():
     """One that comes just before a wait begins does not end it."""
     body = """
-    with ending_at_signals() as interruption:
+    with end_at_signals() as interruption:
         interruption.raised = True
         signal.raise_signal(signal.SIGINT)
         interruption.raised = False

@@ -118,7 +118,7 @@ def smallest_ball(farthest: Callable[[Doubles], tuple[Doubles, float]], start: D
     return center
 
 
-def about_origin(asset: Asset) -> Asset:
+def center_asset(asset: Asset) -> Asset:
     """Return the asset with its bounding sphere centred at the world origin, and each mesh at its own origin.
 
     This keeps precision: in float32, a metre at a distance of 100 km has 128 steps. The digest does not change.

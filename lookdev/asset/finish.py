@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Floats, Mesh, Subdivision
-from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, sum_by, unit_or
+from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, normalize_or, sum_by
 from lookdev.asset.shape import LARGEST, Attribute, Doubles, Index, Shape
 from lookdev.errors import AssetError
 
@@ -151,12 +151,12 @@ def _corner_normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corn
     areas = np.empty(flat.shape) if smooth.any() or authored else None
     for block, corners in blocks(faces.sizes):
         block_areas = area_vectors(points.take(corner_points[corners], axis=0), faces.sizes[block])
-        flat[block] = unit_or(block_areas, np.array([0.0, 0.0, 1.0]))
+        flat[block] = normalize_or(block_areas, np.array([0.0, 0.0, 1.0]))
         if areas is not None:
             areas[block] = block_areas
     if areas is not None and smooth.any():
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
-        units = unit_or(sums, np.zeros(3)).astype(np.float32)
+        units = normalize_or(sums, np.zeros(3)).astype(np.float32)
         has_normal = (sums != 0.0).any(axis=1)
         if smooth.all() and has_normal.all():
             return np.asarray(units[corner_points])
@@ -173,7 +173,7 @@ def _corner_normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corn
             sign = -1.0 if along < 0.0 else 1.0
             shape_normals = normals[corner_slice]
             for _, block in blocks(sizes):
-                shape_normals[block] = unit_or(sign * vectors[block].astype(np.float64), shape_normals[block])
+                shape_normals[block] = normalize_or(sign * vectors[block].astype(np.float64), shape_normals[block])
     return normals
 
 

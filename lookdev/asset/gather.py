@@ -19,7 +19,7 @@ _CORNERS = 1 << 20  # of a joined mesh: its arrays are computed in float64
 _STEP = 1e-3
 
 
-def gathered(asset: Asset) -> Asset:
+def join_small_meshes(asset: Asset) -> Asset:
     """Return an asset, centred at the origin, with its small meshes of a single instance joined: the same surface.
 
     Meshes are joined if their UV sets and primvars have the same names, and all or none have tangents. The inverse
@@ -51,7 +51,7 @@ def gathered(asset: Asset) -> Asset:
     return replace(asset, meshes=tuple(meshes), instances=tuple(instances))
 
 
-def unstretched(asset: Asset, meshes: Container[int]) -> Asset:
+def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
     """Return an asset whose instances of the given meshes keep angles; the meshes take any other stretch."""
     new_meshes, instances = list(asset.meshes), list[Instance]()
     numbers: dict[tuple[int, bytes], int] = {}

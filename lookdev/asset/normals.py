@@ -80,7 +80,7 @@ def _same_size_area_vectors(corner_positions: Doubles) -> Doubles:
     return np.asarray(0.5 * np.stack([component.sum(axis=0) for component in crosses], axis=-1) + 0.0)
 
 
-def unit_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
+def normalize_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
     """Normalise vectors (..., 3); a vector of length 0 becomes `fallback` (broadcast)."""
     # Squares of lengths and areas of float32 data neither overflow nor underflow in float64.
     squares = dot(vectors, vectors)
@@ -104,10 +104,10 @@ def sum_by(group: Numbers, vectors: Doubles, count: int) -> Doubles:
 
 def flat_normals(areas: Doubles, face_sizes: Numbers) -> Doubles:
     """Return unit normals (m, 3), constant over each face, from `area_vectors`; +z for a face without area."""
-    return np.repeat(unit_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
+    return np.repeat(normalize_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
 
 
 def smooth_normals(areas: Doubles, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Doubles:
     """Return unit normals (m, 3): the area-weighted mean over the faces of a point; if that is 0, the face's own."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
-    return unit_or(sums[corner_points], flat_normals(areas, face_sizes))
+    return normalize_or(sums[corner_points], flat_normals(areas, face_sizes))

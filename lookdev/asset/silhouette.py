@@ -24,7 +24,7 @@ _BLOCK = 2**20  # numbers in an intermediate array
 _TOLERANCE = 1e-12  # relative to the extent of all points
 
 
-def outline(asset: Asset) -> Doubles:
+def hull_points(asset: Asset) -> Doubles:
     """Return points (n, 3) of an asset in world space whose convex hull is that of all its faces.
 
     They determine the silhouette in every perspective view from outside. For an asset of several instances, everything

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.tangents import tangents_of
-from lookdev.cache import Content, derived
+from lookdev.cache import Content, cached_files
 from lookdev.errors import AssetError
 
 _ALIGNMENT = 64  # bytes
@@ -109,7 +109,7 @@ def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
                 stream.write(bytes(-stream.tell() % _ALIGNMENT))
                 stream.write(column.data)
 
-    (content,) = derived("assets", f"{name}-v{_FORMAT}", lambda: (Content.written(".asset", write),))
+    (content,) = cached_files("assets", f"{name}-v{_FORMAT}", lambda: (Content.written(".asset", write),))
     return content.path
 
 

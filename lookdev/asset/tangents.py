@@ -17,7 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Floats, Mesh
-from lookdev.asset.normals import Doubles, Numbers, batches, blocks, dot, face_starts, next_corners, sum_by, unit_or
+from lookdev.asset.normals import (
+    Doubles,
+    Numbers,
+    batches,
+    blocks,
+    dot,
+    face_starts,
+    next_corners,
+    normalize_or,
+    sum_by,
+)
 from lookdev.brdf import vectors
 
 _ROUNDS = 8
@@ -86,7 +96,7 @@ def corner_tangents(
         reliable_sums = sums[block] * (dot(sums[block], sums[block]) > 1e-12)
         # The normals of a group are equal, and so the mean is orthogonal to them but for rounding.
         n = normals[example[block]].astype(np.float64)
-        means[block] = unit_or(_orthogonalize(reliable_sums, n), perpendicular(n))
+        means[block] = normalize_or(_orthogonalize(reliable_sums, n), perpendicular(n))
     return means[group]
 
 
@@ -137,10 +147,10 @@ def _face_tangents(
 
 def _orthogonalize(vectors: Doubles, normals: Doubles) -> Doubles:
     """Return the vectors orthogonalised against their unit normals (Gram-Schmidt), unit or zero."""
-    unit = unit_or(vectors, np.zeros(3))
+    unit = normalize_or(vectors, np.zeros(3))
     remainder = unit - dot(unit, normals) * normals
     remainder *= dot(remainder, remainder) > 1e-12
-    return unit_or(remainder, np.zeros(3))
+    return normalize_or(remainder, np.zeros(3))
 
 
 def _longitude_tangents(
@@ -156,7 +166,7 @@ def _longitude_tangents(
         n = normals[corners].astype(np.float64)
         # Twice, since the normals are unit only to float32.
         along = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
-        tangents[corners] = unit_or(along, perpendicular(n))
+        tangents[corners] = normalize_or(along, perpendicular(n))
     return tangents
 
 

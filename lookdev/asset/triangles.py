@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def triangulated(mesh: Mesh) -> Mesh:
+def triangulate(mesh: Mesh) -> Mesh:
     """Return a mesh with its polygons split into triangles."""
     triangles, faces = corner_triangles(mesh)
     corners = triangles.ravel()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.normals import dot, unit_or
+from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.shape import Doubles, Index
 from lookdev.asset.tangents import perpendicular
 
@@ -92,7 +92,7 @@ def ribbons(rings: Rings, facing: Doubles) -> Strips:
     st: u grows across the ribbon, to the right where the curve runs upwards; v grows from 0 to 1 with the length along
     it.
     """
-    across = unit_or(np.cross(rings.directions, facing), perpendicular(rings.directions))
+    across = normalize_or(np.cross(rings.directions, facing), perpendicular(rings.directions))
     normals = np.cross(across, rings.directions)
     u = np.broadcast_to([0.0, 1.0], (len(across), 2))
     outward = np.stack([-across, across], axis=1)
@@ -181,7 +181,7 @@ def _frames(rings: Rings, along: Doubles) -> Doubles:
         reach *= 2
     first = perpendicular(rings.directions[starts])
     frames = _rotate(first[rings.curves], rotations)
-    frames = unit_or(frames - dot(frames, rings.directions) * rings.directions, perpendicular(rings.directions))
+    frames = normalize_or(frames - dot(frames, rings.directions) * rings.directions, perpendicular(rings.directions))
     axis = rings.directions[starts]
     transported = _rotate(frames[ends], _smallest_rotations(rings.directions[ends], axis))
     twist = np.arctan2(dot(np.cross(first, transported), axis), dot(first, transported)) * rings.closed[:, None]

@@ -12,7 +12,7 @@ from pxr import Gf, Tf, Usd, UsdGeom
 from lookdev.asset.shape import LARGEST, Doubles
 from lookdev.asset.usd.walk import faulty_transform_path, is_affine
 from lookdev.errors import Fault, FaultsError, nearest_hint
-from lookdev.stage import error_words, shown
+from lookdev.stage import error_words, quote
 from lookdev.stage.units import Z_UP, is_y_up
 
 _TIME = Usd.TimeCode.EarliestTime()
@@ -107,7 +107,7 @@ def _camera_faults(file: str, prim: Any) -> Iterator[Fault]:
             yield Fault(file, location, "is animated; a camera must stand still", "give it a single value")
         elif name == "projection":
             if value != UsdGeom.Tokens.perspective:
-                value_text = shown(value) if isinstance(value, str) else "no text"
+                value_text = quote(value) if isinstance(value, str) else "no text"
                 yield Fault(file, location, f"the projection is {value_text}; only perspective cameras render")
         elif not (isinstance(value, float) and abs(value) <= LARGEST):
             value_text = f"is {value:g}" if isinstance(value, float) else "has a value of another type"

@@ -26,8 +26,8 @@ from lookdev.plan.skips import Skip, scene_skips
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, SceneTask, one_frame
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 PATIENCE = 3600.0
@@ -86,7 +86,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
         for backend in options.backends_of(cell):
             bounces = SCENES[cell.scene].bounces
             scene = bench_scene(asset, look, lights, options.resolution, bounces, backend, denoise=options.denoise)
-            render = stack.enter_context(renderer(PATIENCE))
+            render = stack.enter_context(open_renderer(PATIENCE))
 
             def shoot(
                 samples: int,
@@ -96,7 +96,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
                 **sampling: Any,
             ) -> Shot:
                 chosen = {"samples": samples, "seed": seed, "denoise": "off", **sampling}
-                return shot_of(render(one_frame(scene, POSE, f"{samples}.{seed}", **chosen)))
+                return shot_of(render(frame_task(scene, POSE, f"{samples}.{seed}", **chosen)))
 
             key = picture_key(scene, look, cell.ibl)
             denoises = BACKENDS[backend].features

@@ -30,8 +30,8 @@ from lookdev.material.usd import read_look
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, SceneTask, one_frame
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose, Sampling, Scene
 from lookdev.shipped import shipped_folder
 
@@ -50,7 +50,7 @@ _PARTS = 4
 _SAME = 1.001  # the raw picture that comes beside the halves is rounded once more than their mean
 
 OpenRenderer = Callable[[], AbstractContextManager[Callable[[FrameTask], Rendered]]]
-_open_exact: OpenRenderer = partial(renderer, PATIENCE)
+_open_exact: OpenRenderer = partial(open_renderer, PATIENCE)
 
 
 @dataclass(frozen=True)
@@ -181,12 +181,12 @@ def _measured(
 
         def shoot(samples: int, at: int, scene: SceneTask = scene, pose: Pose = cell.pose) -> Shot:
             name = f"{samples}.{at}"
-            return shot_of(render(one_frame(scene, pose, name, samples=samples, error=None, seed=at, denoise="off")))
+            return shot_of(render(frame_task(scene, pose, name, samples=samples, error=None, seed=at, denoise="off")))
 
         truth = obtain(key, SAMPLES[-1] * reference // _PARTS, _PARTS, shoot, fresh=fresh, report=report)
         for place, samples in enumerate(SAMPLES[: frames - number * len(SAMPLES)]):
             at = (len(SAMPLES) * number + place) % FIRST_SEED
-            task = one_frame(scene, cell.pose, f"{samples}.{at}.denoised", samples=samples, error=None, seed=at)
+            task = frame_task(scene, cell.pose, f"{samples}.{at}.denoised", samples=samples, error=None, seed=at)
             yield _trial(cell, samples, render(task), truth)
 
 

@@ -21,8 +21,8 @@ from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, WORKER_COMMAND
 from lookdev.rendering.results import Rendered
-from lookdev.rendering.task import FrameTask, SceneTask, one_frame
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose
 
 PIXELS = (64, 128, 256, 512)
@@ -37,7 +37,7 @@ _SAMPLES = 16
 _REPEATS = 3
 
 OpenRenderer = Callable[[], AbstractContextManager[Callable[[FrameTask], Rendered]]]
-open_process: OpenRenderer = partial(renderer, PATIENCE)
+open_process: OpenRenderer = partial(open_renderer, PATIENCE)
 Report = Callable[[str], None]
 
 
@@ -195,4 +195,4 @@ def _row(size: int, seconds: Sequence[float], last: Rendered) -> GrowthRow:
 
 
 def _task(scene: SceneTask, pose: Pose, seed: int) -> FrameTask:
-    return one_frame(scene, pose, f"{pose.element}.{seed}", samples=_SAMPLES, error=None, seed=seed)
+    return frame_task(scene, pose, f"{pose.element}.{seed}", samples=_SAMPLES, error=None, seed=seed)

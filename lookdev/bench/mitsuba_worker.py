@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, read_asset
-from lookdev.asset.bounds import about_origin
+from lookdev.asset.bounds import center_asset
 from lookdev.asset.normals import face_starts
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
@@ -33,7 +33,7 @@ from lookdev.rendering import wire
 from lookdev.rendering.answers import Answers, save_arrays
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.llvm import VARIABLE, find_llvm
-from lookdev.rendering.oidn import denoiser
+from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask
 
 VARIANT = "llvm_ad_rgb"
@@ -158,7 +158,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         "bsdf": principled(source.inputs) | {"id": "bsdf"},
     }
     with tempfile.TemporaryDirectory(prefix="lookdev-") as folder:
-        for number, (positions, normals, uvs) in enumerate(corner_meshes(about_origin(asset))):
+        for number, (positions, normals, uvs) in enumerate(corner_meshes(center_asset(asset))):
             file = Path(folder, f"{number}.ply")
             _write_mesh(mi, file, positions, normals, uvs)
             description[f"mesh{number}"] = {"type": "ply", "filename": str(file), "bsdf": {"type": "ref", "id": "bsdf"}}
@@ -216,7 +216,7 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     if sampling.denoise == "off":
         answers.done(task.digest, save_arrays(image, image, alpha), seconds=seconds, **figures)
         return
-    smooth = denoiser(*_features(mi, scene, sampling.seed))(image)
+    smooth = make_denoiser(*_features(mi, scene, sampling.seed))(image)
     arrays = save_arrays(smooth, smooth, alpha, image)
     figures |= {"raw_relmse": math.nan, "raw_seconds": seconds}
     answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)

@@ -27,7 +27,7 @@ from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import LookdevError
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Sampling
 
 NAME = "profile"
@@ -183,7 +183,7 @@ def _measure(cell: Cell, options: Options, report: Callable[[str], None], opened
         counts = [FEW if each.few else samples for each in every]
         for repeat in range(-1, options.repeats):
             taken = [
-                render(one_frame(each.scene, POSE, f"{repeat}", samples=count, seed=repeat + 1)).seconds
+                render(frame_task(each.scene, POSE, f"{repeat}", samples=count, seed=repeat + 1)).seconds
                 for each, render, count in zip(every, renders, counts, strict=True)
             ]
             if repeat >= 0:  # the first warms up

@@ -5,11 +5,11 @@ A model is one record (`model.Model`) in one registry (`models.MODELS`); its fil
 """
 
 from lookdev.brdf.lobes import Bsdf, Delta, Lobe
-from lookdev.brdf.mixture import evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
+from lookdev.brdf.mixture import bsdf_for_views, evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.brdf.model import Mode, Model, StackLayer
 from lookdev.brdf.models import CONTINUOUS, MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter, Value
-from lookdev.brdf.stack import reflectance, runs, stack_bsdf, stranger
+from lookdev.brdf.stack import index_of_excluding_model, reflectance, split_by_combination, stack_bsdf
 from lookdev.brdf.vectors import Array, Real
 
 __all__ = [
@@ -26,17 +26,17 @@ __all__ = [
     "Real",
     "StackLayer",
     "Value",
+    "bsdf_for_views",
     "complete_parameters",
     "evaluate",
     "evaluate_cosine",
     "evaluate_diffuse",
+    "index_of_excluding_model",
     "layer_shaders",
     "model_named",
     "pdf",
     "reflectance",
-    "runs",
     "sample",
-    "seen_along",
+    "split_by_combination",
     "stack_bsdf",
-    "stranger",
 ]

@@ -25,7 +25,7 @@ from lookdev.brdf.metal import is_exact, metal_fresnel, metal_parameters
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.reflectance import ggx_albedo, ggx_reflectance
-from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, same, scale
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, are_equal, mean, mix, mix_color, reflect, scale
 
 COAT_F0 = 0.04
 """Reflectance of the clearcoat at normal incidence, of an index of 1.5 (Burley 2012, section 5.4)."""
@@ -90,7 +90,7 @@ def _f0(p: Parameters) -> Array:
 def specular_fresnel(p: Parameters, cos_theta: Array) -> Array:
     """Return the Fresnel term (..., 3) of the specular lobe at a cosine (...)."""
     term = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
-    film = () if same(p["filmThickness"], 0.0) else (cos_theta, p["filmThickness"], p["filmIor"])
+    film = () if are_equal(p["filmThickness"], 0.0) else (cos_theta, p["filmThickness"], p["filmIor"])
     if film:
         term = film_reflectance(term, *film)
     if is_exact(p):
@@ -111,7 +111,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
     # GGX, of which the visible normals are sampled, or the general distribution of appendix B.
-    ggx = same(p["gamma"], 2.0)
+    ggx = are_equal(p["gamma"], 2.0)
 
     def distribution(wm: Array) -> Array:
         return mf.gtr2_aniso(wm, alpha_x, alpha_y) if ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
@@ -265,7 +265,7 @@ def _bsdf(parameters: Parameters) -> Bsdf:
 
         def lobe(build: Callable[[Parameters, Array, Frame], Lobe], normal: str) -> Lobe:
             # Lobes with the same normal share a frame.
-            shared = same(parameters[normal], parameters["normal"])
+            shared = are_equal(parameters[normal], parameters["normal"])
             lobe_frame = frame if shared else frame_of(parameters[normal]).facing(wo)
             return build(parameters, lobe_frame.to_local(wo), lobe_frame).blended(presence)
 
@@ -281,7 +281,7 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
     alpha_x, alpha_y = _alphas(p)
     # An anisotropic lobe has about the albedo of an isotropic one of the geometric mean of both alphas.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
-    if is_exact(p) or not same(p["filmThickness"], 0.0):
+    if is_exact(p) or not are_equal(p["filmThickness"], 0.0):
         whole, typical = ggx_albedo(cos_theta, alpha)
         return whole * mean(specular_fresnel(p, typical))
     return ggx_reflectance(cos_theta, alpha, mean(_f0(p)))

@@ -10,7 +10,7 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, dot, normalize, same, scale, vector
+from lookdev.brdf.vectors import Array, are_equal, dot, normalize, scale, vector
 
 ZENITH: Array = np.array([0.0, 0.0, 1.0])
 """The shading normal in its own frame."""
@@ -72,9 +72,9 @@ Frame: TypeAlias = Upright | Leaning
 def frame_of(normal_map: Array) -> Frame:
     """Return the frame about a normal, (..., 3), as of a normal map: of any length, its z raised to at least 0.01."""
     normal = normalize(vector(normal_map[..., 0], normal_map[..., 1], np.maximum(normal_map[..., 2], _LOWEST)))
-    return Upright() if same(normal, ZENITH) else Leaning(normal)
+    return Upright() if are_equal(normal, ZENITH) else Leaning(normal)
 
 
-def mirrored(w: Array) -> Array:
+def mirror_across_surface(w: Array) -> Array:
     """Mirror directions (..., 3) across the plane of the surface."""
     return vector(w[..., 0], w[..., 1], -w[..., 2])

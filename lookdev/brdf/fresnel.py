@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import TINY, Array, Real, same
+from lookdev.brdf.vectors import TINY, Array, Real, are_equal
 
 
 # Schlick 1994, eq. 15: the weights of normal and of grazing incidence.
@@ -29,7 +29,7 @@ def schlick_weight(cos_theta: Array) -> Array:
 
 def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
     """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
-    if same(normal, grazing):
+    if are_equal(normal, grazing):
         return normal + 0.0 * cos_theta  # has the shape of the cosine, and needs less generated code
     at_normal, at_grazing = schlick_weights(cos_theta)
     return normal * at_normal + grazing * at_grazing

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from lookdev.brdf.frames import Frame, Leaning, Upright, mirrored
+from lookdev.brdf.frames import Frame, Leaning, Upright, mirror_across_surface
 from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, dot, scale, vector
 
 Group = Literal["diffuse", "specular", "clearcoat"]
@@ -115,7 +115,7 @@ class Lobe:
     def pair(self, wo: Array, wi: Array) -> tuple[Array, Array]:
         """Express directions of the shading frame in the lobe's frame, `wi` mirrored if the lobe transmits."""
         wi = self.frame.to_local(wi)
-        return self.frame.to_local(wo), mirrored(wi) if self.transmits else wi
+        return self.frame.to_local(wo), mirror_across_surface(wi) if self.transmits else wi
 
     def draw(self, u1: Array, u2: Array) -> Array:
         """Draw a direction in the shading frame, with z = 0 where this lobe is 0 in the direction.
@@ -124,7 +124,7 @@ class Lobe:
         above 0.
         """
         local = self.sample(u1, u2)
-        wi = self.frame.from_local(mirrored(local) if self.transmits else local)
+        wi = self.frame.from_local(mirror_across_surface(local) if self.transmits else local)
         valid = local[..., 2] > 0.0
         if self.leans and not self.crosses:
             valid = valid & ((wi[..., 2] < 0.0) if self.transmits else (wi[..., 2] > 0.0))

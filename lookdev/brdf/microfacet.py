@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real, normalize, same, vector
+from lookdev.brdf.vectors import Array, Real, are_equal, normalize, vector
 
 
 # Burley 2012, eq. 4.
@@ -53,7 +53,7 @@ def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
     ratio = alpha_y / alpha_x
     x2, y2 = x2 * ratio, y2 / ratio
     # The squared length of the half vector with unstretched slopes.
-    length2: Real = 1.0 if same(alpha_x, alpha_y) else x2 + y2 + z2
+    length2: Real = 1.0 if are_equal(alpha_x, alpha_y) else x2 + y2 + z2
     log_alpha2 = np.log(alpha2)
     c = _expm1_ratio(log_alpha2) / (np.pi * _expm1_ratio((1.0 - gamma) * log_alpha2))
     d: Array = c * np.power(length2 / (alpha2 * z2 + x2 + y2), gamma) / (length2 * length2)

@@ -134,7 +134,7 @@ class Mixture:
         return wi
 
 
-def middle_albedo(mixture: Mixture) -> Array:
+def estimate_albedo(mixture: Mixture) -> Array:
     """Return an estimate (..., 3) of the albedo without noise: the sum of the lobes' f cos / pdf in a middle direction.
 
     It is exact for lobes whose pdf is in proportion to f times the cosine.
@@ -148,7 +148,7 @@ def middle_albedo(mixture: Mixture) -> Array:
     return total
 
 
-def middle_normal(mixture: Mixture) -> Array:
+def mean_normal(mixture: Mixture) -> Array:
     """Return the mean of the lobes' normals by their shares, (..., 3), in the shading frame."""
     total: Array = np.zeros(3)
     for lobe in mixture.lobes:
@@ -177,7 +177,7 @@ def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array,
     return Mixture(bsdf.lobes(wo), wo), wi, above
 
 
-def seen_along(bsdf: Bsdf, wo: Floats) -> Bsdf:
+def bsdf_for_views(bsdf: Bsdf, wo: Floats) -> Bsdf:
     """Return a BSDF for views (..., 3), above the horizon unless it is two-sided, whose lobes are computed once."""
     lobes = bsdf.lobes(np.where(wo[..., 2:] < 0.0, -wo, wo) if bsdf.two_sided else wo)
     return replace(bsdf, lobes=lambda _: tuple(lobes))

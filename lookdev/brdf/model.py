@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.parameters import Parameter, Value, complete
-from lookdev.brdf.vectors import Array, Parameters, Real, mix, same
+from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix
 from lookdev.errors import ModelError
 
 Mode = Literal["over", "transmit", "coat"]
@@ -163,7 +163,7 @@ _PRESENCE = "presence"
 def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
     """Return the layer's share of the coverage of both layers, and that coverage: the presence of the blend."""
     coverage, presence_below = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
-    if same(presence_below, 1.0):
+    if are_equal(presence_below, 1.0):
         return coverage, presence_below + 0.0 * coverage  # has the shape of the mask
     presence = coverage + (1.0 - coverage) * presence_below
     return np.where(presence > 0.0, coverage / np.where(presence > 0.0, presence, 1.0), 0.0), presence

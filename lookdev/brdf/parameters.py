@@ -62,13 +62,13 @@ MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
 _T = TypeVar("_T")
 
 
-def with_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
+def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
     """Return `values`, and the values of the parameters that follow them and are not among them."""
     following = {name: parameter.follows for name, parameter in parameters.items() if name not in values}
     return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 
 
-def spelled_out(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T | Value]:
+def expand_tokens(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T | Value]:
     """Replace tokens that are abbreviations among `values` by the values that they expand to.
 
     Raises ModelError where a token is not one of its choices, or where one of `values` contradicts an expansion.
@@ -109,7 +109,7 @@ def complete(owner: str, parameters: Mapping[str, Parameter], constants: Mapping
     for name in constants:
         if name not in parameters:
             raise ModelError(f"{owner}: unknown parameter '{name}' ({nearest_hint(name, list(parameters))})")
-    values = with_followers(parameters, spelled_out(owner, parameters, constants))
+    values = add_followers(parameters, expand_tokens(owner, parameters, constants))
     return {
         name: _check_value(f"{owner}.{name}", parameter, values.get(name, parameter.default))
         for name, parameter in parameters.items()

@@ -29,11 +29,11 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     if not layers:
         raise ModelError("a stack has no layers; a base would be right")
     for number, layer in enumerate(layers):
-        if stranger(layer.mode, [below.model for below in layers[: number + 1]]) is not None:
+        if index_of_excluding_model(layer.mode, [below.model for below in layers[: number + 1]]) is not None:
             models = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
             where = "only, here and beneath" if layer.mode == "transmit" else "only"
             raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers {where}")
-    first, *others = runs(layers)
+    first, *others = split_by_combination(layers)
     bsdf = model_named(layers[0].model).stack(first)
     for (layer,) in others:
         combine = _coat if layer.mode == "coat" else _blend
@@ -41,7 +41,7 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     return bsdf
 
 
-def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
+def split_by_combination(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
     """Split layers into groups that one model combines: the base with the layers like it, then single layers."""
     base, *others = layers
     model = model_named(base.model)
@@ -57,7 +57,7 @@ def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
     return [layers[:count], *([layer] for layer in layers[count:])]
 
 
-def stranger(mode: Mode, models: Sequence[str]) -> int | None:
+def index_of_excluding_model(mode: Mode, models: Sequence[str]) -> int | None:
     """Return the index of the model that rules out the mode of the uppermost layer, or None.
 
     `models` are the models of all layers, base first. The uppermost model must have the mode; ``"transmit"`` needs the

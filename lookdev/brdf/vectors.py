@@ -74,7 +74,7 @@ def scale(vectors: Array, factor: Real) -> Array:
 def mix(a: Real, b: Real, t: Real) -> Real:
     """Interpolate linearly: exactly `a` at t = 0 and exactly `b` at t = 1."""
     # Not a + (b - a) t: where a is far larger than b, the rounding error of a exceeds b.
-    return a + 0.0 * t if same(a, b) else a * (1.0 - t) + b * t
+    return a + 0.0 * t if are_equal(a, b) else a * (1.0 - t) + b * t
 
 
 def mix_color(a: Array, b: Array, t: Real) -> Array:
@@ -119,7 +119,7 @@ def mean(color: Array) -> Array:
     return (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
 
 
-def same(a: Real, b: Real) -> bool:
+def are_equal(a: Real, b: Real) -> bool:
     """Return whether two values are equal everywhere; symbolic values are if their difference folds to 0."""
     difference = a - b
     return isinstance(difference, np.ndarray | np.floating | float) and not np.any(difference)

@@ -12,8 +12,8 @@ from lookdev.asset.usd import read_usd
 from lookdev.asset.usd.collections import collection_members, collections_above, prim_at
 from lookdev.errors import AssetError
 from lookdev.job.parts import JobAsset, JobLook
-from lookdev.material.usd.bound import BoundLook, read_bound
-from lookdev.material.variants import combinations
+from lookdev.material.usd.bound import BoundLook, read_bound_looks
+from lookdev.material.variants import expand_wildcards
 from lookdev.scene.dress import MeshAtPath, Part, asset_parts
 from lookdev.stage import Composed, Composition, compose, is_animated, variant_choices
 
@@ -52,10 +52,10 @@ class ComposedAsset:
         return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
     def bound_looks(self, materials: Iterable[str]) -> dict[str, BoundLook]:
-        """Return the looks of materials that the asset binds; errors as `read_bound`."""
+        """Return the looks of materials that the asset binds; errors as `read_bound_looks`."""
         paths = dict.fromkeys(materials)
         if self.composed is not None and (unread := [path for path in paths if path not in self._bound]):
-            self._bound.update(read_bound(self.composed, unread))
+            self._bound.update(read_bound_looks(self.composed, unread))
         return {path: self._bound[path] for path in paths if path in self._bound}
 
 
@@ -87,7 +87,7 @@ class AssetReader:
             fixed = tuple(choice for choice in variants.items() if choice[1] != "*")
             return variant_choices(compose(replace(composition, variants=fixed)), variant_set)
 
-        return combinations(look.variants, choices, str(composition.file), composition.prim or "")
+        return expand_wildcards(look.variants, choices, str(composition.file), composition.prim or "")
 
     def read(self, look: JobLook) -> ComposedAsset:
         """Return the asset as a look composes it; raise AssetError, or FaultsError of `compose`."""

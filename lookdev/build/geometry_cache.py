@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, read_asset, save_asset
-from lookdev.asset.silhouette import outline
+from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import asset_digest
 from lookdev.asset.subdivision import Refinement
-from lookdev.cache import Content, code_digest, derived, keep, kept
+from lookdev.cache import Content, cached_files, code_digest, load_cached, store_cached
 
 _ROOM = "refined"
 
@@ -32,12 +32,12 @@ def geometry_key(asset: Asset, detailed: Collection[int], parameters: Sequence[f
 
 def store_levels(key: str, refinement: Refinement) -> None:
     """Write levels and their notes to the cache."""
-    keep(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
+    store_cached(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
 
 
 def load_levels(key: str, count: int) -> Refinement | None:
     """Return the levels of `count` meshes from the cache; None if it does not have them."""
-    match kept(_ROOM, key):
+    match load_cached(_ROOM, key):
         case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
             return Refinement(tuple(levels), tuple(notes))
     return None
@@ -46,12 +46,12 @@ def load_levels(key: str, count: int) -> Refinement | None:
 def store_refined(key: str, asset: Asset) -> None:
     """Write a refined asset to the cache."""
     file = Content.of(save_asset(asset))
-    keep(_ROOM, key, {"asset": [file.digest, file.suffix]})
+    store_cached(_ROOM, key, {"asset": [file.digest, file.suffix]})
 
 
 def load_refined(key: str, cages: Asset) -> Asset | None:
     """Return the refined asset of some cages from the cache; None if it does not have it."""
-    match kept(_ROOM, key):
+    match load_cached(_ROOM, key):
         case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
             read = read_asset(file.path)
         case _:
@@ -62,14 +62,14 @@ def load_refined(key: str, cages: Asset) -> Asset | None:
 
 
 def cached_outline(asset: Asset) -> NDArray[np.float64]:
-    """Return the `outline` of an asset, (n, 3); the cache stores it if the asset has several instances."""
+    """Return the `hull_points` of an asset, (n, 3); the cache stores it if the asset has several instances."""
     if len(asset.instances) == 1:
-        return outline(asset)
+        return hull_points(asset)
 
     def compute() -> tuple[Content, ...]:
         data = io.BytesIO()
-        np.save(data, outline(asset))
+        np.save(data, hull_points(asset))
         return (Content.holding(data.getvalue(), ".npy"),)
 
-    (file,) = derived("outlines", geometry_key(asset, (), ()), compute)
+    (file,) = cached_files("outlines", geometry_key(asset, (), ()), compute)
     return np.asarray(np.load(file.path))

@@ -14,7 +14,7 @@ from lookdev.build.frame import read_shot, refine_and_frame
 from lookdev.build.ground import job_grounds
 from lookdev.build.lights import RigLights, read_lights, vary_lights
 from lookdev.build.wedges import Wedges, WedgeSheet, expand_wedges, vary_looks
-from lookdev.errors import shortened
+from lookdev.errors import shorten
 from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job
 from lookdev.light import Light
 from lookdev.material import Look
@@ -99,7 +99,7 @@ def job_scenes(
     scenes = _make_scenes(job, _RenderedAssets(assets, looks, cameras, parts), rigs, wedges, findings)
     rig_names = {rig for _, rig in scenes}
     charts = _make_chart_scenes(job, assets, cameras, [rig for rig in rigs if rig.name in rig_names], findings)
-    notes = tuple(dict.fromkeys(map(shortened, findings.notes)))
+    notes = tuple(dict.fromkeys(map(shorten, findings.notes)))
     return JobScenes(job, scenes, look_keys, notes, rig_keys, wedges.sheets, charts)
 
 

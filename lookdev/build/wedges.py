@@ -12,7 +12,7 @@ from lookdev.errors import ModelError, nearest_hint
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import LIGHT_KEYS, JobAxis, JobWedge, Value, light_key_error
 from lookdev.material import Look
-from lookdev.material.change import changed_look
+from lookdev.material.change import look_with_value
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) 
         reasons = []
         for number, look in enumerate(varied):
             try:
-                varied[number] = changed_look(look, parameter, value)
+                varied[number] = look_with_value(look, parameter, value)
             except ModelError as error:
                 reasons.append(str(error))
         if len(reasons) == len(varied):

@@ -28,7 +28,7 @@ from lookdev.material.values import look_bsdf, look_layers
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
+from lookdev.rendering.task import frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
@@ -206,7 +206,7 @@ def _render_albedo(
         for number, wo in enumerate(views):
             camera, pose = _camera_and_pose(wo)
             name = f"albedo {look.name} {seed} {side} {number}"
-            halves = render(one_frame(replace(scene, camera=camera), pose, name, seed=seed))
+            halves = render(frame_task(replace(scene, camera=camera), pose, name, seed=seed))
             pixels = ((halves.a.astype(np.float64) + halves.b) / 2.0).reshape(-1, 3)
             value[number, side] = pixels.mean(axis=0)
             error[number, side] = pixels.std(axis=0, ddof=1) / np.sqrt(len(pixels))

@@ -34,8 +34,8 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.backends import BACKENDS, Backend, job_backends
 from lookdev.rendering.scene import SceneTasks, scene_task
-from lookdev.rendering.task import SceneTask, one_frame
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.task import SceneTask, frame_task
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
 
 Image = NDArray[np.float32]
@@ -116,7 +116,7 @@ def check_file(
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
     setups, turns = _read_setups(file, prim, variants or {}, backend) if file else ((), Turns((_TURNTABLE,), Path()))
-    with renderer() as render:
+    with open_renderer() as render:
         subject = _Subject(setups, turns, render, depth, seed, alter)
         for name in names:
             yield from CHECKS[name](subject)
@@ -219,7 +219,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
     def render(number: int, samples: int, small: SceneTask = small) -> Halves:
         # Seeds differ from those of the job's frames and of each other; a shader takes less than 2^18.
         seed = (subject.seed * 8 + number) % (1 << 18)
-        return subject.render(one_frame(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
+        return subject.render(frame_task(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
 
     frames = [render(number, depth.samples) for number in range(_RENDERS)]
     if not any(half.any() for frame in frames for half in (frame.a, frame.b)):

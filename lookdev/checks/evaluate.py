@@ -18,12 +18,12 @@ from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, complete_parameters, e
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE
-from lookdev.brdf.parameters import as_numbers, complete, spelled_out, with_followers
+from lookdev.brdf.parameters import add_followers, as_numbers, complete, expand_tokens
 from lookdev.codegen.osl.points import generate_points
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
-from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shortened
+from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shorten
 from lookdev.material.expression import ExpressionError
-from lookdev.material.values import seen
+from lookdev.material.values import view_dependent_value
 from lookdev.text import TextError, parse_json
 
 Backend = Literal["numpy", "cycles"]
@@ -246,10 +246,10 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
     params, declared = _parse_object(params), MODELS[model].parameters
     formulas = {
         name: value
-        for name, value in with_followers(declared, params).items()
+        for name, value in add_followers(declared, params).items()
         if isinstance(value, str) and name in declared and declared[name].kind != "token"
     }
-    spelled_out(model, declared, params)  # so that an expression cannot replace a parameter that a token sets
+    expand_tokens(model, declared, params)  # so that an expression cannot replace a parameter that a token sets
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
     # An optional number folds at its default: the code is that of looks without it.
@@ -264,10 +264,10 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
         numbers["mask"] = np.asarray(mask, dtype=np.float64)
     for name, text in formulas.items():
         try:
-            seen(text, MASK if name == "mask" else declared[name], ZENITH[2])
+            view_dependent_value(text, MASK if name == "mask" else declared[name], ZENITH[2])
         except ExpressionError as error:
             raise ModelError(
-                f"{model}.{name} is {shortened(text, 40)!r}, which is not an expression of the view: {error}"
+                f"{model}.{name} is {shorten(text, 40)!r}, which is not an expression of the view: {error}"
             ) from error
     return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
 

@@ -18,7 +18,7 @@ from rich.text import Text
 
 from lookdev.cache import atomic_path
 from lookdev.checks.finding import Finding, Picture, Plot, Series
-from lookdev.errors import printable
+from lookdev.errors import replace_controls
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -37,13 +37,15 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
         table.add_column(column, overflow="fold")
     for finding in findings:
         result = Text(_result(finding), style="green" if finding.passed else "bold red")
-        table.add_row(finding.check, Text(printable(finding.subject)), result, Text(printable(_summary(finding))))
+        table.add_row(
+            finding.check, Text(replace_controls(finding.subject)), result, Text(replace_controls(_summary(finding)))
+        )
     console.print(table)
     for finding in findings:
         if not finding.passed and finding.details:
-            console.print(Text(printable(f"{finding.check} of {finding.subject}, worst first:"), style="bold"))
+            console.print(Text(replace_controls(f"{finding.check} of {finding.subject}, worst first:"), style="bold"))
             for line in finding.details:
-                console.print(Text(printable(line)), soft_wrap=True)
+                console.print(Text(replace_controls(line)), soft_wrap=True)
 
 
 def verdict(findings: Sequence[Finding]) -> str:
@@ -85,7 +87,7 @@ def _summary(finding: Finding) -> str:
 
 
 def _escape(text: str) -> str:
-    return html.escape(printable(text))
+    return html.escape(replace_controls(text))
 
 
 def _badge(finding: Finding) -> str:
@@ -126,7 +128,7 @@ def draw_svg(plot: Plot) -> bytes:
 
 def _escape_dollars(text: str) -> str:
     # Matplotlib reads text after a dollar sign as mathematics.
-    return printable(text).replace("$", r"\$")
+    return replace_controls(text).replace("$", r"\$")
 
 
 def _draw_picture(figure: Figure, axes: Any, picture: Picture) -> None:

@@ -31,7 +31,7 @@ from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
@@ -332,7 +332,7 @@ def _make_task(look: Look, case: SceneCase) -> FrameTask:
         attribute.attribute for source in task.shaders for attribute in source.attributes if attribute.kind == "uv"
     ]
     asset = Content.of(save_asset(_add_uv_sets(case.asset, uv_sets), directed=[0]))
-    return one_frame(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
+    return frame_task(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 
 def _add_uv_sets(asset: Asset, uv_sets: Sequence[str]) -> Asset:

@@ -18,8 +18,8 @@ from lookdev.cache import take_notes
 from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials, plots, review, studio, warm
 from lookdev.cli.options import say
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.guard import KilledError, NativeCrash, supervised
-from lookdev.lifetime import ending_at_signals
+from lookdev.guard import KilledError, NativeCrash, run_supervised
+from lookdev.lifetime import end_at_signals
 
 EX_SOFTWARE = 70
 """Exit code of a defect of the program (sysexits.h)."""
@@ -41,7 +41,7 @@ def main() -> None:
     """Run the command line in a child process; a damaged file crashes at most the child (`lookdev.guard`)."""
     _open_streams()
     try:
-        code = supervised(run)
+        code = run_supervised(run)
     except KilledError as error:
         _leave(str(error), 1)
     except LookdevError as error:
@@ -73,7 +73,7 @@ def run() -> None:
     program, for which a report file is written; 130, interrupted.
     """
     try:
-        with ending_at_signals() as interruption:
+        with end_at_signals() as interruption:
             try:
                 app()
             except BaseException:

@@ -101,8 +101,8 @@ def evaluate(
     Lines of the model "fresnel" have cosTheta instead of wo and wi; the answers add F.
     """
     from lookdev.checks.evaluate import evaluate_lines
-    from lookdev.text import decoded
+    from lookdev.text import decode
 
-    lines = (decoded(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
+    lines = (decode(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
     for line in evaluate_lines(lines, backend.value):
         say(line)

@@ -15,7 +15,7 @@ from importlib import metadata
 from pathlib import Path
 
 from lookdev.cache import atomic_path, cache_dir
-from lookdev.errors import OutputError, shortened
+from lookdev.errors import OutputError, shorten
 
 DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
 """Distributions whose versions a report contains."""
@@ -30,7 +30,7 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
     """
     now = datetime.now(UTC)
     report = "\n".join(_report(error, command, now)) + "\n"
-    headline = shortened(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
+    headline = shorten(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
     for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
         with suppress(OSError, OutputError):
             file = Path(folder(), f"lookdev-{now:%Y%m%d-%H%M%S}-{os.getpid()}.txt")

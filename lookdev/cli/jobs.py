@@ -112,7 +112,7 @@ def render(
     from lookdev.plan.chunks import Chunk
     from lookdev.rendering.executors.choice import choose
     from lookdev.run.progress import show_progress
-    from lookdev.run.render import mapped_files, render_job, wanted_job
+    from lookdev.run.render import load_mapped_job, mapped_files, render_job
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
@@ -123,7 +123,7 @@ def render(
         if force or frame or outputs_only:
             raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
         with mapped_files(rules):
-            _list_frames(wanted_job(job, rules, output, choice.device), part)
+            _list_frames(load_mapped_job(job, rules, output, choice.device), part)
         return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
@@ -180,7 +180,7 @@ def plan(
     """List the frames of a job with their states, new, stale or done, and the reasons."""
     from lookdev.plan.chunks import Division
     from lookdev.plan.prepare import prepare_job
-    from lookdev.run.chunks import chunks_data, chunks_text, keep_measured_chunks
+    from lookdev.run.chunks import chunks_data, chunks_text, store_measured_chunks
     from lookdev.run.listing import plan_data, plan_text
 
     if measured and chunks is None:
@@ -192,7 +192,7 @@ def plan(
         say(f"note: {note}", err=True)
     if division is not None:
         if measured:
-            keep_measured_chunks(prepared.plan, division)
+            store_measured_chunks(prepared.plan, division)
         say_json(chunks_data(prepared.plan, division)) if as_json else say(chunks_text(prepared.plan, division))
     elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))

@@ -22,11 +22,11 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """List all faults of the looks in a file, in all variants that --variants leaves open; exit code 1 for errors."""
-    from lookdev.material.validate.examine import examine
+    from lookdev.material.validate.examine import examine_file
     from lookdev.material.variants import parse_variants
 
     with stdout_to_stderr():
-        report = examine(file, prim, parse_variants(variants or ()))
+        report = examine_file(file, prim, parse_variants(variants or ()))
     if as_json:
         say_json(report.data())
     else:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lookdev.errors import printable
+from lookdev.errors import replace_controls
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
 LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
@@ -35,7 +35,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document in
 
 def say(text: str, *, err: bool = False) -> None:
     """Print text without characters that control the terminal, which files and paths may contain; all verbs use it."""
-    typer.echo(printable(text), err=err)
+    typer.echo(replace_controls(text), err=err)
 
 
 def say_json(data: object) -> None:

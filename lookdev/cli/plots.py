@@ -58,14 +58,14 @@ def plot(
 ) -> None:
     """Plot reflectance: models, presets, looks and measured data, in one plot."""
     from lookdev.plotting import Options, draw, kind_named, read_subject
-    from lookdev.plotting.figure import checked_suffix
+    from lookdev.plotting.figure import check_suffix
 
     options = Options(
         theta=theta, phi=phi, axis=axis, scale=scale, angles=angles, limit=limit, channels=channels,
         exposure=exposure, chroma=chroma, cosine=cosine, size=size,
     )  # fmt: skip
     kind_named(kind)
-    checked_suffix(output)
+    check_suffix(output)
     figure = draw(kind, [read_subject(words, library) for words in subjects], options)
     figure.write(output)
     for note in figure.notes:
@@ -240,20 +240,20 @@ def _fit_data(
     library: Path | None,
 ) -> None:
     from lookdev.fitting import fit as fit_model
-    from lookdev.fitting import fit_text
+    from lookdev.fitting import format_fit
     from lookdev.material.library.edit import model_look
     from lookdev.plotting import draw, read_subject
-    from lookdev.plotting.figure import checked_suffix
+    from lookdev.plotting.figure import check_suffix
     from lookdev.plotting.subject import read_model
 
     if output is not None:
-        checked_suffix(output)
+        check_suffix(output)
     data = read_subject(source, library)
     result = fit_model(data, *read_model(model), wanted=only, loss=loss, starts=4 if starts is None else starts)
     if as_json:
         say_json(result.data())
     else:
-        say(fit_text(result))
+        say(format_fit(result))
     if output is not None:
         draw("difference", [data, result.subject]).write(output)
     if look is not None:

@@ -18,7 +18,7 @@ from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.microfacet import smith_ggx
-from lookdev.brdf.vectors import TINY, Array, Real, mix, mix_color, same, scale
+from lookdev.brdf.vectors import TINY, Array, Real, are_equal, mix, mix_color, scale
 from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
 from lookdev.closures.fits import fit, shape
 from lookdev.errors import CodegenError
@@ -33,10 +33,10 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     dielectric, subsurface, roughness = p["dielectric"], p["subsurface"], p["roughness"]
     sheen = scale(scale(p["sheen_color"], dielectric), fit("sheen")(cos_theta))
     closures: tuple[Closure, ...] = (Closure("sheen", sheen, frame=lobe.frame),)
-    if not same(subsurface, 0.0):
+    if not are_equal(subsurface, 0.0):
         color = scale(p["baseColor"], dielectric * subsurface)
         closures += _subsurface(color, cos_theta, roughness, lobe.frame)
-    if not same(subsurface, 1.0):
+    if not are_equal(subsurface, 1.0):
         color = scale(p["baseColor"], dielectric * (1.0 - subsurface))
         closures += (
             _rough_diffuse(scale(color, diffuse_albedo(cos_theta, roughness)), roughness, cos_theta, lobe.frame),
@@ -58,7 +58,7 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
     """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
-    if same(retro, 0.0):
+    if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
@@ -95,7 +95,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         The lobe's gamma is not 2.
     """
     p, wo = lobe.values, lobe.frame.to_local(wo)
-    if not same(p["gamma"], 2.0):
+    if not are_equal(p["gamma"], 2.0):
         raise CodegenError(
             "no closures of Cycles stand for a specular lobe whose gamma is not 2; backend 'exact' or 'nodes-exact' "
             "would be right"
@@ -104,7 +104,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     alphas_of_view = SeenAlphas(alphas[0], alphas[0], 1.0)
     x, y = alphas
     within: Real = 1.0
-    if not same(*alphas):
+    if not are_equal(*alphas):
         alphas_of_view = seen_alphas(alphas, wo, shape("anisotropic"))
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
@@ -122,7 +122,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
     metal_mean = ratio * mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), mean)
-    if not same(p["filmThickness"], 0.0):
+    if not are_equal(p["filmThickness"], 0.0):
         # All microfacets get the colour of the film at the typical cosine.
         film = typical, p["filmThickness"], p["filmIor"]
         color = film_reflectance(fresnel, *film)

@@ -17,7 +17,7 @@ import numpy as np
 from lookdev.brdf.frames import Frame, Leaning
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.reflectance import relative_cosine
-from lookdev.brdf.vectors import Array, dot, same, scale
+from lookdev.brdf.vectors import Array, are_equal, dot, scale
 from lookdev.closures.closure import Closure, Kind, StandIn
 from lookdev.closures.fits import fit, shape
 
@@ -72,7 +72,7 @@ def highlight_mix(
     return tuple(
         Closure(kind, part, np.minimum(part_alpha, 1.0), np.minimum(part_alpha, 1.0), frame, ior)
         for kind, part, part_alpha in parts
-        if not same(part, 0.0)
+        if not are_equal(part, 0.0)
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.disney import COAT_F0
-from lookdev.brdf.frames import Leaning, Upright, mirrored
+from lookdev.brdf.frames import Leaning, Upright, mirror_across_surface
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, partition_lobes
@@ -167,7 +167,7 @@ def distance(setup: Setup) -> float:
 def setup_values(setup: Setup, wi: Floats) -> Floats:
     """Return the whole lobe, the weighted lobe and the mix, times the cosine, (3, n), for reflected `wi`, (n, 3)."""
     directions = Directions.of(setup.wo, wi)
-    light = np.asarray(mirrored(wi)) if setup.whole.transmits else wi
+    light = np.asarray(mirror_across_surface(wi)) if setup.whole.transmits else wi
     mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix)
     lobes = (np.asarray(lobe.evaluate(directions))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
     return np.stack([*lobes, np.asarray(mix)])

@@ -14,7 +14,7 @@ from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Primvar, Texture
-from lookdev.material.textures import resolved, udim_tiles
+from lookdev.material.textures import resolve_texture, udim_tiles
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Inputs:
             An image is missing or unreadable.
         """
         source = self._images[name]
-        texture = resolved(source.height if isinstance(source, Bump) else source)
+        texture = resolve_texture(source.height if isinstance(source, Bump) else source)
         tiles = udim_tiles(texture) or {0: texture}
         files = {number: self._file(source, tile) for number, tile in tiles.items()}
         return LookUp(texture, isinstance(source, Bump), self._uv_attribute(texture.st), files)

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, StackLayer, stack_bsdf
-from lookdev.brdf.parameters import with_followers
+from lookdev.brdf.parameters import add_followers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO
 from lookdev.codegen.trace.symbolic import symbol, symbols
-from lookdev.material.values import seen
+from lookdev.material.values import view_dependent_value
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,13 @@ class PointLayer:
         """Return the layer with the `numbers` that are read, for views at the cosines `view`, (...), to its normal."""
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
-        computed = {name: seen(text, (parameters | {"mask": MASK})[name], view) for name, text in self.formulas.items()}
+        computed = {
+            name: view_dependent_value(text, (parameters | {"mask": MASK})[name], view)
+            for name, text in self.formulas.items()
+        }
         values = {**MODELS[self.model].tokens(self.tokens), **constants, **numbers, **computed}
         mask = values.pop("mask")
-        return StackLayer(self.model, with_followers(parameters, values), mask, self.mode)
+        return StackLayer(self.model, add_followers(parameters, values), mask, self.mode)
 
 
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:

@@ -16,11 +16,11 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from lookdev.asset.gather import gathered, unstretched
+from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.mesh import Asset, Floats, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
-from lookdev.asset.triangles import triangulated
+from lookdev.asset.triangles import triangulate
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
 
 
@@ -71,7 +71,7 @@ def add_asset(
     root = bpy.data.objects.new("root", None)
     scene.collection.objects.link(root)
     if not separate:
-        asset = gathered(asset)
+        asset = join_small_meshes(asset)
     if any(groups):
         asset = _prepare_groups(asset, np.array(groups))
     source_numbers = np.array(slot_sources)
@@ -105,8 +105,8 @@ def add_asset(
 def _prepare_groups(asset: Asset, groups: NDArray[Any]) -> Asset:
     """Return an asset that keeps the angles of `_mark_groups`: marked meshes have triangles and no stretch."""
     marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
-    meshes = (triangulated(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
-    return unstretched(replace(asset, meshes=tuple(meshes)), marked)
+    meshes = (triangulate(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
+    return move_stretch_to_meshes(replace(asset, meshes=tuple(meshes)), marked)
 
 
 def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:

@@ -18,9 +18,9 @@ from lookdev.codegen import ShaderSource
 from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, BlenderScene
-from lookdev.rendering.cryptomatte import filled, matte_samples, renamed
+from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, rename_ids
 from lookdev.rendering.frame import FEATURE_SAMPLES, Image, RenderedFrame
-from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, parts_of_light
+from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask
 
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
@@ -32,7 +32,7 @@ _MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged
 
 @dataclass(frozen=True)
 class Passes:
-    """Arrays (H, W, channels) by the names of `lookdev.rendering.passes.arrays_of`, and the names in each matte."""
+    """Arrays (H, W, channels) by the names of `rendering.passes.channels_of_passes`, and the names in each matte."""
 
     arrays: Mapping[str, Image]
     names: Mapping[str, tuple[str, ...]]
@@ -113,7 +113,7 @@ def complete_passes(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     for *others, (last, _) in _part_sets(task):
         passes[last] = beauty - sum(passes[name] for name, _ in others)
-    for name in parts_of_light(task.scene.sampling.passes, task.scene.names_of_light) - {*passes}:
+    for name in light_parts(task.scene.sampling.passes, task.scene.names_of_light) - {*passes}:
         passes[name] = np.zeros_like(beauty)
     return passes
 
@@ -135,7 +135,7 @@ def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Image, samp
                 arrays["albedo"] = albedo
             for kind, matte in mattes.items():
                 matte_names = _matte_names(scene, kind)
-                arrays[MATTES[kind]] = filled(renamed(matte, matte_names), alpha)
+                arrays[MATTES[kind]] = normalize_coverage(rename_ids(matte, matte_names), alpha)
                 names[MATTES[kind]] = tuple(sorted({*matte_names.values()}))
     return Passes(arrays, names)
 
@@ -173,7 +173,7 @@ def _render_surfaces(
     """Return the mean albedo of each pixel, and the coverage (H, W, 2 n) of Blender's objects and materials.
 
     `requested` has ``albedo``, ``cryptomatte`` or both, which are rendered at once with `samples`. The albedo of
-    closures is that of Cycles' own passes. The coverage has the layout that `renamed` reads.
+    closures is that of Cycles' own passes. The coverage has the layout that `rename_ids` reads.
     """
     has_mattes, has_albedo = "cryptomatte" in requested, "albedo" in requested
     scene.set_controls(task.pose, 0, ALBEDOS if has_albedo else MATTE)

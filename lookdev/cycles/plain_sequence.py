@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from lookdev.asset.bounds import about_origin
+from lookdev.asset.bounds import center_asset
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.codegen import PrincipledSource
@@ -34,7 +34,7 @@ def render(request: dict[str, Any]) -> None:
     _configure(scene, request)
     asset = read_asset(Path(request["asset"]))
     material = build_principled_material(PrincipledSource("principled", request["principled"]))
-    root = _add_asset(scene, about_origin(asset), material)
+    root = _add_asset(scene, center_asset(asset), material)
     _add_camera(scene, request["camera"], asset)
     texture, mapping = add_environment_texture(scene)
     light = None

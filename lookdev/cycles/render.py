@@ -21,19 +21,19 @@ from lookdev.cycles.passes import (
 )
 from lookdev.cycles.scene import ALBEDOS, NORMALS, BlenderScene
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.catcher import caught_pictures
+from lookdev.rendering.catcher import catcher_pictures
 from lookdev.rendering.frame import (
     FEATURE_SAMPLES,
     Denoiser,
     Image,
     Progress,
     RenderedFrame,
-    half_of,
+    half_of_seed,
     plain_pictures,
     render_halves,
 )
-from lookdev.rendering.oidn import denoiser
-from lookdev.rendering.passes import arrays_of
+from lookdev.rendering.oidn import make_denoiser
+from lookdev.rendering.passes import channels_of_passes
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Sampling
 
@@ -48,11 +48,11 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
     overhead = time.perf_counter() - started
     with prepare_recording(scene, task) as plan:
         render = partial(_render_region, scene, task, plan)
-        pictures = caught_pictures if task.scene.catches else plain_pictures
+        pictures = catcher_pictures if task.scene.catches else plain_pictures
         frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
     frame = replace(frame, passes=complete_passes(task, frame))
     others = Passes({}, {})
-    if {*arrays_of(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
+    if {*channels_of_passes(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
         others = render_frame_passes(scene, task, frame.alpha, frame.samples)
         overhead += time.perf_counter() - begun
@@ -68,7 +68,7 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
 def _render_catcher_parts(
     scene: BlenderScene, samples: int, seed: int, box: engine.Box | None
 ) -> tuple[Image, Image, dict[str, Image]]:
-    """Return colours and coverage as `_render_region` does, and the parts from which `caught_pictures` makes a frame.
+    """Return colours and coverage as `_render_region` does, and the parts from which `catcher_pictures` makes a frame.
 
     The samples of the ground are the same with the asset and without: pixels that the asset does not change are equal
     in every bit.
@@ -93,7 +93,7 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Progre
         return RenderedFrame(rgb, rgb, alpha, sampling.samples, seconds, math.nan)
     features = engine.render_features(scene.scene, FEATURE_SAMPLES)
     albedo, normal = (features[f"Denoising {name}"][::-1] for name in ("Albedo", "Normal"))
-    smooth = denoiser(albedo, normal)(rgb)
+    smooth = make_denoiser(albedo, normal)(rgb)
     taken = time.perf_counter() - started
     return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
 
@@ -107,7 +107,7 @@ def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
 
     # Normals are encoded in [0, 1], and black where there is no surface.
     normals = render_feature(NORMALS)
-    return denoiser(render_feature(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
+    return make_denoiser(render_feature(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
 
 def _render_region(
@@ -122,7 +122,7 @@ def _render_region(
     if task.scene.catches:
         return _render_catcher_parts(scene, region.samples, seed, box)
     parts: dict[str, Image] = {}
-    batches = plan[half_of(seed)]
+    batches = plan[half_of_seed(seed)]
     # In reverse order, because the colours are those of the last render, which must be of the first batch. The last
     # bits of a path's positions encode its data, and the noise of later hits depends on those bits.
     for batch in reversed(batches or [()]):

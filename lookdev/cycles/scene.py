@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from lookdev.asset.bounds import about_origin
+from lookdev.asset.bounds import center_asset
 from lookdev.asset.store import read_asset
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.cycles import engine
@@ -156,7 +156,7 @@ class BlenderScene:
         asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
         self.origin = np.array(asset.center)
-        assigned = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
+        assigned = self.scene, center_asset(asset), task.shaders, task.worn, self._materials
         added = add_asset(*assigned, groups=task.groups, separate=self._separate, add_uv=self.has_portals)
         self.root, self.objects = added.root, added.objects
         if task.sampling.recorded:

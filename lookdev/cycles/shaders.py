@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, cache_dir, derived, from_memory
+from lookdev.cache import Content, cache_dir, cached_files, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.cycles.streams import capture_output
@@ -59,7 +59,7 @@ def compile_osl(source: ShaderSource) -> Path:
         finally:
             file.unlink(missing_ok=True)
 
-    (content,) = derived("osl", name, lambda: (Content.written(".oso", compile_text),))
+    (content,) = cached_files("osl", name, lambda: (Content.written(".oso", compile_text),))
     return content.path
 
 
@@ -153,7 +153,7 @@ def array_text(values: Array) -> str:
 
 def _cached_array_text(file: Content) -> str:
     """Return the `array_text` of a file, cached: half a million integers take 0.06 s to format."""
-    (text,) = derived(
+    (text,) = cached_files(
         "osl", f"{file.digest}-text", lambda: (Content.holding(array_text(np.load(file.path)).encode(), ".txt"),)
     )
     return text.path.read_text(encoding="ascii")

@@ -21,7 +21,7 @@ from lookdev.errors import LookdevError, OutputError, RenderError, TextureError,
 from lookdev.light import native_images
 from lookdev.light.native import still_domes
 from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaves
+from lookdev.material.look import leaf_sources
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import JobSetups, read_setups
@@ -166,7 +166,7 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     """Yield the image look-ups of looks."""
     layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
-    for source in leaves(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
+    for source in leaf_sources(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
         if isinstance(source, Texture | Bump):
             yield source
 

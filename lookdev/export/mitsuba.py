@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Mesh
-from lookdev.asset.triangles import triangulated
+from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path
 from lookdev.codegen import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
@@ -193,7 +193,7 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
         name = f"{asset.digest[:16]}.{number}.ply"
         if not (folder / name).exists():
             with atomic_path(folder / name) as path:
-                path.write_bytes(_encode_ply(triangulated(asset.meshes[instance.mesh]), instance.matrix, center))
+                path.write_bytes(_encode_ply(triangulate(asset.meshes[instance.mesh]), instance.matrix, center))
         yield name
 
 

@@ -6,6 +6,6 @@ parameters, `solve` the search.
 
 from lookdev.fitting.loss import LOSSES
 from lookdev.fitting.parameters import Free, free_parameters
-from lookdev.fitting.solve import Fit, fit, fit_text
+from lookdev.fitting.solve import Fit, fit, format_fit
 
-__all__ = ["LOSSES", "Fit", "Free", "fit", "fit_text", "free_parameters"]
+__all__ = ["LOSSES", "Fit", "Free", "fit", "format_fit", "free_parameters"]

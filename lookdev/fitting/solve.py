@@ -71,7 +71,7 @@ class Fit:
         }  # fmt: skip
 
 
-def fit_text(result: Fit) -> str:
+def format_fit(result: Fit) -> str:
     """Return a fit as lines of text."""
     channels = ", ".join(f"{loss:.3g}" for loss in result.per_channel)
     lines = [f"{result.model.title}: {result.loss_name} loss {result.loss:.3g} (red, green, blue: {channels})"]

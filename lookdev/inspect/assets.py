@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from lookdev.asset import Asset, Mesh
-from lookdev.asset.silhouette import outline
+from lookdev.asset.silhouette import hull_points
 from lookdev.asset.usd import read_usd
 from lookdev.inspect.rigs import InspectedRig, inspect_rig
 from lookdev.light.rig import holds_only_lights, read_rig
 from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaves
-from lookdev.material.usd.bound import BoundLook, read_bound
+from lookdev.material.look import leaf_sources
+from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.stage import Composition, compose
 
 MOST_LINES = 200
@@ -110,7 +110,7 @@ def inspect_file(
         return inspect_rig(read_rig(composed, sampled=False)), None
     asset = read_usd(composed, time, purposes)
     paths = dict.fromkeys(slot.material for slot in asset.slots if slot.material)
-    bound = read_bound(composed, paths)
+    bound = read_bound_looks(composed, paths)
     return inspect_asset(composition.file, asset, bound), asset
 
 
@@ -121,7 +121,7 @@ def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> I
     for instance in asset.instances:
         paths.setdefault(instance.mesh, {})[instance.path] = None
     sizes = [len(mesh.face_sizes) for mesh in asset.meshes]
-    points = outline(asset)
+    points = hull_points(asset)
     return Inspection(
         file=str(file),
         minimum=tuple(points.min(axis=0).tolist()),
@@ -177,7 +177,7 @@ def _image_count(look: Look) -> int:
     """Return the number of images that a look reads, before folding."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     heights = [look.displacement.height] if look.displacement else []
-    return len({file for source in leaves([*sources, *heights]) for file in _image_files(source)})
+    return len({file for source in leaf_sources([*sources, *heights]) for file in _image_files(source)})
 
 
 def _image_files(source: object) -> Iterator[Path]:

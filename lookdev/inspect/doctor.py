@@ -16,7 +16,7 @@ from importlib import import_module, metadata
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import OutputError, RenderError
-from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, lacking_gpu
+from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """The Blender of each Python: a bpy wheel fits exactly one (VFX Reference Platform CY2025 and CY2026)."""
@@ -149,7 +149,7 @@ def _check_mitsuba() -> Finding:
     """Check the requirements of the optional backend `mitsuba`."""
     if importlib.util.find_spec("mitsuba") is None:
         return Finding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
-    gpu = lacking_gpu() or "an NVIDIA GPU is there"
+    gpu = gpu_fault() or "an NVIDIA GPU is there"
     try:
         version = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
         return Finding("Mitsuba", version, good=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.asset import Asset
-from lookdev.asset.silhouette import outline
+from lookdev.asset.silhouette import hull_points
 from lookdev.build.refine import Refiner
 from lookdev.cache import cache_dir
 from lookdev.job import JobOutputs, JobTurntable
@@ -52,7 +52,7 @@ def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: N
     }
     looks_by_part = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
     light = prepare_light(load_environment(builtin="white"))
-    camera = frame_fill(outline(asset), _SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
+    camera = frame_fill(hull_points(asset), _SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
     refined, _ = Refiner("auto", _SIZE[0]).refine(asset, camera)
     setup = make_setup("parts", "white", Scene(refined, looks_by_part, (light,), camera, Film(_SIZE)), _SAMPLING)
     output = cache_dir("portraits", refined.digest[:16])

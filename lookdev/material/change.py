@@ -18,7 +18,7 @@ _LIVE = "lookdev:live:"
 Value = float | tuple[float, float, float] | str
 
 
-def changed_look(look: Look, parameter: str, value: Value) -> Look:
+def look_with_value(look: Look, parameter: str, value: Value) -> Look:
     """Return a look with another value of one of its `varied_names`.
 
     ``mask`` and the inputs of expressions may be an expression or a value of their kind. A name without its layer
@@ -68,10 +68,10 @@ class Constant:
     value: tuple[float, ...]
 
 
-def constant_of(look: Look, parameter: str) -> Constant:
-    """Return a constant by its name, which may lack the layer as in `changed_look`.
+def constant_named(look: Look, parameter: str) -> Constant:
+    """Return a constant by its name, which may lack the layer as in `look_with_value`.
 
-    Raises ModelError as `changed_look`, and where the input is not a constant number or colour.
+    Raises ModelError as `look_with_value`, and where the input is not a constant number or colour.
     """
     inputs_by_name, full_name = _find_input(look, parameter)
     layer, path = inputs_by_name[full_name]
@@ -98,7 +98,7 @@ def constant_of(look: Look, parameter: str) -> Constant:
     return Constant(full_name, look.layers.index(layer), path, record, value)
 
 
-def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
+def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look:
     """Return a look whose constants are live, each under a key: inputs of a program, which has derivatives by them.
 
     A live input is a primvar of a reserved name, `live_primvar`, which no mesh has.

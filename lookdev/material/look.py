@@ -107,7 +107,7 @@ A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
 Mask = float | Texture | Primvar | Formula
 
 
-def leaves(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
+def leaf_sources(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
     """Yield the sources that are not expressions, in order, and in place of an expression the sources that it reads.
 
     An expression that several sources read is expanded once.
@@ -124,7 +124,7 @@ def leaves(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
 
 def depends_on_view(source: Source | Input) -> bool:
     """Return whether the value of a source depends on the direction to the viewer."""
-    return any(isinstance(leaf, View) for leaf in leaves([source]))
+    return any(isinstance(leaf, View) for leaf in leaf_sources([source]))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
 from lookdev.brdf import Array
-from lookdev.cache import Content, derived, file_digest
+from lookdev.cache import Content, cached_files, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
 from lookdev.material.look import Bump, Texture, Wrap
@@ -87,7 +87,7 @@ def image_header(file: Path) -> ImageHeader:
     return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t), tagged)
 
 
-def resolved(texture: Texture) -> Texture:
+def resolve_texture(texture: Texture) -> Texture:
     """Return the texture with ``"auto"`` and ``"useMetadata"`` replaced by what its image states.
 
     Raises as `image_header`.
@@ -130,7 +130,7 @@ def linear_texture(texture: Texture) -> Path:
         The image is missing, cannot be read, has unknown channels or holds NaN or infinity.
     """
     check_file(texture.file, TextureError)
-    texture = resolved(texture)
+    texture = resolve_texture(texture)
 
     def linear_strips(image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
         for rgba in _read_rgba_strips(texture.file, image):
@@ -143,7 +143,7 @@ def linear_texture(texture: Texture) -> Path:
             _write_exr(path, size, linear_strips(image))
 
     key = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}"
-    (content,) = derived("textures", key, lambda: (Content.written(".exr", write),))
+    (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
     return content.path
 
 
@@ -161,7 +161,7 @@ def slope_texture(height: Texture) -> Path:
     """
     if height.channel == "rgb":
         raise TextureError(f"{height.file}: a height is one channel, r, g, b or a, not rgb")
-    height = resolved(height)
+    height = resolve_texture(height)
     channel = "rgba".index(height.channel)
     linear = linear_texture(height)
     slope_key = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
@@ -187,7 +187,7 @@ def slope_texture(height: Texture) -> Path:
         _write_exr(path, texels.shape[::-1], slope_strips(texels))
 
     key = f"{linear.stem}-slope-{slope_key}-v{_SLOPE_VERSION}"
-    (content,) = derived("textures", key, lambda: (Content.written(".exr", write),))
+    (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
     return content.path
 
 
@@ -226,7 +226,7 @@ def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `linear_texture`.
     """
-    texture = resolved(texture)
+    texture = resolve_texture(texture)
     return _look_up(linear_texture, texture, _to_image_st(texture, st))
 
 
@@ -241,7 +241,7 @@ def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     `st` is as in `image_texels`. The chain rule includes the wrap modes: in mirrored copies a slope has the opposite
     sign, and beyond a clamped edge it is 0. Raises as `slope_texture`.
     """
-    texture = resolved(texture)
+    texture = resolve_texture(texture)
     image_st = _to_image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
-from lookdev.brdf.parameters import complete, spelled_out, with_followers
-from lookdev.brdf.vectors import same, vector
+from lookdev.brdf.parameters import add_followers, complete, expand_tokens
+from lookdev.brdf.vectors import are_equal, vector
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.look import (
     VIEW,
@@ -84,13 +84,13 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
 
 def _complete_parameters(layer: Layer, values: Values) -> dict[str, Any]:
     records = layer_parameters(layer.model)
-    inputs = spelled_out(layer.model, records, layer.inputs)
+    inputs = expand_tokens(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
     constants = {name: source for name, source in inputs.items() if name not in varying}
     parameters = complete(layer.model, records, constants)
     normals = {name: values.in_shading_frame(parameters[name]) for name in constants if records[name].kind == "normal"}
     parameters |= normals | {name: values.of(source, records[name]) for name, source in varying.items()}
-    return parameters | with_followers(records, {name: parameters[name] for name in inputs})
+    return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Values:
 
     def in_shading_frame(self, normal: Array) -> Array:
         """Return normals (..., 3) of the frame of the UVs in the shading frame, whose bitangent may be opposite."""
-        if same(normal[..., 1], 0.0):
+        if are_equal(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
         ones = 1.0 + 0.0 * hand
@@ -153,7 +153,7 @@ class Values:
         return vector(-along_s, -along_t, 1.0 + 0.0 * along_s)
 
 
-def seen(text: str, parameter: Parameter, view: Array) -> Array:
+def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:
     """Return the value of a parameter that an expression of the `view` (...) alone sets.
 
     Raises

@@ -21,7 +21,7 @@ def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
     return variants
 
 
-def combinations(
+def expand_wildcards(
     variants: Mapping[str, str], choices: Callable[[dict[str, str], str], Sequence[str]], file: str, prim: str = ""
 ) -> tuple[dict[str, str], ...]:
     """Return all selections in which a variant of its set replaces each ``"*"``.

@@ -14,7 +14,7 @@ from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.mitsuba.view import View
-from lookdev.rendering.cryptomatte import RANKS, filled, matte_id, matte_samples
+from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
 from lookdev.rendering.frame import FEATURE_SAMPLES, Image
 from lookdev.rendering.passes import MATTES
 from lookdev.rendering.task import FrameTask
@@ -122,7 +122,7 @@ class Features:
                 coverage = np.concatenate(weights) / size
                 mattes[kind][first : first + count] = _rank_by_coverage(np.concatenate(keys), coverage, ids, count)
         shape = view.height, view.width, 2 * RANKS
-        arrays = {MATTES[kind]: filled(matte.reshape(shape), alpha) for kind, matte in mattes.items()}
+        arrays = {MATTES[kind]: normalize_coverage(matte.reshape(shape), alpha) for kind, matte in mattes.items()}
         return arrays, {MATTES[kind]: tuple(sorted({*names})) for kind, names in names_of_kind.items()}
 
     def _hits_in_depth(self, view: View, first: int, count: int, size: int) -> Iterator[tuple[Any, Any, Floats]]:

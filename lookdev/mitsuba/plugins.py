@@ -17,7 +17,7 @@ import numpy as np
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.codegen import ProgramSource
-from lookdev.codegen.program.look import generate_program, live_name, live_numbers, stated
+from lookdev.codegen.program.look import generate_program, live_name, live_numbers, stated_constants
 from lookdev.errors import ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.textures import image_file
@@ -79,7 +79,7 @@ def _constant(value: Any, parameter: Parameter) -> Any:
 
 
 def _create_bsdf(properties: Any, look: Look, textures: Mapping[str, tuple[Any, Parameter]]) -> Any:
-    live = stated(look)
+    live = stated_constants(look)
     source = generate_program(look, image_file, live=live)
     source.check_plugin(look.name)
     return _bsdf_class(mi.variant())(properties, look, source, live_numbers(look, live), textures)

@@ -26,8 +26,8 @@ from lookdev.mitsuba.surface import Looks
 from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
-from lookdev.rendering.oidn import denoiser
-from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, parts_of_light
+from lookdev.rendering.oidn import make_denoiser
+from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
 
@@ -139,7 +139,7 @@ class MitsubaScene:
         """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
         beauty = means[..., :3]
         # The parts of lobes that no look has, and of lights that reach nothing, are black.
-        names = parts_of_light(task.sampling.passes, task.names_of_light)
+        names = light_parts(task.sampling.passes, task.names_of_light)
         parts = dict.fromkeys(sorted(names), np.zeros_like(beauty))
         for number, name in enumerate(self._recorded):
             parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
@@ -196,7 +196,7 @@ class MitsubaScene:
             first += count
 
     def _denoiser(self, view: View, samples: int) -> Denoiser:
-        return denoiser(*self._features.guides(view), quick=samples <= _QUICK_FILTER_SAMPLES)
+        return make_denoiser(*self._features.guides(view), quick=samples <= _QUICK_FILTER_SAMPLES)
 
 
 def _is_out_of_memory(error: BaseException | None) -> bool:

@@ -4,8 +4,8 @@ The wheels of USD lack its plugin for MaterialX. So `shade` converts a document 
 structure, and `arcs` redirects the arcs to the document in memory.
 """
 
-from lookdev.mtlx.arcs import is_document, redirect
+from lookdev.mtlx.arcs import is_document, redirect_documents
 from lookdev.mtlx.document import read_document
 from lookdev.mtlx.shade import NOTES, document_layer
 
-__all__ = ["NOTES", "document_layer", "is_document", "read_document", "redirect"]
+__all__ = ["NOTES", "document_layer", "is_document", "read_document", "redirect_documents"]

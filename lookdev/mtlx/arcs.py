@@ -19,7 +19,7 @@ def is_document(path: str) -> bool:
     return name.lower().endswith(SUFFIX)
 
 
-def redirect(layer: Sdf.Layer) -> None:
+def redirect_documents(layer: Sdf.Layer) -> None:
     """Redirect references, payloads and sublayers of a layer from MaterialX documents to their USD layers.
 
     The layer changes in memory and can no longer be saved. Arcs to missing documents stay, so that composition reports

@@ -13,7 +13,7 @@ from xml.parsers import expat
 import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
-from lookdev.text import TextError, decoded
+from lookdev.text import TextError, decode
 
 # 1.38 is the first version with a disney_principled node.
 _FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
@@ -30,7 +30,7 @@ def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
         The data is not a MaterialX document of a known version.
     """
     try:
-        text = decoded(data, file)
+        text = decode(data, file)
     except TextError as error:
         raise LookError(error.faults) from None
     includes = _check_xml(text, file)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
-from lookdev.errors import OutputError, nearest_hint, shortened
+from lookdev.errors import OutputError, nearest_hint, shorten
 from lookdev.output.config import FILE, NAME
 from lookdev.space import BASE, OCIO_NAMES, REC709
 
@@ -146,4 +146,4 @@ def _known(config: str, what: str, name: str, names: Sequence[str]) -> None:
 
 
 def _first_line(error: Exception) -> str:
-    return shortened(next(iter(str(error).splitlines()), type(error).__name__)).rstrip(".")
+    return shorten(next(iter(str(error).splitlines()), type(error).__name__)).rstrip(".")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import OpenImageIO as oiio
 
-from lookdev.errors import OutputError, printable
+from lookdev.errors import OutputError, replace_controls
 
 FONT = "DroidSans"
 """Ships with OpenImageIO, under the Apache License 2.0."""
@@ -12,13 +12,13 @@ FONT = "DroidSans"
 
 def text_width(text: str, size: int) -> int:
     """Return the width of a line of text, pixels."""
-    width: int = oiio.ImageBufAlgo.text_size(printable(text), size, FONT).width
+    width: int = oiio.ImageBufAlgo.text_size(replace_controls(text), size, FONT).width
     return width
 
 
 def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
     """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
-    text = printable(text)
+    text = replace_controls(text)
     shown, kept = text, len(text)
     while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
         kept -= 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaves
+from lookdev.material.look import leaf_sources
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
@@ -68,7 +68,7 @@ def _unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
-        named = {lookup for source in leaves(sources) for lookup in _lookups(source)}
+        named = {lookup for source in leaf_sources(sources) for lookup in _lookups(source)}
         if isinstance(shader, ShaderSource):
             # The parameters of one look-up's tiles have a common prefix.
             unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})

@@ -55,7 +55,7 @@ class Plot:
         LookdevError
             The suffix of the file is not one of `SUFFIXES`.
         """
-        suffix = checked_suffix(file)
+        suffix = check_suffix(file)
         with atomic_path(file) as temporary:
             if suffix == ".csv":
                 with temporary.open("w", newline="", encoding="utf-8") as stream:
@@ -67,7 +67,7 @@ class Plot:
                     self.figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_STABLE[suffix])
 
 
-def checked_suffix(file: Path) -> str:
+def check_suffix(file: Path) -> str:
     """Return the suffix of a file to write; raises LookdevError if it is not one of `SUFFIXES`."""
     if file.suffix.lower() not in SUFFIXES:
         raise LookdevError(f"{file}: a plot is written to a file that ends in {', '.join(SUFFIXES)}")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import Normalize
 
-from lookdev.brdf import evaluate_cosine, pdf, sample, seen_along
+from lookdev.brdf import bsdf_for_views, evaluate_cosine, pdf, sample
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
 from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
@@ -140,7 +140,7 @@ def _radiance_under_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
             total += np.asarray(delta.value) * dome.radiance(origin, to_dome(np.asarray(delta.direction)))
     if not subject.bsdf.lobes(wo[:1]):
         return total
-    bsdf = seen_along(subject.bsdf, wo)
+    bsdf = bsdf_for_views(subject.bsdf, wo)
     for number in range(_SAMPLES):
         u = (shift + number * step) % 1.0
         by_light = np.einsum("nkc,nc->nk", dome_frame, dome.sample(origin, u[:, 2:]))

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample, seen_along
-from lookdev.brdf.frames import mirrored
+from lookdev.brdf import Bsdf, Lobe, bsdf_for_views, evaluate_cosine, pdf, sample
+from lookdev.brdf.frames import mirror_across_surface
 from lookdev.brdf.quadrature import half_vector_grid
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.
     """
     u = np.stack([qmc.Sobol(2, rng=generator).random(samples) for generator in rng.spawn(scrambles)])
     view = np.broadcast_to(wo, (*u.shape[:2], 3))
-    bsdf = seen_along(bsdf, wo)
+    bsdf = bsdf_for_views(bsdf, wo)
     wi = sample(bsdf, view, u)
     density = pdf(bsdf, view, wi)
     is_sampled = density > 0.0
@@ -99,4 +99,4 @@ def _refract_view(lobe: Lobe, view: Floats) -> Floats:
 
 def _lobe_to_surface(lobe: Lobe, wi: Floats) -> Floats:
     """Return directions (n, 3) of a lobe's frame, in which all reflect, in the frame of the surface."""
-    return np.asarray(lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi))
+    return np.asarray(lobe.frame.from_local(mirror_across_surface(wi) if lobe.transmits else wi))

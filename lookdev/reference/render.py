@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.brdf import Bsdf, Delta, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
+from lookdev.brdf import Bsdf, Delta, bsdf_for_views, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
@@ -301,7 +301,7 @@ class _Surface:
         frame, facet = scene.frame(hits, viewer)
         wo, is_inside = _to_local(frame, viewer), scene.is_inside(hits, viewer)
         parts = tuple(
-            (part, seen_along(bsdf, wo[part]), bsdf.deltas(wo[part], is_inside[part]))
+            (part, bsdf_for_views(bsdf, wo[part]), bsdf.deltas(wo[part], is_inside[part]))
             for part, bsdf in scene.bsdfs(hits, wo[:, 2])
         )
         return cls(scene, hits, scene.points(hits), frame, facet, wo, parts)

@@ -25,7 +25,7 @@ from lookdev.rendering.passes import CATCHER
 Floats = NDArray[np.float64]
 
 
-def caught_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
+def catcher_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
     """Return the colours of both halves, A + G - s B, and the alpha of the frame."""
     ground, bare, ground_coverage = (
         0.5 * (_mean_part(first, name) + _mean_part(second, name)) for name in (*CATCHER, "covered")

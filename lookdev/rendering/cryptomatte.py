@@ -63,7 +63,7 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
     }
 
 
-def renamed(mattes: Floats, names: Mapping[str, str]) -> Floats:
+def rename_ids(mattes: Floats, names: Mapping[str, str]) -> Floats:
     """Return mattes whose ids are those of the new names; ids of names that are not in `names` are left out.
 
     Several old names may have the same new one: their coverages are summed up.
@@ -110,7 +110,7 @@ def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
     return ranked
 
 
-def filled(mattes: Floats, alpha: Floats) -> Floats:
+def normalize_coverage(mattes: Floats, alpha: Floats) -> Floats:
     """Return mattes (H, W, 2 n) whose coverages sum up to the alpha (H, W) of each pixel.
 
     A pixel with alpha but without ids, where the asset is too small for the samples, takes the ids of a neighbour.

@@ -46,7 +46,7 @@ class RenderedFrame:
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def half_of(seed: int) -> int:
+def half_of_seed(seed: int) -> int:
     """Return which half of a frame a renderer's seed belongs to, 0 or 1."""
     return seed % 2
 

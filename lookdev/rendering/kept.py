@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from lookdev.brdf import MODELS, Parameter
-from lookdev.cache import code_digest, file_digest, keep, kept
+from lookdev.cache import code_digest, file_digest, load_cached, store_cached
 from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import TextureError
@@ -37,7 +37,7 @@ def cached_source(backend: Backend, look: Look, setting: SourceSetting, light_co
     # The code of the whole package: many rooms contribute to a source.
     text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
     key = hashlib.sha256(text.encode()).hexdigest()
-    if (value := kept(_ROOM, key)) is not None:
+    if (value := load_cached(_ROOM, key)) is not None:
         try:
             source = _SOURCE.validate_python(value)
         except ValidationError:  # not written by this version of the code
@@ -46,7 +46,7 @@ def cached_source(backend: Backend, look: Look, setting: SourceSetting, light_co
             if all(file.is_whole() for file in (*(table.file for table in source.tables), *source.images)):
                 return source
     generated = backend.generate(look, setting)
-    keep(_ROOM, key, _SOURCE.dump_python(generated, mode="json"))  # type: ignore[arg-type]
+    store_cached(_ROOM, key, _SOURCE.dump_python(generated, mode="json"))  # type: ignore[arg-type]
     return generated
 
 

@@ -27,11 +27,11 @@ def check_device(device: str) -> None:
     """Raise RenderError unless Mitsuba is installed and kernels for a device, ``"cpu"`` or ``"cuda"``, run here."""
     if device == "cpu":
         find_llvm()
-    elif (fault := lacking_gpu()) is not None:
+    elif (fault := gpu_fault()) is not None:
         raise RenderError(f'device = "{device}": {fault}; device = "cpu" would be right')
 
 
-def lacking_gpu() -> str | None:
+def gpu_fault() -> str | None:
     """Return why no NVIDIA GPU can be used here, or None where one can; asks the driver itself."""
     count = ctypes.c_int(0)
     try:

@@ -66,7 +66,7 @@ def _library() -> tuple[ctypes.CDLL, int]:
     return library, device
 
 
-def denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[Image], Image]:
+def make_denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[Image], Image]:
     """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
 
     albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero.

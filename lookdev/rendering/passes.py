@@ -85,7 +85,7 @@ def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
     return tuple(re.sub(r"\W", "_", light.emission.group or light.kind, flags=re.ASCII) for light in lights)
 
 
-def arrays_of(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
+def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
     """Return the channels of each array of some passes, by its name; `groups` are the groups of lights."""
     arrays = {name: channels for key in passes for name, channels in PASSES[key].arrays.items()}
     if LIGHTS in passes:
@@ -94,6 +94,6 @@ def arrays_of(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, 
     return arrays
 
 
-def parts_of_light(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
+def light_parts(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
     """Return the names of the arrays of some passes that are parts of the beauty, to which exposure applies."""
-    return frozenset(arrays_of([name for name in passes if PASSES[name].light], groups))
+    return frozenset(channels_of_passes([name for name in passes if PASSES[name].light], groups))

@@ -14,7 +14,7 @@ from lookdev.cache import Content
 from lookdev.codegen import ShaderSource, Source
 from lookdev.light import AnyLight, Light
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.passes import CATCHER, arrays_of
+from lookdev.rendering.passes import CATCHER, channels_of_passes
 from lookdev.scene import Camera, Pose, Sampling
 from lookdev.space import REC709, Space
 
@@ -91,7 +91,7 @@ class SceneTask:
     @property
     def arrays(self) -> dict[str, tuple[str, ...]]:
         """The further arrays of a frame besides colour and alpha: the channels of each array, by its name."""
-        return {**arrays_of(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
+        return {**channels_of_passes(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
 
     @property
     def names_of_light(self) -> tuple[str, ...]:
@@ -121,12 +121,12 @@ class FrameTask:
     labels: dict[str, str]
 
 
-def one_frame(scene: SceneTask, pose: Pose, name: str, **sampling: Any) -> FrameTask:
+def frame_task(scene: SceneTask, pose: Pose, name: str, **sampling: Any) -> FrameTask:
     """Return a frame without files; `name` is its digest, `sampling` replaces fields of the scene's sampling."""
     return FrameTask(replace(scene, sampling=replace(scene.sampling, **sampling)), pose, 0.0, name, (), {})
 
 
-def contents(task: object) -> set[Content]:
+def files_of_task(task: object) -> set[Content]:
     """Return the files of a task: all that another machine needs besides the task itself."""
     return set(_contents(task))
 

@@ -287,7 +287,7 @@ class Worker:
 
 
 @contextmanager
-def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
+def open_renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
     The function raises as `Worker.start` and `Worker.render`; a WorkerError includes the last line of the log.
@@ -317,7 +317,7 @@ def last_line(log: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME_LINE)), "")
 
 
-def explained(error: Exception, log: Path) -> str:
+def explain_error(error: Exception, log: Path) -> str:
     """Return the message of an error, with the last line of a worker's log file appended unless it is there already."""
     line = last_line(log)
     return str(error) if line in str(error) else f"{error}: {line}"

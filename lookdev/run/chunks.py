@@ -42,7 +42,7 @@ def plan_of_chunk(plan: Plan, chunk: Chunk) -> Plan:
     return part_of(plan, _kept(plan, chunk.of) or _divided(plan, chunk.of, estimated(plan)), chunk.number)
 
 
-def keep_measured_chunks(plan: Plan, division: Division) -> None:
+def store_measured_chunks(plan: Plan, division: Division) -> None:
     """Divide a plan by the times of frames on disk, and keep the division for chunks to come.
 
     Raises LookdevError where no frame is on disk, OutputError where a chunk of such a division is at work, OSError

@@ -16,7 +16,7 @@ from lookdev.output.exr import write_frame
 from lookdev.output.frame_name import FrameName
 from lookdev.rendering.cryptomatte import matte_header
 from lookdev.rendering.executors import Stored
-from lookdev.rendering.passes import CATCHER, parts_of_light
+from lookdev.rendering.passes import CATCHER, light_parts
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.run.pictures import write_shared
@@ -73,7 +73,7 @@ def _write(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32], mor
     if not math.isnan(rendered.relmse):  # else the halves are one render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
     passes, groups = task.scene.sampling.passes, task.scene.names_of_light
-    channels, light = task.scene.arrays, {*parts_of_light(passes, groups), *CATCHER}
+    channels, light = task.scene.arrays, {*light_parts(passes, groups), *CATCHER}
     planes = {
         channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
         for name, each in channels.items()

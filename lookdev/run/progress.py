@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
-from lookdev.errors import printable
+from lookdev.errors import replace_controls
 from lookdev.run.events import (
     Event,
     FrameDone,
@@ -120,7 +120,7 @@ class _PlainReport:
 
     def __call__(self, event: Event) -> None:
         if (line := self._tally.take(event)) is not None:
-            self._stream.write(printable(line) + "\n")
+            self._stream.write(replace_controls(line) + "\n")
             self._stream.flush()  # a log file is followed while the run goes on
 
 
@@ -138,7 +138,7 @@ class _OpenJdReport(_PlainReport):
             self._tell("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
 
     def _tell(self, what: str, text: str) -> None:
-        self._stream.write(f"openjd_{what}: {' '.join(printable(text).split())}\n")
+        self._stream.write(f"openjd_{what}: {' '.join(replace_controls(text).split())}\n")
         self._stream.flush()
 
 
@@ -154,10 +154,10 @@ class _LiveReport:
     def __call__(self, event: Event) -> None:
         tally = self._tally
         if (line := tally.take(event)) is not None:
-            self._display.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
+            self._display.console.print(replace_controls(line), markup=False, highlight=False, soft_wrap=True)
         match event:
             case FrameStarted() if len(self._rendering) < _MOST_BARS:
-                bar = self._display.add_task(printable(event.name), total=None, note="starting")
+                bar = self._display.add_task(replace_controls(event.name), total=None, note="starting")
                 self._rendering[event.name] = bar
             case FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
                 error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"

@@ -17,7 +17,7 @@ from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors import Executor, Place
-from lookdev.rendering.executors.choice import LOCAL, Choice, opened
+from lookdev.rendering.executors.choice import LOCAL, Choice, open_executor
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import PATIENCE
 from lookdev.run.chunks import forget_chunks, plan_of_chunk
@@ -65,7 +65,7 @@ def render_job(
     `lookdev.plan.prepare.plan_job` but in tests.
     Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
-    job = wanted_job(path, rules, output, choice.device)
+    job = load_mapped_job(path, rules, output, choice.device)
     backend = BACKENDS[job.render.backend]
     with (
         mapped_files(rules),
@@ -115,13 +115,13 @@ def mapped_files(rules: PathRules) -> Iterator[None]:
     if not rules:
         yield
         return
-    from lookdev.stage import mapped_assets  # not at the top: reading USD files takes long to import
+    from lookdev.stage import map_asset_paths  # not at the top: reading USD files takes long to import
 
-    with mapped_assets(lambda asset: mapped(asset, rules)):
+    with map_asset_paths(lambda asset: mapped(asset, rules)):
         yield
 
 
-def wanted_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
+def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
     """Return a job as the options of a run want it: `output` and the kind of `device`, if any, instead of its own.
 
     Raises JobError, and LookdevError where its backend does not run on the device.
@@ -188,7 +188,7 @@ def _opened(choice: Choice, run: Run, command: Sequence[str], patience: float = 
     """Yield what renders for a run, with its logs and scratch in the state folder, and end it."""
     with (
         run.scratch() as scratch,
-        opened(choice, Place(scratch, run.log, tuple(command), patience), store) as executor,
+        open_executor(choice, Place(scratch, run.log, tuple(command), patience), store) as executor,
     ):
         yield executor
 

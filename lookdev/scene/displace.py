@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Asset, Instance, Mesh, Subdivision
-from lookdev.asset.normals import area_vectors, dot, smooth_normals, sum_by, unit_or
+from lookdev.asset.normals import area_vectors, dot, normalize_or, smooth_normals, sum_by
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import handedness
 from lookdev.errors import AssetError
@@ -82,7 +82,7 @@ def _restore_normals(mesh: Mesh) -> Mesh:
     if (carried := mesh.primvars.get(_NORMALS)) is None:
         return mesh
     primvars = {name: values for name, values in mesh.primvars.items() if name != _NORMALS}
-    normals = unit_or(carried.astype(np.float64), mesh.normals.astype(np.float64))
+    normals = normalize_or(carried.astype(np.float64), mesh.normals.astype(np.float64))
     return replace(mesh, primvars=primvars, normals=normals.astype(np.float32))
 
 
@@ -139,7 +139,7 @@ def _move_points(mesh: Mesh, object_heights: Doubles, world_heights: Doubles, li
     if world_heights.any():
         # The world's normal is L^-T n, normalised. L^-1 maps an offset along it to object space.
         inverse = np.linalg.inv(linear)
-        offsets = offsets + world_heights[:, None] * (unit_or(normals @ inverse, normals) @ inverse.T)
+        offsets = offsets + world_heights[:, None] * (normalize_or(normals @ inverse, normals) @ inverse.T)
     corner_counts = np.maximum(np.bincount(mesh.corner_points, minlength=count), 1)
     moved = mesh.points + sum_by(mesh.corner_points, offsets, count) / corner_counts[:, None]
     points = moved.astype(np.float32)
@@ -163,7 +163,7 @@ def _rotate_normals(normals: Doubles, before: Doubles, after: Doubles) -> Double
     is_flipped = cosine < -0.999
     across = np.cross(axis, normals)
     rotated = normals + across + np.cross(axis, across) / np.where(is_flipped, 1.0, 1.0 + cosine)
-    return unit_or(np.where(is_flipped, after, rotated), after)
+    return normalize_or(np.where(is_flipped, after, rotated), after)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lookdev.asset import Asset, Mesh
 from lookdev.asset.mesh import Floats
 from lookdev.asset.store import asset_digest
 from lookdev.material import Bump, Coordinates, Look, Primvar, Texture
-from lookdev.material.look import leaves
+from lookdev.material.look import leaf_sources
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def _leaves(look: Look) -> Iterator[Texture | Coordinates | Primvar]:
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     if look.displacement is not None:
         sources.append(look.displacement.height)
-    for source in leaves(sources):
+    for source in leaf_sources(sources):
         match source:
             case Texture() | Coordinates() | Primvar():
                 yield source

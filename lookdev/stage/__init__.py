@@ -18,8 +18,8 @@ from typing import Any, Literal
 from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
 
 from lookdev import guard
-from lookdev.errors import Fault, LookError, StageError, close_hint, nearest_hint, shortened
-from lookdev.mtlx import document_layer, is_document, redirect
+from lookdev.errors import Fault, LookError, StageError, close_hint, nearest_hint, shorten
+from lookdev.mtlx import document_layer, is_document, redirect_documents
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 from lookdev.text import has_text_path
@@ -31,7 +31,7 @@ _ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 @contextmanager
-def reading(file: Path) -> Iterator[list[str]]:
+def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
     """Turn USD's exceptions while `file` is read into a `StageError`, and collect USD's warnings.
 
     It yields a list, which holds the warnings after the block, the first of each kind. None goes to stderr.
@@ -50,7 +50,7 @@ def reading(file: Path) -> Iterator[list[str]]:
 
 
 @contextmanager
-def mapped_assets(map_path: Callable[[str], str]) -> Iterator[None]:
+def map_asset_paths(map_path: Callable[[str], str]) -> Iterator[None]:
     """Replace absolute asset paths in the layers that the block opens.
 
     `map_path` returns the new path of an absolute path. The paths of references, payloads, sublayers, clips and
@@ -72,7 +72,7 @@ def open_stage(file: Path) -> Usd.Stage:
         The file is missing or is not USD, or one of its layers is not a regular file, is nested too deep or is a
         malformed MaterialX document.
     """
-    with reading(file):
+    with usd_errors_as_faults(file):
         open_layers = _open_layers(file)  # referenced here, so that they stay open until the stage opens them
         stage = Usd.Stage.Open(open_layers[0])
         del open_layers
@@ -116,10 +116,10 @@ def compose(composition: Composition) -> Composed:
     """
     file, session = composition.file, Sdf.Layer.CreateAnonymous("session.usda")
     _check_path(composition)
-    with reading(file):
+    with usd_errors_as_faults(file):
         open_layers = _open_layers(file)
         if composition.layer is not None:
-            with reading(composition.layer):
+            with usd_errors_as_faults(composition.layer):
                 open_layers += (over := _open_layers(composition.layer))
             session.subLayerPaths.append(over[0].identifier)
         stage = Usd.Stage.Open(open_layers[0], session)
@@ -144,7 +144,7 @@ def lights_hint(stage: Usd.Stage) -> str:
 
 def dependencies(file: Path) -> set[Path]:
     """Return the absolute paths of a USD file, its layers and its images, those of unselected variants too."""
-    with reading(file):
+    with usd_errors_as_faults(file):
         open_layers = [] if _MAP_PATH.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
         del open_layers
@@ -227,7 +227,7 @@ def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
     Raises StageError if no prim has the set.
     """
     sets: dict[str, set[str]] = {}
-    with reading(composed.composition.file):
+    with usd_errors_as_faults(composed.composition.file):
         for prim in _prims_around(composed.stage, composed.composition.prim):
             for set_name in prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ():
                 sets.setdefault(set_name, set()).update(prim.GetVariantSet(set_name).GetVariantNames())
@@ -317,19 +317,19 @@ def error_words(error: Tf.ErrorException) -> str:
 
 
 def usd_words(text: str) -> str:
-    """Return a USD message, `shortened` and without names of USD's source files and of layers in memory."""
+    """Return a USD message, `shorten` and without names of USD's source files and of layers in memory."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
-    return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
+    return shorten(re.sub(r",@anon:[^@]*@", "", text).strip())
 
 
-def shown(text: str) -> str:
+def quote(text: str) -> str:
     """Quote a text for a message; a long text is cut off."""
     return repr(text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…")
 
 
 def _open_layer(file: Path) -> Sdf.Layer:
-    with reading(file):
+    with usd_errors_as_faults(file):
         return _open_layers(file)[0]
 
 
@@ -357,7 +357,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
             layer = Sdf.Layer.FindOrOpen(path)
             if layer is not None:
                 _map_assets(layer)
-                redirect(layer)
+                redirect_documents(layer)
         except LookError as error:
             faults += error.faults
             continue
@@ -383,7 +383,7 @@ def _is_absolute(path: str) -> bool:
 
 
 def _map_assets(layer: Sdf.Layer) -> None:
-    """Replace the absolute paths of a layer by `mapped_assets`; a layer that is dirty has been mapped before."""
+    """Replace the absolute paths of a layer by `map_asset_paths`; a layer that is dirty has been mapped before."""
     map_path = _MAP_PATH.get()
     if map_path is None or layer.dirty or Ar.IsPackageRelativePath(layer.identifier):
         return

@@ -13,7 +13,7 @@ from lookdev.cache import atomic_path, cache_dir, is_whole
 from lookdev.errors import TextureError
 
 
-def unpacked(paths: Sequence[str]) -> Path:
+def unpack(paths: Sequence[str]) -> Path:
     """Copy files of a package into a cache folder named by their content; return the copy of the first.
 
     Raises TextureError if a file cannot be read.

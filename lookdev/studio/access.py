@@ -14,7 +14,7 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from lookdev.errors import shortened
+from lookdev.errors import shorten
 
 log = logging.getLogger("lookdev.studio")
 
@@ -52,7 +52,7 @@ class RequestGuard:
             return
         headers = Headers(scope=scope)
         if problem := self._refusal(scope, headers):
-            log.warning("refused %s: %s", shortened(scope["path"], 80), problem)
+            log.warning("refused %s: %s", shorten(scope["path"], 80), problem)
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008, "reason": problem[:100]})
             else:
@@ -63,10 +63,10 @@ class RequestGuard:
     def _refusal(self, scope: Scope, headers: Headers) -> str:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0].lower() not in self._allowed:
-            return f"Host {shortened(', '.join(hosts) or 'missing', 80)} is not this server"
+            return f"Host {shorten(', '.join(hosts) or 'missing', 80)} is not this server"
         origins = headers.getlist("origin")
         if any(origin.lower() not in {f"http://{authority}" for authority in self._allowed} for origin in origins):
-            return f"Origin {shortened(', '.join(origins), 80)} is not this server"
+            return f"Origin {shorten(', '.join(origins), 80)} is not this server"
         # Browsers send Origin with every websocket and every POST: a request without it is not from a page.
         return ""
 
@@ -80,7 +80,7 @@ class RequestGuard:
             message = await receive()
             size += len(message.get("body", b""))
             if size > LONGEST_BODY:
-                log.warning("refused %s: a body of more than %d bytes", shortened(scope["path"], 80), LONGEST_BODY)
+                log.warning("refused %s: a body of more than %d bytes", shorten(scope["path"], 80), LONGEST_BODY)
                 return {"type": "http.disconnect"}
             return message
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from lookdev.brdf.measured.files import read_grid
-from lookdev.errors import LookdevError, ModelError, shortened
+from lookdev.errors import LookdevError, ModelError, shorten
 
 UPLOADS = "uploads"
 LARGEST_UPLOAD = 64 << 20
@@ -57,7 +57,7 @@ class Roots:
         Raises LookdevError if the file is outside of the roots, also by ``..`` or by a link.
         """
         parts = PurePosixPath(name).parts
-        error = LookdevError(f"'{shortened(name, 80)}' is not among the files of this server; start it with --root")
+        error = LookdevError(f"'{shorten(name, 80)}' is not among the files of this server; start it with --root")
         if not parts or "\0" in name or parts[0] not in self.named:
             raise error
         root = self.named[parts[0]]
@@ -126,4 +126,4 @@ class Roots:
         try:
             read_grid(file)
         except ModelError as error:
-            raise LookdevError(str(error).replace(str(file), shortened(name, 80))) from None
+            raise LookdevError(str(error).replace(str(file), shorten(name, 80))) from None

@@ -14,7 +14,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.errors import FaultsError, LookdevError, shorten
 
 log = logging.getLogger("lookdev.studio")
 
@@ -93,8 +93,8 @@ class PageSocket:
         except LookdevError as error:
             answer = {**reply, "error": str(error)}
         except Exception as error:
-            log.exception("failed: %s", shortened(json.dumps(request), 400))
-            answer = {**reply, "error": f"{type(error).__name__}: {shortened(str(error))}"}
+            log.exception("failed: %s", shorten(json.dumps(request), 400))
+            answer = {**reply, "error": f"{type(error).__name__}: {shorten(str(error))}"}
         if answer is not None:
             await self.send(answer)
 

@@ -8,7 +8,7 @@ import pytest
 from asset_arrays import affine, world_points
 
 from lookdev.asset import Asset, Instance, Mesh
-from lookdev.asset.bounds import about_origin, bounding_sphere
+from lookdev.asset.bounds import bounding_sphere, center_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 
@@ -88,7 +88,7 @@ def pair(scale: float) -> Asset:
 @pytest.mark.parametrize("scale", [1.0, 1e-4, 1e4])
 def test_placements_far_away_lose_nothing(scale: float) -> None:
     asset = pair(scale)
-    centered = about_origin(asset)
+    centered = center_asset(asset)
     assert centered.center == (0.0, 0.0, 0.0)
     assert (centered.radius, centered.digest) == (asset.radius, asset.digest)
     for original, local in zip(world_points(asset), world_points(centered), strict=True):
@@ -105,7 +105,7 @@ def test_placements_far_away_lose_nothing(scale: float) -> None:
 def test_points_far_from_their_own_origin_come_near_it() -> None:
     mesh = replace(BALL.meshes[0], points=(BALL.meshes[0].points + FAR).astype(np.float32))
     asset = make_asset("far", [mesh], [Instance(0, np.eye(4))], BALL.slots)
-    centered = about_origin(asset)
+    centered = center_asset(asset)
     assert np.abs(centered.meshes[0].points).max() < 1.1
     assert np.abs(centered.instances[0].matrix[:3, 3]).max() < 0.01
     np.testing.assert_allclose(world_points(centered)[0] + asset.center, world_points(asset)[0], rtol=0.0, atol=1e-6)

@@ -7,9 +7,9 @@ import pytest
 from asset_arrays import affine
 
 from lookdev.asset import Asset, Instance, Mesh, Slot
-from lookdev.asset.bounds import about_origin
+from lookdev.asset.bounds import center_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.gather import gathered, unstretched
+from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
 
@@ -27,7 +27,7 @@ def many(count: int = 80, mesh: Mesh = BALL, spread: float = 10.0) -> Asset:
         instances.append(Instance(number, affine(spread * rng.normal(size=3), linear)))
     slots = np.arange(count, dtype=np.int32)
     meshes = [replace(mesh, name=f"/{slot}", face_slots=np.full_like(mesh.face_slots, slot)) for slot in slots]
-    return about_origin(make_asset("many", meshes, instances, [Slot(f"/{slot}") for slot in slots]))
+    return center_asset(make_asset("many", meshes, instances, [Slot(f"/{slot}") for slot in slots]))
 
 
 def surface(asset: Asset) -> dict[int, np.ndarray]:
@@ -63,7 +63,7 @@ def test_unstretched_instances_are_rotations_and_show_the_same_surface() -> None
     matrices[2][:3, :3] = 2.0 * np.linalg.qr(matrices[2][:3, :3])[0]
     instances = [Instance(number, matrix) for number, matrix in enumerate(matrices)]
     asset = replace(asset, meshes=meshes, instances=(*instances, replace(instances[0], mesh=1)))
-    rigid = unstretched(asset, {0, 1, 2})
+    rigid = move_stretch_to_meshes(asset, {0, 1, 2})
     assert_same_surface(asset, rigid)
     for before, after in zip(asset.instances, rigid.instances, strict=True):
         linear = after.matrix[:3, :3]
@@ -78,7 +78,7 @@ def test_unstretched_instances_are_rotations_and_show_the_same_surface() -> None
 def test_meshes_with_tangents_are_joined_apart_from_those_without() -> None:
     asset = many()
     meshes = tuple(replace(mesh, tangents=None) if i % 2 else mesh for i, mesh in enumerate(asset.meshes))
-    joined = gathered(replace(asset, meshes=meshes))
+    joined = join_small_meshes(replace(asset, meshes=meshes))
     assert len(joined.meshes) == 2
     with_tangents = next(mesh for mesh in joined.meshes if mesh.tangents is not None)
     assert set(with_tangents.face_slots) == set(range(0, len(meshes), 2))
@@ -86,7 +86,7 @@ def test_meshes_with_tangents_are_joined_apart_from_those_without() -> None:
 
 def test_many_small_meshes_are_one() -> None:
     asset = many(mesh=replace(BALL, primvars=WEAR))
-    joined = gathered(asset)
+    joined = join_small_meshes(asset)
     assert len(joined.meshes) == len(joined.instances) == 1
     assert joined.meshes[0].corner_points.dtype == np.int32
     assert joined.meshes[0].name == "/0 and 79 others"
@@ -96,14 +96,14 @@ def test_many_small_meshes_are_one() -> None:
 
 def test_a_few_meshes_stay_as_they_are() -> None:
     asset = many(20)
-    assert gathered(asset) is asset
+    assert join_small_meshes(asset) is asset
 
 
 def test_meshes_of_other_attributes_are_joined_by_themselves() -> None:
     asset = many()
     meshes = [replace(mesh, primvars=WEAR) if i % 3 == 0 else mesh for i, mesh in enumerate(asset.meshes)]
     asset = replace(asset, meshes=tuple(meshes))
-    joined = gathered(asset)
+    joined = join_small_meshes(asset)
     assert {tuple(mesh.primvars) for mesh in joined.meshes} == {(), tuple(WEAR)}
     assert_same_surface(asset, joined)
 
@@ -134,7 +134,7 @@ CHANGES = {
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_mesh_stays_apart_that_joining_would_change_or_copy(name) -> None:
     asset = CHANGES[name](many())
-    joined = gathered(asset)
+    joined = join_small_meshes(asset)
     assert len(joined.meshes) == 2
     assert joined.meshes[1] is asset.meshes[0]
     assert len(joined.instances) == 2 + (name == "twice")
@@ -144,6 +144,6 @@ def test_a_mesh_stays_apart_that_joining_would_change_or_copy(name) -> None:
 def test_a_joined_mesh_has_a_limited_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.asset.gather._CORNERS", 10 * len(BALL.corner_points))
     asset = many()
-    joined = gathered(asset)
+    joined = join_small_meshes(asset)
     assert len(joined.meshes) == 8
     assert_same_surface(asset, joined)

@@ -13,7 +13,7 @@ from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import Cell, Options, parse_options, restricted
 from lookdev.bench.profile import FEW, PARTS, Profile, run_profile, stages
 from lookdev.errors import LookdevError
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 
 DEFAULTS = KINDS["profile"].defaults
@@ -109,7 +109,7 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
     cycles_worker.start()
     shots, every = [], stages(Cell("shaderball", "studio", look), 24)
     for number, stage in enumerate(every if between else every[:3] + every[-1:]):
-        task = one_frame(stage.scene, POSE, f"{number}", samples=16)
+        task = frame_task(stage.scene, POSE, f"{number}", samples=16)
         shots.append(shot_of(cycles_worker.render(task, lambda progress: None)))
     whole = shots[0]
     covered = whole.alpha > 0.99

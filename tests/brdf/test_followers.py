@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, complete_parameters
-from lookdev.brdf.parameters import with_followers
+from lookdev.brdf.parameters import add_followers
 
 FOLLOWERS = [
     (model, parameter.name, parameter.follows)
@@ -30,6 +30,6 @@ def test_a_follower_is_as_what_it_follows(model: str, name: str, followed: str) 
 
 def test_what_is_given_is_kept() -> None:
     parameters = MODELS["pixar"].parameters
-    assert with_followers(parameters, {"ior": 2.0}) == {"ior": 2.0}
+    assert add_followers(parameters, {"ior": 2.0}) == {"ior": 2.0}
     inputs = {"specularConeScale": "a", "refractionConeScale": "b"}
-    assert with_followers(parameters, inputs) == inputs | {"specularTransmissionConeScale": "a"}
+    assert add_followers(parameters, inputs) == inputs | {"specularTransmissionConeScale": "a"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, stack_bsdf
-from lookdev.brdf.mixture import Mixture, evaluate_diffuse, middle_albedo, middle_normal, seen_along
+from lookdev.brdf.mixture import Mixture, bsdf_for_views, estimate_albedo, evaluate_diffuse, mean_normal
 
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
 
@@ -39,7 +39,7 @@ def test_the_diffuse_part_and_the_rest_are_all() -> None:
     np.testing.assert_allclose(evaluate_diffuse(bsdf, WO, WI), term.value, rtol=1e-12)
     np.testing.assert_allclose(evaluate_cosine(bsdf, WO, WI), 0.8 * evaluate(bsdf, WO, WI), rtol=1e-12)
     assert (evaluate_diffuse(bsdf, WO, WI) < evaluate_cosine(bsdf, WO, WI)).all()
-    np.testing.assert_array_equal(evaluate(seen_along(bsdf, WO), WO, WI), evaluate(bsdf, WO, WI))
+    np.testing.assert_array_equal(evaluate(bsdf_for_views(bsdf, WO), WO, WI), evaluate(bsdf, WO, WI))
 
 
 def test_a_blend_of_diffusers_has_the_mean_of_albedos_and_normals() -> None:
@@ -47,9 +47,9 @@ def test_a_blend_of_diffusers_has_the_mean_of_albedos_and_normals() -> None:
     ward = StackLayer("ward", complete_parameters("ward", {"diffuse": (0.5,) * 3, "specular": (0.0,) * 3}))
     blend = stack_bsdf([ward, lambert(0.8, 0.25, normal=normal)])
     mixture = Mixture([lobe for lobe in blend.lobes(WO) if lobe.name == "diffuse"], WO)
-    np.testing.assert_allclose(middle_albedo(mixture), 0.75 * 0.5 + 0.25 * 0.8, rtol=1e-12)
+    np.testing.assert_allclose(estimate_albedo(mixture), 0.75 * 0.5 + 0.25 * 0.8, rtol=1e-12)
     expected = 0.375 * np.array([0.0, 0.0, 1.0]) + 0.2 * np.array(normal)
-    np.testing.assert_allclose(middle_normal(mixture), expected / np.linalg.norm(expected), rtol=1e-12)
+    np.testing.assert_allclose(mean_normal(mixture), expected / np.linalg.norm(expected), rtol=1e-12)
 
 
 KD, KS = (0.2, 0.1, 0.4), (0.1, 0.4, 0.7)

@@ -10,7 +10,7 @@ import pytest
 from usd_text import METRES, image, job_toml, material, shader
 
 from lookdev.asset import load_asset
-from lookdev.asset.silhouette import outline
+from lookdev.asset.silhouette import hull_points
 from lookdev.build.assign import NEUTRAL_LOOK, AssignedAsset
 from lookdev.build.faults import Findings
 from lookdev.build.frame import refine_and_frame
@@ -102,7 +102,7 @@ def test_a_mesh_that_is_not_a_cage_stays_as_it_is(make: Make) -> None:
 def test_the_camera_frames_the_limit_surface(make: Make) -> None:
     """At fill 0.7, the widest pose covers 70 % of the frame."""
     scene = scene_of(make('[[look]]\nname = "two"', width=256))
-    points = outline(scene.asset)
+    points = hull_points(scene.asset)
     camera = scene.camera
     extents = []
     for angle in np.linspace(0.0, 360.0, 360, endpoint=False):

@@ -7,7 +7,7 @@ import pytest
 
 from lookdev.asset import Asset, Instance, Mesh, Slot, load_asset
 from lookdev.asset.mesh import Subdivision
-from lookdev.asset.silhouette import outline
+from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import make_asset
 from lookdev.build import refine as refinery
 from lookdev.build.geometry_cache import cached_outline, geometry_key
@@ -123,7 +123,7 @@ def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -
     monkey = load_asset(builtin="suzanne").meshes[0]
     turned = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
-    expected = outline(pair)
+    expected = hull_points(pair)
     np.testing.assert_array_equal(cached_outline(pair), expected)
-    monkeypatch.delattr("lookdev.build.geometry_cache.outline")
+    monkeypatch.delattr("lookdev.build.geometry_cache.hull_points")
     np.testing.assert_array_equal(cached_outline(pair), expected)

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import batch_case as case
 
 from lookdev.build.wedges import WedgeSheet
-from lookdev.lifetime import ending_at_signals
+from lookdev.lifetime import end_at_signals
 from lookdev.rendering.passes import PASSES
 from lookdev.run.render import run_plan
 
@@ -25,7 +25,7 @@ WANTED = 'movie = true\nprores = true\nvp9 = true\ngrid = true\nburn_in = ["png"
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
-    with ending_at_signals():
+    with end_at_signals():
         job = case.make_job(folder, case.TURNTABLES + TIN, PASSES_WANTED + WANTED)
         plan = replace(case.make_plan(job), sheets=(SHEET,))
         result = run_plan(plan, job.outputs, job.render.background, worker_command=case.command(folder))

@@ -62,7 +62,7 @@ def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTas
     monkeypatch.setattr(check, "load_asset", lambda builtin: quick["asset", builtin])
     monkeypatch.setattr(check, "load_environment", lambda builtin: quick["light", builtin])
     monkeypatch.setattr(check, "MeshScene", lambda *rest: None)
-    monkeypatch.setattr(check, "renderer", lambda: nullcontext(render))
+    monkeypatch.setattr(check, "open_renderer", lambda: nullcontext(render))
     for function, name in (("check_points", "points"), ("check_albedo", "albedo"), ("check_frame", "image")):
         monkeypatch.setattr(check, function, agree(name))
     monkeypatch.setattr(check, "frame_pixels", lambda *rest, **options: None)

@@ -9,7 +9,7 @@ from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 from lookdev.light import load_environment, prepare_light
 from lookdev.plan import make_setup
 from lookdev.rendering.results import Rendered
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Pose, Sampling, frame_camera
 from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
 
@@ -23,7 +23,7 @@ def task() -> FrameTask:
     camera = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
     scene = props_scene(STRIP, camera, [light])
     setup = make_setup("charts", "white", scene, Sampling(samples=8))
-    return replace(one_frame(setup.task, Pose(0.0, 0.0), "charts"), exposure=1.0)
+    return replace(frame_task(setup.task, Pose(0.0, 0.0), "charts"), exposure=1.0)
 
 
 def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.ndarray | None = None) -> Rendered:

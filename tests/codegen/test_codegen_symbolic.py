@@ -12,7 +12,7 @@ from lookdev.brdf.lobes import Delta, Directions
 from lookdev.brdf.table import Table, look_up
 from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, dependent_nodes, post_order, reachable
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, dependent_nodes, post_order, reachable_nodes
 from lookdev.codegen.trace.lobes import INSIDE, present_deltas, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
@@ -107,8 +107,8 @@ def test_nodes_come_once_and_after_their_operands(graph: Graph) -> None:
     assert list(post_order([sine, both, 1.0, a])) == [a, sine, cosine, both]
     assert list(post_order([both], stop=lambda node: node is sine)) == [a, cosine, both]
     assert list(post_order([both], stop=lambda node: node is both)) == []
-    assert reachable([both, a, a]).keys() == {both, cosine, a, sine}
-    assert reachable([both], stop=[sine, cosine]).keys() == {both, sine, cosine}
+    assert reachable_nodes([both, a, a]).keys() == {both, cosine, a, sine}
+    assert reachable_nodes([both], stop=[sine, cosine]).keys() == {both, sine, cosine}
 
 
 def test_shapes_are_those_of_numpy(x: SymbolicArray, v: SymbolicArray) -> None:

@@ -14,7 +14,7 @@ from lookdev.codegen.trace.graph import OPERATIONS, Graph
 from lookdev.codegen.trace.slopes import slopes
 from lookdev.errors import CodegenError, ModelError
 from lookdev.material import Layer, Look
-from lookdev.material.change import constant_of, is_live, live_look
+from lookdev.material.change import constant_named, is_live, look_with_live_inputs
 
 COUNT = 200
 STEP = 1e-5
@@ -70,8 +70,8 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
     tokens_of = {name: value for name, value in parameter_values.items() if isinstance(value, str)}
     plain = {n: float(v) if v.ndim == 0 else tuple(map(float, v)) for n, v in numbers.items()}
     look = Look("look", (Layer("Layer", model, {**tokens_of, **plain}),))
-    live = {name: constant_of(look, name) for name in plain}
-    source = generate_program(live_look(look, live), lambda texture: pytest.fail("no texture is read"))
+    live = {name: constant_named(look, name) for name in plain}
+    source = generate_program(look_with_live_inputs(look, live), lambda texture: pytest.fail("no texture is read"))
     live_bindings = [binding for binding in source.attributes if is_live(binding.attribute)]
     bindings = {binding.attribute.rpartition(":")[2]: binding for binding in live_bindings}
     wo = directions(rng, COUNT)
@@ -132,7 +132,7 @@ def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
 
 def test_a_direction_that_turns_is_refused() -> None:
     look = Look("lens", (Layer("Lens", "glass", {"eta": 1.5}),))
-    live = live_look(look, {"eta": constant_of(look, "eta")})
+    live = look_with_live_inputs(look, {"eta": constant_named(look, "eta")})
     with pytest.raises(CodegenError, match="a single direction turns"):
         generate_program(live, lambda texture: pytest.fail("no texture is read"))
 
@@ -142,4 +142,4 @@ def test_a_direction_that_turns_is_refused() -> None:
 )
 def test_what_is_no_constant_is_refused(name: str, words: str) -> None:
     with pytest.raises(ModelError, match=words):
-        constant_of(Look("look", (Layer("Layer", "disney", {}),)), name)
+        constant_named(Look("look", (Layer("Layer", "disney", {}),)), name)

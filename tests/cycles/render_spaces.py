@@ -16,7 +16,7 @@ from lookdev.material import Layer, Look
 from lookdev.output.display import to_display, write_pixels
 from lookdev.rendering.backends import WORKER_COMMAND
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
+from lookdev.rendering.task import frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Sampling, Scene
 from lookdev.space import Space, to_rec709
@@ -42,7 +42,7 @@ def main(picture: Path) -> None:
         worker.start()
         for space in SPACES:
             scene = Scene(asset, looks, tuple(light.in_space(space) for light in lights), camera, Film(SIZE, space))
-            task = one_frame(scene_task(scene, Sampling(samples=64, bounces=2)), POSE, space)
+            task = frame_task(scene_task(scene, Sampling(samples=64, bounces=2)), POSE, space)
             frame = worker.render(task, lambda progress: None)
             images.append(to_rec709(0.5 * (frame.a + frame.b), space).astype(np.float32))
     pictures = [to_display(image, "lookdev") for image in images]

@@ -16,7 +16,7 @@ from lookdev.light.rig import load_rig
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import make_setup
 from lookdev.rendering.results import Rendered
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.run.events import Event, Noted
 from lookdev.run.render import render_job
@@ -34,7 +34,7 @@ def render_charts(worker: Worker, lights: list[object], samples: int) -> tuple[F
     scene = props_scene(STRIP, camera, lights)  # type: ignore[arg-type]
     task = make_setup("charts", "light", scene, Sampling(samples=samples, bounces=3)).task
     worker.start()
-    frame = replace(one_frame(task, Pose(0.0, 200.0), "charts"), exposure=0.5)
+    frame = replace(frame_task(task, Pose(0.0, 200.0), "charts"), exposure=0.5)
     return frame, worker.render(frame, lambda progress: None)
 
 

@@ -23,7 +23,7 @@ from lookdev.material import Layer
 from lookdev.material.usd import read_look
 from lookdev.metrics import relmse
 from lookdev.rendering.results import Rendered
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling
 
@@ -53,7 +53,7 @@ def shoot(worker: Worker) -> RenderSource:
         backend = "principled" if isinstance(source, PrincipledSource) else "nodes-exact" if exact else "nodes"
         scene = SceneTask(file, backend, (source,), slot_sources, (light,), (48, 48), sampling, camera, device)
         worker.start()
-        return worker.render(one_frame(scene, pose, "frame"), lambda progress: None)
+        return worker.render(frame_task(scene, pose, "frame"), lambda progress: None)
 
     return render_one
 

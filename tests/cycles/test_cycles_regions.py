@@ -13,7 +13,7 @@ from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.metrics import relmse
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
+from lookdev.rendering.task import frame_task
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
@@ -31,7 +31,7 @@ def test_a_rectangle_is_that_part_of_the_frame(backend: str, blender: BlenderPro
     look = Look("copper", (COPPER,))
     camera = orbit_camera(asset.center, asset.radius)
     scene = Scene.of_look(asset, look, light_of("studio"), (WIDTH, HEIGHT), camera)
-    task = one_frame(scene_task(scene, Sampling(), backend), POSE, "regions")
+    task = frame_task(scene_task(scene, Sampling(), backend), POSE, "regions")
     pictures = blender.call("probes.render_regions", task, BOXES, 4)
     for number, (left, bottom, right, top) in enumerate(BOXES):
         part = pictures[f"part{number}"]

@@ -18,7 +18,7 @@ from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.rendering.blend import BlendImage, BlendRig, BlendTask, BlendTurntable
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling
 
@@ -94,6 +94,6 @@ def test_a_light_that_does_not_turn_has_keys(reopened: tuple[dict[str, Any], Any
 def test_the_reopened_rig_renders_the_same_picture(reopened: tuple[dict[str, Any], Any], worker: Worker) -> None:
     _, theirs = reopened
     worker.start()
-    ours = worker.render(one_frame(task_of("green", "studio"), POSES[1], "green"), lambda progress: None)
+    ours = worker.render(frame_task(task_of("green", "studio"), POSES[1], "green"), lambda progress: None)
     assert ours.a[ours.alpha == 1.0].mean() > 0.02
     np.testing.assert_allclose(theirs[..., :3], 2.0 * ours.a, rtol=1e-5, atol=1e-6)

@@ -9,7 +9,7 @@ from test_passes import CENTER, COATED, SIZE, balls, covered, render_task, task_
 
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.rendering.passes import arrays_of, light_layer
+from lookdev.rendering.passes import channels_of_passes, light_layer
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.worker import Worker
 
@@ -44,7 +44,7 @@ def assert_sums(frame: Rendered, groups: tuple[str, ...]) -> None:
     """Check that each set of parts sums up to the beauty, and that no part is negative beyond rounding."""
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     for name in ("lobes", "direct", "lights"):
-        parts = [*arrays_of((name,), groups)]
+        parts = [*channels_of_passes((name,), groups)]
         if not {*parts} <= {*frame.passes}:
             continue
         total = np.sum([frame.passes[part] for part in parts], axis=0)
@@ -90,7 +90,7 @@ def test_sets_that_do_not_fit_one_render_are_shared_by_the_halves(options: dict[
     assert frame.passes["sheen"].mean() > 2e-4
     assert not frame.passes["transmission"].any()
     assert frame.passes["indirect"].mean() > 3e-4
-    assert {*frame.passes} == {*arrays_of(passes, GROUPS)}
+    assert {*frame.passes} == {*channels_of_passes(passes, GROUPS)}
 
 
 def test_light_belongs_to_the_lobe_of_the_first_hit(worker: Worker) -> None:

@@ -18,7 +18,7 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.passes import PASSES
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.run.frame_file import store
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
@@ -60,7 +60,7 @@ def task_of(
     lights = lights or (prepare_light(load_environment(builtin="studio")),)
     scene = Scene(asset, {"/set/ball": ball, "/set/others": others}, lights, CAMERA, Film(size))
     sampling = Sampling(**{"samples": 16, "bounces": 1, "passes": passes} | options)
-    return one_frame(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {options}")
+    return frame_task(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {options}")
 
 
 def render_task(worker: Worker, task: FrameTask) -> Rendered:
@@ -288,9 +288,9 @@ def test_a_worker_renders_frames_with_mattes_one_after_another(worker: Worker) -
     """Sorting the mattes of a frame must not read beyond the pixels of the next frame's first, tiny render."""
     scene = task_of(balls(), ("cryptomatte",)).scene
     poses = [Pose(angle, 15.0) for angle in (0.0, 40.0, 80.0, 0.0)]
-    frames = [render_task(worker, one_frame(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]
+    frames = [render_task(worker, frame_task(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]
     pid = worker.pid
-    again = render_task(worker, one_frame(scene, poses[1], "mattes again"))
+    again = render_task(worker, frame_task(scene, poses[1], "mattes again"))
     assert worker.pid == pid
     for first, second in ((frames[0], frames[3]), (frames[1], again)):
         assert np.array_equal(first.a, second.a)

@@ -14,7 +14,7 @@ from lookdev.material import Layer, Look
 from lookdev.output.exr import read_frame, read_header, read_shown, space_of
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.run.frame_file import store
 from lookdev.scene import Film, Sampling, Scene
@@ -37,7 +37,7 @@ def task(
 ) -> FrameTask:
     looks = {"/set/ball": look, "/set/others": others or look}
     scene = Scene(balls(), looks, (light.in_space(space),), CAMERA, Film(SIZE, space))
-    return one_frame(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
+    return frame_task(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
 
 
 def beauty(frame: Rendered) -> np.ndarray:
@@ -83,9 +83,9 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     plain, other = (
         replace(task(RED, space, light), files=(tmp_path / f"{space}.exr",)) for space in ("rec709", "acescg")
     )
-    for frame_task in (plain, other):
-        frame = render_task(worker, frame_task)
-        store(frame_task, frame)
+    for variant in (plain, other):
+        frame = render_task(worker, variant)
+        store(variant, frame)
     with OpenEXR.File(str(other.files[0]), header_only=True) as exr:
         header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)

@@ -18,7 +18,7 @@ from lookdev.plan.setup import make_setup
 from lookdev.plan.skips import scene_skips
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -44,7 +44,7 @@ def assert_skips_keep_picture(worker: Worker, short: Scene, full: Scene, skips: 
 
 def render_task(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> Rendered:
     worker.start()
-    return worker.render(one_frame(task, pose, seed), lambda progress: None)
+    return worker.render(frame_task(task, pose, seed), lambda progress: None)
 
 
 def assert_equal_means(a: Rendered, b: Rendered) -> None:

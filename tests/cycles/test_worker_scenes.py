@@ -20,8 +20,8 @@ from lookdev.material import Layer, Look, Texture
 from lookdev.rendering.backends import WORKER_COMMAND, job_backends
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, SceneTask, contents, one_frame
-from lookdev.rendering.worker import Worker, renderer
+from lookdev.rendering.task import FrameTask, SceneTask, files_of_task, frame_task
+from lookdev.rendering.worker import Worker, open_renderer
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
@@ -59,7 +59,7 @@ def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
 
 def render(worker: Worker, scene: SceneTask) -> Rendered:
     worker.start()
-    return worker.render(one_frame(scene, POSE, "frame"), lambda progress: None)
+    return worker.render(frame_task(scene, POSE, "frame"), lambda progress: None)
 
 
 def assert_same(one: Rendered, other: Rendered, label: str) -> None:
@@ -163,7 +163,7 @@ def test_a_task_needs_only_its_contents(
     chips = Texture(tmp_path / "color.png", "rgb", "sRGB")
     look = Look("chips", (Layer("Base", "disney", {"baseColor": chips, "roughness": 0.6}),))
     scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("slopes"), (24, 24))
-    tasks = [one_frame(scene_task(scene, Sampling(samples=4), backend), POSE, backend) for backend in backends]
+    tasks = [frame_task(scene_task(scene, Sampling(samples=4), backend), POSE, backend) for backend in backends]
 
     def render_here(task: FrameTask) -> Rendered:
         worker: Worker = request.getfixturevalue(f"{'mitsuba' if task.scene.backend == 'mitsuba' else 'cycles'}_worker")
@@ -173,10 +173,10 @@ def test_a_task_needs_only_its_contents(
     here = [render_here(task) for task in tasks]
     store = tmp_path / "cache" / "content"
     store.mkdir(parents=True)
-    for content in {content for task in tasks for content in contents(task)}:
+    for content in {content for task in tasks for content in files_of_task(task)}:
         shutil.copyfile(content.path, store / content.path.name)
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    with renderer() as render_there:
+    with open_renderer() as render_there:
         there = [render_there(task) for task in tasks]
     for task, ours, theirs in zip(tasks, here, there, strict=True):
         assert ours.a[ours.alpha == 1.0].mean() > 0.01

@@ -19,8 +19,8 @@ from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.task import FrameTask, frame_task
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +48,7 @@ def measure(preset: Path, render: Callable[[FrameTask], Rendered]) -> Gap:
     light = prepare_light(load_environment(builtin="studio"))
     scene = Scene.of_look(load_asset(builtin="sphere"), look, light, _SIZE)
     a, b = (
-        render(one_frame(scene_task(scene, _SAMPLING, backend), Pose(0.0, 0.0), f"{preset.stem} {backend}"))
+        render(frame_task(scene_task(scene, _SAMPLING, backend), Pose(0.0, 0.0), f"{preset.stem} {backend}"))
         for backend in ("exact", "nodes")
     )
     gap = measure_gap((a.a, a.b), (b.a, b.b), a.alpha)
@@ -77,7 +77,7 @@ def write(gaps: Iterable[Gap]) -> None:
 
 if __name__ == "__main__":
     measured = []
-    with renderer() as render:
+    with open_renderer() as render:
         for number, preset in enumerate(PRESETS):
             measured.append(measure(preset, render))
             sys.stderr.write(f"{number + 1} of {len(PRESETS)}: {measured[-1]}\n")

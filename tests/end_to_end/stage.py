@@ -8,7 +8,7 @@ from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
 from lookdev.rendering.results import Progress, Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
@@ -44,7 +44,7 @@ class Stage:
         sampling = Sampling(samples, brdf_samples=2, ibl_samples=ibl_samples, bounces=1, seed=seed)
         dome = prepare_light(light, sampled=ibl_samples > 0)
         scene = Scene.of_look(asset, look, dome, resolution, camera)
-        return one_frame(scene_task(scene, sampling), pose, "d1ge57")
+        return frame_task(scene_task(scene, sampling), pose, "d1ge57")
 
 
 def difference(one: Rendered, other: Rendered) -> float:

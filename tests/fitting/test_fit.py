@@ -11,7 +11,7 @@ from lookdev.brdf.measured.synthetic import isotropic_samples
 from lookdev.errors import LookdevError
 from lookdev.fitting import LOSSES, fit, free_parameters
 from lookdev.fitting.data import evaluate_pairs
-from lookdev.fitting.solve import fit_text
+from lookdev.fitting.solve import format_fit
 from lookdev.plotting import Subject, model_subject, read_subject
 
 DISNEY = MODELS["disney"]
@@ -76,8 +76,8 @@ def test_what_has_no_effect_is_named() -> None:
     data = model_subject(MODELS["lambert"], {}, "lambert")
     result = fit(data, DISNEY, {"sheen": 0.0}, wanted=("baseColor", "roughness", "sheenTint"))
     assert result.unknown == ("sheenTint",)
-    assert "sheenTint" in fit_text(result)
-    assert "(without effect)" in fit_text(result)
+    assert "sheenTint" in format_fit(result)
+    assert "(without effect)" in format_fit(result)
 
 
 def test_all_numbers_but_optional_ones_are_fitted() -> None:

@@ -11,7 +11,7 @@ from text_changes import CHANGES, odd
 
 from lookdev.brdf import MODELS
 from lookdev.checks.evaluate import evaluate_lines
-from lookdev.text import decoded
+from lookdev.text import decode
 
 _SINGLES: list[dict[str, Any]] = [
     {
@@ -59,7 +59,7 @@ _PLAN: tuple[tuple[Any, ...], ...] = (
 
 
 def _read(data: bytes) -> Reading:
-    lines = (decoded(line, f"line {number}") for number, line in enumerate(data.splitlines(keepends=True), start=1))
+    lines = (decode(line, f"line {number}") for number, line in enumerate(data.splitlines(keepends=True), start=1))
     answers = [json.loads(line) for line in evaluate_lines(lines, "numpy") if line]
     return Reading({str(number): (each["f"], each["pdf"]) for number, each in enumerate(answers)})
 

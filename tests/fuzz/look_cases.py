@@ -11,7 +11,7 @@ from usd_sound import PIXELS
 from usda_lines import TYPES, animated, declaration, odd_text, retyped, spoil_layer
 
 from lookdev.material import Formula
-from lookdev.material.look import leaves
+from lookdev.material.look import leaf_sources
 from lookdev.material.usd.bound import read_any_look
 
 _TEXT = """#usda 1.0
@@ -91,7 +91,7 @@ def _read(file: Path) -> Reading:
     notes = tuple(str(note).replace(folder, "") for note in found.lost)
     # Not the text of the whole look: expressions that share another one are as long as their paths are many.
     read = [
-        (layer.name, layer.mode, sorted(layer.inputs), list(leaves([*layer.inputs.values(), layer.mask])))
+        (layer.name, layer.mode, sorted(layer.inputs), list(leaf_sources([*layer.inputs.values(), layer.mask])))
         for layer in found.look.layers
     ]
     masks = [layer.mask.expression.text for layer in found.look.layers if isinstance(layer.mask, Formula)]

@@ -12,7 +12,7 @@ from usd_sound import CUBE
 
 from lookdev.asset.usd import read_usd
 from lookdev.codegen.source import short_name
-from lookdev.material.usd.bound import read_bound
+from lookdev.material.usd.bound import read_bound_looks
 from lookdev.stage import Composition, compose
 
 _PLAIN = ("Root", "Body", "Second", "Looks", "Paint", "Rubber", "more", "map", "wear", "rust", "tint")
@@ -104,7 +104,7 @@ def _read(file: Path, names: tuple[str, ...]) -> Reading:
             if plain in _PRIMVARS
         }
         result[f"{number} others"] = len(values)
-    bound = read_bound(composed, [slot.material for slot in asset.slots if slot.material])
+    bound = read_bound_looks(composed, [slot.material for slot in asset.slots if slot.material])
     result["looks"] = [len(material.look.layers) for material in bound.values()]
     result["lost"] = [str(fault) for material in bound.values() for fault in material.lost]
     return Reading(result, asset.notes)

@@ -20,7 +20,7 @@ from lookdev.job import load_job
 from lookdev.plan.prepare import plan_job
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.rendering.worker import Worker, renderer
+from lookdev.rendering.worker import Worker, open_renderer
 from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.cycles
@@ -90,7 +90,7 @@ def test_an_asset_shows_the_same_picture_at_the_limits_of_size(paint: Painter, t
 def _rendered(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the picture of a job, by a worker of its own, and the notes."""
     prepared = plan_job(load_job(folder / "job.toml"))
-    with renderer() as render:
+    with open_renderer() as render:
         frame = render(prepared.plan.frames[0].task)
     return np.stack([frame.a, frame.b]), (*prepared.notes, *frame.notes)
 

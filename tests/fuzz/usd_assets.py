@@ -21,7 +21,7 @@ from lookdev.asset.usd import read_usd
 from lookdev.asset.usd.collections import collection_members
 from lookdev.asset.usd.scene import name_file_in_errors
 from lookdev.asset.usd_camera import read_camera
-from lookdev.material.usd.bound import read_bound
+from lookdev.material.usd.bound import read_bound_looks
 from lookdev.stage import Composition, compose
 
 # Each change of each spot, and each file, once; then again, written in other ways.
@@ -138,7 +138,7 @@ def read(file: Path, sound: Sound) -> Reading:
             result |= {f"mesh {i} {key}": value for key, value in _plain(each.name, getattr(refined, each.name))}
     for i, instance in enumerate(asset.instances):
         result[f"instance {i}"] = instance.mesh, instance.path, instance.matrix.tobytes()
-    bound = read_bound(composed, dict.fromkeys(slot.material for slot in asset.slots if slot.material))
+    bound = read_bound_looks(composed, dict.fromkeys(slot.material for slot in asset.slots if slot.material))
     lost = [str(fault) for each in bound.values() for fault in each.lost]
     result |= {
         f"look {path}": repr(each.look).replace(str(file), "asset").replace(str(file.parent), "")

@@ -142,7 +142,7 @@ def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monke
 
     monkeypatch.setattr(doctor, "find_llvm", lambda: "libLLVM.so.19")
     for fault, words in (("no driver here", "no driver here"), (None, "an NVIDIA GPU is there")):
-        monkeypatch.setattr(doctor, "lacking_gpu", lambda fault=fault: fault)
+        monkeypatch.setattr(doctor, "gpu_fault", lambda fault=fault: fault)
         findings = findings_by_subject()["Mitsuba"]
         assert findings.good
         assert findings.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')

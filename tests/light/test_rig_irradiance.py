@@ -15,7 +15,7 @@ from lookdev.light.placement import checked_axes, vector
 from lookdev.material import Layer, Look
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -54,7 +54,7 @@ def reflected(render: Render, light: Light, samples: int = 1024) -> float:
     """Return pi times the radiance that a plane of size 1 at the origin reflects."""
     asset, look = load_asset(builtin="plane"), Look("look", (Layer("l", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
     task = scene_task(Scene.of_look(asset, look, light, (8, 8)), Sampling(bounces=0, samples=samples, error=None))
-    rendered = render(one_frame(task, Pose(0.0, 0.0), "plane"))
+    rendered = render(frame_task(task, Pose(0.0, 0.0), "plane"))
     return float(np.pi * ((rendered.a + rendered.b) / 2.0)[rendered.alpha == 1.0].astype(np.float64).mean())
 
 

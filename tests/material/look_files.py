@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look
-from lookdev.material.usd.bound import BoundLook, read_bound
+from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.stage import Composition, compose
 
 _TYPE = r"(?:bool|int|float|half|double|token|string|asset|color[34]f|normal3f|vector3f|float[234])(?:\[\])?"
@@ -121,7 +121,7 @@ def asset(folder: Path, body: str) -> Path:
 def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> BoundLook:
     """Return the look of the material of an asset."""
     composed = compose(Composition(asset(folder, body), missing=missing))  # type: ignore[arg-type]
-    return read_bound(composed, [path])[path]
+    return read_bound_looks(composed, [path])[path]
 
 
 def fault_texts(result: BoundLook) -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ from lookdev.material.library.edit import set_mask
 from lookdev.material.library.fragments import copy_layer, duplicate_layer, paste_layer
 from lookdev.material.library.masks import parse_mask
 from lookdev.material.library.parameters import set_source, unset_parameter
-from lookdev.material.library.stack import outline_of
+from lookdev.material.library.stack import read_outline
 from lookdev.material.look import Formula, Primvar
 from lookdev.material.usd import read_look
 
@@ -24,11 +24,11 @@ DUSTY = {"wear": "dusty"}
 
 
 def names(file: Path, **variants: str) -> list[str]:
-    return [entry.name for entry in outline_of(file, variants=variants).entries]
+    return [entry.name for entry in read_outline(file, variants=variants).entries]
 
 
 def test_an_outline_has_all_layers_and_variants(car: Path) -> None:
-    clean, dusty = outline_of(car), outline_of(car, variants=DUSTY)
+    clean, dusty = read_outline(car), read_outline(car, variants=DUSTY)
     assert [(e.number, e.name, e.enabled) for e in clean.entries] == [(0, "Base", 1), (1, "Flakes", 1), (2, "Dust", 0)]
     assert all(entry.enabled for entry in dusty.entries)
     assert clean.variants == {"wear": (("clean", "dusty"), "clean")}

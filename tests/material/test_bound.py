@@ -13,7 +13,7 @@ from lookdev.errors import LookError, StageError
 from lookdev.material.look import Displacement, Layer, Primvar, Texture
 from lookdev.material.translate import TRANSLATIONS
 from lookdev.material.usd import read_look
-from lookdev.material.usd.bound import GREY, BoundLook, read_any_look, read_bound
+from lookdev.material.usd.bound import GREY, BoundLook, read_any_look, read_bound_looks
 from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.both_pythons
@@ -386,7 +386,7 @@ def test_colours_are_converted_to_linear_rec709(folder: Path) -> None:
 
 
 def test_several_materials_are_read_once_each(folder: Path) -> None:
-    looks = read_bound(compose(Composition(asset(folder, preview("float roughness = 2")))), ["/M", "/M"])
+    looks = read_bound_looks(compose(Composition(asset(folder, preview("float roughness = 2")))), ["/M", "/M"])
     assert list(looks) == ["/M"]
     assert len(looks["/M"].lost) == 1
 
@@ -480,7 +480,7 @@ def write_reference(folder: Path, *parts: str, over: str = "") -> Path:
 
 
 def gold(file: Path) -> BoundLook:
-    return read_bound(compose(Composition(file)), ["/Looks/Gold"])["/Looks/Gold"]
+    return read_bound_looks(compose(Composition(file)), ["/Looks/Gold"])["/Looks/Gold"]
 
 
 def test_a_material_of_a_document(folder: Path) -> None:

@@ -11,7 +11,7 @@ from pxr import Usd
 from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookdevError, LookError, ModelError
-from lookdev.material.change import changed_look, constant_of, varied_names, with_constants
+from lookdev.material.change import constant_named, look_with_value, varied_names, with_constants
 from lookdev.material.expression import parse
 from lookdev.material.library import Preset, find_preset
 from lookdev.material.library.constants import check_writable, set_inputs, write_changed
@@ -397,11 +397,11 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
     before = read_look(file)
     for names in ([n for n in NAMES if n != "Base.roughness"], list(NAMES)):
         out = tmp_path / f"found{len(names)}.usda"
-        changed = [replace(constant_of(before, name), value=NAMES[name]) for name in names]
+        changed = [replace(constant_named(before, name), value=NAMES[name]) for name in names]
         write_changed(file, out, changed)
         written_look = read_look(out)
         for constant in changed:
-            assert constant_of(written_look, constant.name).value == pytest.approx(constant.value)
+            assert constant_named(written_look, constant.name).value == pytest.approx(constant.value)
         assert len(written_look.layers) == len(before.layers)
         stage = Usd.Stage.Open(str(out))
         # An interface input of one layer gets the constant. One that two layers read stays with the other layer.
@@ -410,17 +410,17 @@ def test_constants_are_set_where_they_are(tmp_path: Path) -> None:
         if not shared:
             assert stage.GetPrimAtPath("/M").GetAttribute("inputs:shine").Get() == pytest.approx(0.3)
             assert stage.GetPrimAtPath("/M/Coat").GetAttribute("inputs:clearcoatGloss").HasAuthoredConnections()
-        assert constant_of(written_look, "Coat.roughness").value == pytest.approx((0.4,))
+        assert constant_named(written_look, "Coat.roughness").value == pytest.approx((0.4,))
         # Only the selected variant changes.
         new = read_look(out, None, {"wear": "new"})
-        assert constant_of(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
+        assert constant_named(new, "Base.baseColor").value == pytest.approx((0.9, 0.1, 0.1))
     assert read_look(file) == before
 
 
 def test_relative_paths_stay_right_in_another_folder(tmp_path: Path) -> None:
     file = MATERIALS / "robot_paint.usda"
     look = read_look(file)
-    target = replace(constant_of(look, "Paint.roughness"), value=(0.5,))
+    target = replace(constant_named(look, "Paint.roughness"), value=(0.5,))
     write_changed(file, tmp_path / "found.usdc", [target])
     assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [target]).layers
 
@@ -433,9 +433,9 @@ def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
     file.write_text(SHARED)
     look = read_look(file)
     with pytest.raises(LookError, match=r"found\.txt: is not a file to write a look in"):
-        write_changed(file, tmp_path / "found.txt", [constant_of(look, "Base.metallic")])
+        write_changed(file, tmp_path / "found.txt", [constant_named(look, "Base.metallic")])
     with pytest.raises(LookError, match=r"out\.usda: .*out of range"):
-        write_changed(file, out, [replace(constant_of(look, "Base.metallic"), value=(3.0,))])
+        write_changed(file, out, [replace(constant_named(look, "Base.metallic"), value=(3.0,))])
     assert not out.exists()
 
 
@@ -464,28 +464,30 @@ def layer_named(look: Look, name: str) -> Layer:
 )
 def test_an_input_of_one_layer(parameter: str, value: object, name: str, expected: object) -> None:
     layer_name = parameter.partition(".")[0]
-    assert changed_look(PAINT, parameter, value).layers == tuple(
+    assert look_with_value(PAINT, parameter, value).layers == tuple(
         replace(layer, inputs={**layer.inputs, name: expected}) if layer.name == layer_name else layer
         for layer in PAINT.layers
     )
 
 
 def test_masks_and_inputs_of_their_expressions() -> None:
-    assert layer_named(changed_look(PAINT, "Dust.mask", 0.75), "Dust").mask == 0.75
-    mask = layer_named(changed_look(PAINT, "Paint.mask.amount", 0.9), "Paint").mask
+    assert layer_named(look_with_value(PAINT, "Dust.mask", 0.75), "Dust").mask == 0.75
+    mask = layer_named(look_with_value(PAINT, "Paint.mask.amount", 0.9), "Paint").mask
     assert mask == Formula(AMOUNT.expression, {**AMOUNT.inputs, "amount": 0.9}, AMOUNT.kinds)
-    assert layer_named(changed_look(PAINT, "mask.amount", 0.9), "Paint").mask == mask  # one layer alone has it
-    other = layer_named(changed_look(PAINT, "Paint.mask", "wear * wear * view"), "Paint").mask
+    assert layer_named(look_with_value(PAINT, "mask.amount", 0.9), "Paint").mask == mask  # one layer alone has it
+    other = layer_named(look_with_value(PAINT, "Paint.mask", "wear * wear * view"), "Paint").mask
     kinds = {"wear": "float", "view": "float"}
     assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": View()}, kinds)
-    rough = layer_named(changed_look(PAINT, "Steel.roughness", "0.2 + 0.5 * (1 - view)"), "Steel").inputs["roughness"]
+    rough = layer_named(look_with_value(PAINT, "Steel.roughness", "0.2 + 0.5 * (1 - view)"), "Steel").inputs[
+        "roughness"
+    ]
     assert rough.inputs == {"view": View()}
 
 
 def test_of_a_single_layer_the_name_of_the_input_is_enough() -> None:
     single = Look("steel", PAINT.layers[:1])
-    assert changed_look(single, "roughness", 0.1).layers[0].inputs["roughness"] == 0.1
-    assert changed_look(single, "variant", "2012").layers[0].inputs["variant"] == "2012"
+    assert look_with_value(single, "roughness", 0.1).layers[0].inputs["roughness"] == 0.1
+    assert look_with_value(single, "variant", "2012").layers[0].inputs["variant"] == "2012"
 
 
 @pytest.mark.parametrize(
@@ -508,7 +510,7 @@ def test_of_a_single_layer_the_name_of_the_input_is_enough() -> None:
 )
 def test_what_cannot_vary_and_what_would_be_right(parameter: str, value: object, message: str) -> None:
     with pytest.raises(ModelError, match=message):
-        changed_look(PAINT, parameter, value)
+        look_with_value(PAINT, parameter, value)
 
 
 def test_every_name_can_be_used() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.codegen.trace.graph import Graph, Node, reachable
+from lookdev.codegen.trace.graph import Graph, Node, reachable_nodes
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.material.expression import ExpressionError, Kind, parse, shaping
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS
@@ -200,7 +200,7 @@ def trace(graph: Graph, text: str) -> Any:
 
 
 def reads(text: str) -> set[str]:
-    return {str(node.args[0]) for node in reachable(elements_of(trace(Graph(), text))) if node.op == "symbol"}
+    return {str(node.args[0]) for node in reachable_nodes(elements_of(trace(Graph(), text))) if node.op == "symbol"}
 
 
 @pytest.mark.parametrize(
@@ -297,7 +297,7 @@ def test_every_constant_that_is_left_is_a_float32(name: str) -> None:
         for _ in range(10):
             others = (argument for argument in names if argument != varying)
             values = {argument: np.array(rng.choice(np.clip(_EXTREMES, -1e18, 1e18))) for argument in others}
-            nodes = reachable(_trace_call(name, **values)[2])
+            nodes = reachable_nodes(_trace_call(name, **values)[2])
             constants = [arg for node in nodes for arg in node.args if isinstance(arg, float)]
             assert all(abs(constant) <= 3.4e38 for constant in constants)
 

@@ -10,7 +10,7 @@ from variant_sets import variants
 
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look
-from lookdev.material.validate.examine import examine
+from lookdev.material.validate.examine import examine_file
 
 MEGABYTE = 1_000_000
 NAME = "a" * MEGABYTE
@@ -118,7 +118,7 @@ def test_a_large_look_at_fault_is_an_error_that_names_the_file(tmp_path: Path, n
     with pytest.raises(LookError) as caught:
         read_look(file)
     assert str(file) in str(caught.value)
-    report = examine(file)
+    report = examine_file(file)
     assert report.has_errors
     assert max(map(len, report.text().splitlines())) <= 2000
     assert capfd.readouterr().err == ""
@@ -130,4 +130,4 @@ def test_a_large_look_that_is_right_is_read(tmp_path: Path, name: str) -> None:
     file = tmp_path / "look.usda"
     file.write_text(VALID[name]())
     assert read_look(file).layers
-    assert not examine(file).has_errors
+    assert not examine_file(file).has_errors

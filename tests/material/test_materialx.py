@@ -17,7 +17,7 @@ from lookdev.errors import OutputError
 from lookdev.material.look import Layer, Primvar, Texture
 from lookdev.material.materialx import Imported, import_materialx, write_usda
 from lookdev.material.usd import read_look
-from lookdev.material.validate.examine import examine
+from lookdev.material.validate.examine import examine_file
 
 pytestmark = pytest.mark.both_pythons
 
@@ -320,7 +320,7 @@ def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None
     stage = Usd.Stage.Open(str(tmp_path / "m.usda"))
     data = stage.GetPrimAtPath("/Alt_gold_1").GetCustomDataByKey("lookdev:materialx")
     assert data == {"file": "m.mtlx", "material": "Alt gold/1"}
-    assert {finding.severity for finding in examine(tmp_path / "m.usda").findings} == {"note"}
+    assert {finding.severity for finding in examine_file(tmp_path / "m.usda").findings} == {"note"}
 
 
 def test_a_look_is_written_as_its_suffix_says(tmp_path: Path) -> None:
@@ -329,7 +329,7 @@ def test_a_look_is_written_as_its_suffix_says(tmp_path: Path) -> None:
         file = tmp_path / f"look{suffix}"
         write_usda(result, file)
         assert file.read_bytes().startswith(start)
-        assert examine(file).findings == ()
+        assert examine_file(file).findings == ()
     with pytest.raises(OutputError, match=r"look\.txt: is not the name of a look; it would end with \.usda"):
         write_usda(result, tmp_path / "look.txt")
 

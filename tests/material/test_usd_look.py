@@ -17,7 +17,7 @@ from lookdev.material import Coordinates, Formula, Primvar, Texture, View
 from lookdev.material.look import Bump, Displacement, Layer, Look, depends_on_view
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import expand_variants, has_look, read_look
-from lookdev.material.validate.examine import examine
+from lookdev.material.validate.examine import examine_file
 from lookdev.material.values import Values
 from lookdev.scene.uvs import look_uvs
 
@@ -287,7 +287,7 @@ def test_the_view_needs_no_source(write, declared: str) -> None:
     file = write(masked_look(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
     assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
-    assert examine(file).findings == ()
+    assert examine_file(file).findings == ()
 
 
 def test_an_input_named_view_is_that_input(write) -> None:
@@ -315,7 +315,7 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     assert look_uvs(look) == ("st",)
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is opened"))
     assert isinstance(Values(inputs).read(look.layers[1].mask, color=False), SymbolicArray)
-    assert examine(file).findings == ()
+    assert examine_file(file).findings == ()
 
 
 def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:

@@ -9,7 +9,7 @@ from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, 
 from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
-from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
+from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine_file
 from lookdev.material.validate.report import Finding, Report
 
 ROOT = Path(__file__).parents[2]
@@ -18,14 +18,14 @@ LOOKS = [file for path in (".", "presets", "classic") for file in sorted((ROOT /
 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
     """Return severity, place and text of the findings in a look."""
-    report = examine(file, **options)
+    report = examine_file(file, **options)
     places = [shorten_path(f"{finding.prim}.{finding.input}".rstrip(".")) for finding in report.findings]
     return [(finding.severity, path, finding.what) for path, finding in zip(places, report.findings, strict=True)]
 
 
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
 def test_a_shipped_look_is_clean(file: Path) -> None:
-    assert examine(file).findings == ()
+    assert examine_file(file).findings == ()
 
 
 def layered_material(inputs: str, coat: str = "", base: str = "") -> str:
@@ -55,7 +55,7 @@ ABSENT = stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", 
 def test_note(write, body: str, path: str, message: str) -> None:
     file = write(body, STACK)
     assert findings(file) == [("note", path, message)]
-    assert not examine(file).has_errors
+    assert not examine_file(file).has_errors
 
 
 def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
@@ -88,7 +88,7 @@ WEAR = selecting(wear="new")
 
 def test_every_variant_is_examined(write) -> None:
     file = write(disney() + variants("wear", dusty=rough(2), new=rough(0.5)), material=WEAR)
-    report = examine(file)
+    report = examine_file(file)
     hint = "it must be within [0, 1]"
     fault = Finding("error", "/M/Base", "inputs:roughness", "2 is out of range", hint, ("wear=dusty",))
     assert report.findings == (fault,)
@@ -103,7 +103,7 @@ def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_n
     body = layered_material("float layer1Mask = 0.5", base="float sheen = 7")
     file = write(body + variants("wear", dusty=off, new=on), STACK, WEAR)
     hint = "it must be within [0, 1]"
-    assert examine(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
+    assert examine_file(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
 
 
 READ_AS = ("note", "/M", "is read as Standard Surface as Disney")
@@ -114,7 +114,7 @@ def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> 
     first, second = findings(file := write(body, ""))
     assert first == READ_AS
     assert second[:2] == ("note", "S.subsurface")
-    assert not examine(file).has_errors
+    assert not examine_file(file).has_errors
 
 
 def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
@@ -126,7 +126,7 @@ def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
 def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
     lossy, plain = (over("S", f"float subsurface = {value}") for value in (1, 0))
     body = preview("", identifier="ND_standard_surface_surfaceshader") + variants("wear", dusty=lossy, new=plain)
-    first, second = examine(write(body, "", WEAR)).findings
+    first, second = examine_file(write(body, "", WEAR)).findings
     assert (first.severity, first.prim, first.what) == READ_AS
     assert (second.input, second.variants) == ("inputs:subsurface", ("wear=dusty",))
 
@@ -140,7 +140,7 @@ def test_a_material_of_another_model_that_cannot_be_read_is_an_error(write) -> N
 def test_a_variant_inside_a_variant_is_examined(write) -> None:
     dirt = f'"dusty" (\nprepend variantSets = "dirt"\n) {{\n{variants("dirt", mud=rough(3), none="")}}}\n'
     sets = variants("wear", new="").removesuffix("}\n") + dirt + "}\n"
-    report = examine(write(disney() + sets, material=WEAR))
+    report = examine_file(write(disney() + sets, material=WEAR))
     assert [finding.variants for finding in report.findings] == [("wear=dusty, dirt=mud",)]
     # With mud, without, with neither chosen as the file has it; and new.
     assert report.combinations == 4
@@ -149,7 +149,7 @@ def test_a_variant_inside_a_variant_is_examined(write) -> None:
 def test_too_many_combinations_are_tried_one_by_one(write) -> None:
     assert MOST_COMBINATIONS < 2**7
     sets = "".join(variants(f"s{i}", a="", b=rough(2) if i == 6 else "") for i in range(7))
-    report = examine(write(disney() + sets, material=selecting(**{f"s{i}": "a" for i in range(7)})))
+    report = examine_file(write(disney() + sets, material=selecting(**{f"s{i}": "a" for i in range(7)})))
     error, note = report.findings
     assert (error.input, error.variants) == ("inputs:roughness", ("s6=b",))
     assert note.what == f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
@@ -193,7 +193,7 @@ def test_only_the_material_named_is_examined(write) -> None:
     file = write(disney(), before=other % disney(body="float sheen = 7"))
     assert [path for _, path, _ in findings(file)] == ["/N/Base.inputs:sheen"]
     assert findings(file, prim="/M") == []
-    assert examine(file).materials == 2
+    assert examine_file(file).materials == 2
     [(_, path, message)] = findings(file, prim="/O")
     assert (path, message) == ("/O", "no such prim")
 
@@ -207,13 +207,13 @@ def test_a_preset_is_a_layer_of_its_own(tmp_path: Path) -> None:
 def test_a_rig_is_pointed_to_what_lists_it(tmp_path: Path) -> None:
     file = tmp_path / "rig.usda"
     file.write_text('#usda 1.0\ndef SphereLight "Key" {}\n')
-    finding = examine(file).findings[0]
+    finding = examine_file(file).findings[0]
     assert (finding.what, finding.hint.split(":")[0]) == ("holds no material and no layer", "it has lights")
 
 
 def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureFixture[str]) -> None:
     unread = "".join(shader(f"B{i}", "LookdevDisney") for i in range(MOST_FINDINGS + 10))
-    report = examine(write(disney() + unread + 'def "X" (\nreferences = @./gone.usda@\n) {\n}\n'))
+    report = examine_file(write(disney() + unread + 'def "X" (\nreferences = @./gone.usda@\n) {\n}\n'))
     assert len(report.findings) == MOST_FINDINGS + 1
     assert (report.findings[0].severity, report.findings[-1].what) == ("error", "11 more findings")
     assert capfd.readouterr() == ("", "")
@@ -249,5 +249,5 @@ def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     file = write(disney() + variants("wear", dusty=rough(2), new=""), material=WEAR)
     code, output = run("--prim", "/M", "--variants", "wear=dusty", "--json")
     assert code == 1
-    assert output == json.dumps(examine(file, "/M", {"wear": "dusty"}).data(), indent=2) + "\n"
+    assert output == json.dumps(examine_file(file, "/M", {"wear": "dusty"}).data(), indent=2) + "\n"
     assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]

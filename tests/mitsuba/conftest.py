@@ -5,7 +5,7 @@ from mitsuba_scenes import RenderSeeds
 
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -22,7 +22,7 @@ def render_seeds(mitsuba_worker: Worker) -> RenderSeeds:
     def render(scene: Scene | SceneTask, pose: Pose, seeds: int, **sampling: object) -> list[Rendered]:
         task = scene if isinstance(scene, SceneTask) else scene_task(scene, Sampling(**sampling), "mitsuba")  # type: ignore[arg-type]
         mitsuba_worker.start()
-        frames = (one_frame(task, pose, f"{seed}", seed=seed) for seed in range(seeds))
+        frames = (frame_task(task, pose, f"{seed}", seed=seed) for seed in range(seeds))
         return [mitsuba_worker.render(frame, lambda progress: None) for frame in frames]
 
     return render

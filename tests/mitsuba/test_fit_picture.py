@@ -16,7 +16,7 @@ from lookdev.errors import LookdevError
 from lookdev.fitting.picture import Settings
 from lookdev.fitting.picture.fit import Wish, fit_picture
 from lookdev.fitting.picture.search import Point
-from lookdev.material.change import constant_of
+from lookdev.material.change import constant_named
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look
 from lookdev.run.render import render_job
@@ -97,7 +97,7 @@ def scene(folder: Path, case: Case, size: int, samples: int) -> tuple[Path, Path
     else:
         before.write_text(case.look)
     look = read_look(before)
-    changed = [replace(constant_of(look, name), value=value) for name, value in case.truth.items()]
+    changed = [replace(constant_named(look, name), value=value) for name, value in case.truth.items()]
     write_changed(before, true.with_name("paint.usda"), changed)
     assert render_job(true, only=[FRAME]).exit_code == 0
     return job, folder / "truth" / "out" / f"{FRAME}.exr"
@@ -121,7 +121,7 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
     again = read_look(look)
     for (parameter, value), true in zip(report.found.values.items(), case.truth.values(), strict=True):
         assert value == pytest.approx(true, rel=0.02), report.text()
-        assert constant_of(again, parameter).value == pytest.approx(value, rel=1e-6)
+        assert constant_named(again, parameter).value == pytest.approx(value, rel=1e-6)
 
 
 TINY = Case("sphere", "city", look_text("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})

@@ -26,7 +26,7 @@ from lookdev.rendering import wire
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.run.render import render_job
 from lookdev.scene import Sampling
 
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.mitsuba
 
 def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["diffuse"], **sampling: Any) -> FrameTask:
     scene = scene_with_look("suzanne", layers, light, size=16)
-    return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | sampling), "mitsuba"), POSE, "frame")
+    return frame_task(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | sampling), "mitsuba"), POSE, "frame")
 
 
 def start_worker(**pipes: int) -> subprocess.Popen[str]:

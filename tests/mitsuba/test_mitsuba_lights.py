@@ -17,7 +17,7 @@ from lookdev.asset import load_asset
 from lookdev.errors import CodegenError
 from lookdev.light import DiskLight, Emission, Falloff, RectLight, Shaping, SphereLight
 from lookdev.material import Look
-from lookdev.material.change import constant_of, live_look
+from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.slopes import SlopeTask, live_inputs
@@ -94,10 +94,10 @@ def test_pictures_with_derivatives_are_lit_as_frames(
 
     mi, scene, samples = load_mitsuba("cpu"), make_scene(tmp_path), 16
     (plain,) = {id(look): look for look in scene.looks}.values()
-    live = live_look(plain, {"0": constant_of(plain, "roughness")})
+    live = look_with_live_inputs(plain, {"0": constant_named(plain, "roughness")})
     task = scene_task(replace(scene, wears=dict.fromkeys(scene.wears, live)), Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
-    values = {binding.parameter: constant_of(plain, "roughness").value}
+    values = {binding.parameter: constant_named(plain, "roughness").value}
     slope_task = SlopeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
     halves = SlopeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
     frames = MitsubaScene(mi, task)

@@ -24,7 +24,7 @@ from lookdev.material import Layer
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
+from lookdev.rendering.task import frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
@@ -128,7 +128,7 @@ def test_means_are_those_of_the_reference(
     task = scene_task(scene(name), Sampling(bounces=bounces_of(name), samples=SAMPLES), backend)
 
     def halves(seed: int) -> list[float]:
-        frame = process.render(one_frame(task, POSE, f"{seed}", seed=seed), lambda progress: None)
+        frame = process.render(frame_task(task, POSE, f"{seed}", seed=seed), lambda progress: None)
         return [float(half.astype(np.float64).mean()) for half in (frame.a, frame.b)]
 
     (value, noise), (expected, reference_error) = converged_mean(halves), reference(name)

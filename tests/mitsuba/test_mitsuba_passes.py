@@ -17,7 +17,7 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.cryptomatte import matte_id
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import FrameTask, one_frame
+from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.run.frame_file import store
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
@@ -62,7 +62,7 @@ def task_of(
     wears = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
     scene = Scene(asset, wears, lights or (near_the_pair(), grey()), camera, Film(SIZE))
     sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | sampling_options)  # type: ignore[arg-type]
-    return one_frame(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {sampling_options}")
+    return frame_task(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {sampling_options}")
 
 
 def near_the_pair() -> Light:

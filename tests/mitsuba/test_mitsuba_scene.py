@@ -16,7 +16,7 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, one_frame
+from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.space import Space, to_rec709
 
@@ -71,7 +71,7 @@ def test_a_scene_takes_the_constants_of_another_and_no_other_programs(task_of: C
     mi, first, other = load_mitsuba("cpu"), edited(), edited(roughness=0.7, baseColor=(0.1, 0.45, 0.25))
 
     def pictures(scene: MitsubaScene, task: SceneTask):
-        frame = scene.render(one_frame(task, POSE, "frame"), lambda *progress: None)
+        frame = scene.render(frame_task(task, POSE, "frame"), lambda *progress: None)
         return np.stack([frame.a, frame.b, frame.passes["direct"]])
 
     scene = MitsubaScene(mi, first)
@@ -100,7 +100,7 @@ def test_a_frame_does_not_depend_on_the_speed_of_launches(task_of: Callable[...,
         clock = itertools.count(0.0, part * render.LONGEST_LAUNCH)
         monkeypatch.setattr(render, "time", SimpleNamespace(perf_counter=clock.__next__))
         report = Mock()
-        frames.append(render.MitsubaScene(mi, task).render(one_frame(task, POSE, "frame"), report))
+        frames.append(render.MitsubaScene(mi, task).render(frame_task(task, POSE, "frame"), report))
         launches.append(report.call_count)
     fast, slow = frames
     assert launches[1] > launches[0]

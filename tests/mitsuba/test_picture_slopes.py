@@ -15,7 +15,7 @@ from painted import painted
 from lookdev.asset import Asset, load_asset
 from lookdev.light import DiskLight, Light, RectLight
 from lookdev.material import Formula, Layer, Look, View
-from lookdev.material.change import constant_of, live_look
+from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.material.expression import parse
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.slopes import SlopeTask, live_inputs
@@ -88,7 +88,7 @@ def lights(name: str, light_of: Callable[[str], Light], folder: Path) -> tuple[L
 
 
 def task_of(case: Case, look: Look, light: tuple[Light, ...], asset: Asset) -> Any:
-    live = live_look(look, {str(n): constant_of(look, name) for n, name in enumerate(case.names)})
+    live = look_with_live_inputs(look, {str(n): constant_named(look, name) for n, name in enumerate(case.names)})
     scene = scene_with_look(asset, live.layers, *light, size=SIZE)
     return scene_task(scene, Sampling(bounces=case.bounces), "mitsuba")
 
@@ -102,7 +102,7 @@ def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: A
     look = Look("look", case.layers(tmp_path))
     task = task_of(case, look, lights(case.light, light_of, tmp_path), load_asset(builtin=case.asset))
     scene, bindings = SlopeScene(load_mitsuba("cpu"), task), live_inputs(task)
-    constants = {str(n): constant_of(look, name) for n, name in enumerate(case.names)}
+    constants = {str(n): constant_named(look, name) for n, name in enumerate(case.names)}
 
     def pictures(values: Mapping[str, tuple[float, ...]], symbols: tuple[str, ...]) -> np.ndarray:
         """Return the means (2 PAIRS, 1 + P, 4) of the pixels of halves."""
@@ -146,7 +146,7 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
 
     ball = load_asset(builtin="shaderball")
     look = Look("look", (COPPER,))
-    live = live_look(look, {"0": constant_of(look, "roughness")})
+    live = look_with_live_inputs(look, {"0": constant_named(look, "roughness")})
     scene = scene_of(ball, Look("grey", (Layer("Grey", "lambert", {}),)), (light_of("city"),), SIZE)
     scene = replace(scene, wears={**scene.wears, ball.slots[0].path: live})
     task = scene_task(scene, Sampling(bounces=1), "mitsuba")

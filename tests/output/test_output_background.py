@@ -10,7 +10,7 @@ import pytest
 from lookdev.light import Emission, SphereLight, Turned, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.output.background import _disc_of_confusion, environment_background
-from lookdev.rendering.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Camera, Lens, Pose, camera_rays
 
 POSE, SIZE = Pose(10.0, 40.0), (64, 48)
@@ -28,7 +28,7 @@ def light():
 
 @pytest.fixture
 def frame_of(scene: SceneTask, light) -> FrameOf:
-    return lambda camera: one_frame(replace(scene, camera=camera, resolution=SIZE, lights=(light,)), POSE, "frame")
+    return lambda camera: frame_task(replace(scene, camera=camera, resolution=SIZE, lights=(light,)), POSE, "frame")
 
 
 @pytest.mark.parametrize("aperture", [pytest.param(0.2, marks=pytest.mark.proof), 2.0])

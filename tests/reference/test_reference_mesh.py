@@ -10,7 +10,7 @@ from lookdev.asset import Instance, Mesh, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
-from lookdev.asset.triangles import corner_triangles, triangulated
+from lookdev.asset.triangles import corner_triangles, triangulate
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
 from lookdev.light import load_environment, prepare_light
@@ -97,7 +97,7 @@ def test_triangles_fill_their_polygon(name, turned):
 
 def test_a_mesh_of_triangles_is_the_same_surface():
     whole = replace(box_mesh(), primvars={"wear": np.arange(24, dtype=np.float32)})
-    split = triangulated(whole)
+    split = triangulate(whole)
     triangles, faces = corner_triangles(whole)
     assert (split.face_sizes == 3).all()
     assert (split.face_slots == whole.face_slots[faces]).all()

@@ -20,9 +20,9 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look, Primvar
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, contents, one_frame
+from lookdev.rendering.task import SceneTask, files_of_task, frame_task
 from lookdev.rendering.wire import decode, encode
-from lookdev.rendering.worker import renderer
+from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 PAINT = {"baseColor": (0.46, 0.02, 0.02), "roughness": 0.4, "clearcoat": 1.0, "clearcoatGloss": 0.9}
@@ -83,7 +83,7 @@ def test_an_entry_is_whole_and_its_tasks_travel(backend: Backend) -> None:
     assert backend.help
     assert "cpu" in backend.devices
     assert backend.cannot_show(LOOK) is None
-    task = one_frame(scene_task(scene_of(), Sampling(), backend.name), Pose(0.1, 0.2), "frame", seed=3)
+    task = frame_task(scene_task(scene_of(), Sampling(), backend.name), Pose(0.1, 0.2), "frame", seed=3)
     assert {type(source) for source in task.scene.shaders} == {backend.source}
     assert decode(encode(task)) == task
 
@@ -121,10 +121,16 @@ def test_a_convex_asset_has_no_bounces_unless_light_gets_inside() -> None:
 def test_contents_are_all_files() -> None:
     task = scene_task(scene_of(), Sampling())
     light = task.lights[0]
-    assert contents(task) == {task.asset, light.radiance_file, light.points_file, light.slots_file, light.bins_file}
+    assert files_of_task(task) == {
+        task.asset,
+        light.radiance_file,
+        light.points_file,
+        light.slots_file,
+        light.bins_file,
+    }
     image = Content("1", ".exr")
     textured = replace(task.shaders[0], textures=(TextureBinding("texture0_file", image),))  # type: ignore[type-var]
-    assert contents(replace(task, shaders=(textured,))) - contents(task) == {image}
+    assert files_of_task(replace(task, shaders=(textured,))) - files_of_task(task) == {image}
 
 
 def test_a_backend_is_added_by_its_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,8 +138,8 @@ def test_a_backend_is_added_by_its_entry(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.syspath_prepend(tmp_path)
     try:
         importlib.import_module("flat_backend")
-        with renderer() as render:
-            frame = render(one_frame(scene_task(scene_of(), Sampling(), "flat"), Pose(0.0, 0.0), "frame"))
+        with open_renderer() as render:
+            frame = render(frame_task(scene_task(scene_of(), Sampling(), "flat"), Pose(0.0, 0.0), "frame"))
         assert (frame.a == float(len("paint"))).all()
         (tmp_path / "look.usda").touch()
         job = job_toml("paint = look.usda", render='{ backend = "flat" }')

@@ -5,7 +5,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from lookdev.rendering.cryptomatte import RANKS, filled, matte_header, matte_id, murmur3, renamed
+from lookdev.rendering.cryptomatte import RANKS, matte_header, matte_id, murmur3, normalize_coverage, rename_ids
 
 # From the reference implementation of MurmurHash3 (SMHasher), as its ports test it.
 HASHES = {
@@ -52,7 +52,7 @@ def test_renamed_things_are_summed_and_the_largest_kept() -> None:
         selection = rng.permutation(len(olds))[:count]
         mattes[(*pixel, slice(0, 2 * count, 2))] = olds[selection].view(np.float32)
         mattes[(*pixel, slice(1, 2 * count, 2))] = rng.random(count)
-    ranked = renamed(mattes, names)
+    ranked = rename_ids(mattes, names)
     assert ranked.shape == (5, 7, 2 * RANKS)
     new_of = {matte_id(old): matte_id(new) for old, new in names.items()}
     for pixel in np.ndindex(5, 7):
@@ -71,7 +71,7 @@ def test_filled_mattes_sum_up_to_alpha() -> None:
     mattes = np.zeros((3, 3, 4), np.float32)
     mattes[1, 1] = [5.0, 0.25, 6.0, 0.5]
     alpha = np.array([[0, 0.1, 0], [0, 0.6, 0.02], [0, 0, 0]], np.float32)
-    full = filled(mattes, alpha)
+    full = normalize_coverage(mattes, alpha)
     np.testing.assert_allclose(full[..., 1::2].sum(axis=-1), alpha, rtol=1e-6)
     np.testing.assert_allclose(full[1, 1], [5.0, 0.2, 6.0, 0.4], rtol=1e-6)
     np.testing.assert_array_equal(full[1, 2, 0::2], [5.0, 6.0])

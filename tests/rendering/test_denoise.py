@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from lookdev.metrics import relmse, relmse_of_halves
 from lookdev.rendering.denoise import denoise_halves
-from lookdev.rendering.oidn import denoiser
+from lookdev.rendering.oidn import make_denoiser
 
 Floats = NDArray[np.float64]
 SIDE = 96
@@ -75,7 +75,7 @@ def test_open_image_denoise_is_guided(quick: bool) -> None:
     a, _ = halves(truth, 1.0, np.random.default_rng(3))
     flat = np.zeros((SIDE, SIDE, 3), np.float32)
     upright = flat + np.float32([0.0, 0.0, 1.0]) * alpha[..., None].astype(np.float32)
-    guided = denoiser(truth.astype(np.float32), upright, quick=quick)(a.astype(np.float32))
-    unguided = denoiser(flat, flat, quick=quick)(a.astype(np.float32))
+    guided = make_denoiser(truth.astype(np.float32), upright, quick=quick)(a.astype(np.float32))
+    unguided = make_denoiser(flat, flat, quick=quick)(a.astype(np.float32))
     raw_error, unguided_error, guided_error = (relmse(image, truth, alpha) for image in (a, unguided, guided))
     assert guided_error < 0.5 * unguided_error < 0.5 * raw_error

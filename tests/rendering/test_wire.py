@@ -15,7 +15,7 @@ from lookdev.codegen import Link, NodeSource
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering.answers import save_arrays
 from lookdev.rendering.results import Progress
-from lookdev.rendering.task import FrameTask, SceneTask, one_frame
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.rendering.wire import Cancelled, Requests, decode, decode_request, encode, encode_cancel
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose
@@ -120,7 +120,7 @@ def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None
 
 
 def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
-    task = one_frame(scene, Pose(0.0, 0.0), "d16e57")
+    task = frame_task(scene, Pose(0.0, 0.0), "d16e57")
     reported: list[Progress] = []
     log, scratch = tmp_path / "worker.log", tmp_path / "scratch"
     scratch.mkdir()

@@ -14,7 +14,7 @@ from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
 from lookdev.plan.chunks import Chunk, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
-from lookdev.run.chunks import chunk_summaries, chunks_text, keep_measured_chunks, plan_of_chunk
+from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, store_measured_chunks
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.run.log import JsonReport
 from lookdev.run.render import RunResult
@@ -93,7 +93,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file: RenderFile) -> None:
     plan = case.make_plan(case.make_job(tmp_path))
     with pytest.raises(LookdevError, match="no frame of the job was rendered yet"):
-        keep_measured_chunks(plan, Division(2))
+        store_measured_chunks(plan, Division(2))
     render_file(only=("gold/city/element.0001",))
     assert read_header(tmp_path / "out/gold/city/element.0001.exr")["seconds"] == "0.125"
     # As if the first frame took as long as all others.
@@ -102,13 +102,13 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file:
     uneven = replace(plan, frames=(slow, *plan.frames[1:]))
     for frame in uneven.frames[1:]:
         frame.__dict__["files"] = (replace(frame.files[0], seconds=0.2),)
-    keep_measured_chunks(uneven, Division(2))
+    store_measured_chunks(uneven, Division(2))
     again = case.make_plan(case.make_job(tmp_path))
     assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [1, 5]
     assert [entry.frames for entry in chunk_summaries(again, Division(2))] == [1, 5]
     assert "gold/city/lighting.0003" in chunks_text(again, Division(2)).splitlines()[2]
     with Run(tmp_path / "out", "1/2"), pytest.raises(OutputError, match="renders chunk 1/2 of the division"):
-        keep_measured_chunks(again, Division(2))
+        store_measured_chunks(again, Division(2))
     assert [render_file(chunk=Chunk(number, Division(2))).total for number in (1, 2)] == [1, 5]
     render_file()
     assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [3, 3]

@@ -12,7 +12,7 @@ from lookdev.errors import LookdevError
 from lookdev.job.mapping import PathRules, read_rules
 from lookdev.plan.prepare import plan_job
 from lookdev.run.manifest import input_files
-from lookdev.run.render import mapped_files, wanted_job
+from lookdev.run.render import load_mapped_job, mapped_files
 
 CAR = """#usda 1.0
 ( defaultPrim = "Car"
@@ -46,7 +46,7 @@ def studio(tmp_path: Path) -> Path:
 def planned(job: Path, rules: PathRules) -> tuple[list[str], set[Path]]:
     """Return the digests of frames, and all files that the job reads."""
     with mapped_files(rules):
-        prepared = plan_job(wanted_job(job, rules))
+        prepared = plan_job(load_mapped_job(job, rules))
         return [frame.task.digest for frame in prepared.plan.frames], set(input_files(prepared.job))
 
 
@@ -69,4 +69,4 @@ def test_a_moved_job_finds_what_its_files_name_and_its_frames_are_the_same(
     for _ in range(2):  # in one process, whose layers may still be open
         assert planned(farm / "job.toml", moved) == (there, {farm / file.relative_to(studio) for file in files})
     with pytest.raises(LookdevError, match=f"{studio}/parts/base.usda"):  # without rules, what is missing is named
-        plan_job(wanted_job(farm / "job.toml", moved))
+        plan_job(load_mapped_job(farm / "job.toml", moved))

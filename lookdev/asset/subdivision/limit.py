@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lookdev.asset.mesh import Floats
-from lookdev.asset.normals import area_vectors, dot, flat_normals, sum_by, unit_or
+from lookdev.asset.normals import area_vectors, dot, flat_normals, normalize_or, sum_by
 from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
 from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
@@ -131,7 +131,7 @@ def complete_normals(level: Level, positions: Doubles, normals: Floats) -> None:
     ring_corners = np.flatnonzero(missing[corners])
     corner_sectors = of_corner[ring_corners]
     means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[corner_sectors]
-    normals[corners[ring_corners]] = unit_or(means, flat_normals(areas, ring.sizes)[ring_corners])
+    normals[corners[ring_corners]] = normalize_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 
 def _faces_around(level: Level, points: Flags) -> Flags:
@@ -150,7 +150,7 @@ def _patch_normals(level: Level, values: Doubles) -> Floats:
 
 def _direction(cross: Doubles, reach: Doubles) -> Floats:
     """Normalise cross products (s, 3); those within the rounding of edges of squared length `reach` become zero."""
-    unit = unit_or(cross, np.zeros(3))
+    unit = normalize_or(cross, np.zeros(3))
     unit[dot(cross, cross)[:, 0] <= (_NO_PLANE * reach) ** 2] = 0.0
     return unit.astype(np.float32)
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 from lookdev.asset.mesh import Asset
 from lookdev.asset.usd.scene import UsdScene, name_file_in_errors
-from lookdev.stage import Composed, reading
+from lookdev.stage import Composed, usd_errors_as_faults
 
 __all__ = ["read_usd"]
 
@@ -34,6 +34,6 @@ def read_usd(composed: Composed, time: float | None = None, purposes: tuple[str,
         Geometry contradicts itself, or none is visible. The message has a line for each fault.
     """
     file = composed.composition.file
-    with reading(file) as warnings, name_file_in_errors(str(file)):
+    with usd_errors_as_faults(file) as warnings, name_file_in_errors(str(file)):
         asset = UsdScene(composed, time, purposes).asset()
     return replace(asset, notes=(*composed.notes, *(f"{file}: {note}" for note in (*asset.notes, *warnings))))

@@ -17,7 +17,7 @@ from lookdev.asset.faces import index_rule
 from lookdev.asset.mesh import Interpolation
 from lookdev.asset.shape import LARGEST
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import shown
+from lookdev.stage import quote
 
 _Array = NDArray[Any]
 
@@ -113,7 +113,7 @@ def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[
     if not isinstance(value, str):
         raise wrong_type(prim, name, value, "token")
     if value not in allowed:
-        raise AssetError(f"{prim.GetPath()}: {name} is {shown(value)} ({nearest_hint(value, allowed)})")
+        raise AssetError(f"{prim.GetPath()}: {name} is {quote(value)} ({nearest_hint(value, allowed)})")
     return value
 
 
@@ -141,7 +141,7 @@ def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Any:
     """Return an interpolation of USD; raises AssetError for any other text."""
     if interpolation not in _INTERPOLATIONS:
         names = ", ".join(_INTERPOLATIONS)
-        raise AssetError(f"{prim.GetPath()}: {name} has interpolation {shown(interpolation)}; known: {names}")
+        raise AssetError(f"{prim.GetPath()}: {name} has interpolation {quote(interpolation)}; known: {names}")
     return interpolation
 
 

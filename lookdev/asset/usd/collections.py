@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import reading, usd_words
+from lookdev.stage import usd_errors_as_faults, usd_words
 
 _MARK = ".collection:"
 
@@ -55,7 +55,7 @@ def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) 
     if name not in collections:
         hint = nearest_hint(name, sorted(collections)) if collections else "it has none"
         raise AssetError(f"'{collection}' is not a collection of the asset: {prim_path} has no '{name}' ({hint})")
-    with reading(Path(stage.GetRootLayer().identifier)):
+    with usd_errors_as_faults(Path(stage.GetRootLayer().identifier)):
         valid, reason = collections[name].Validate()
         if not valid:
             raise AssetError(f"'{collection}' is not a valid collection: {usd_words(reason)}")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import UsdGeom
 
-from lookdev.asset.normals import dot, unit_or
+from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.shape import Attribute, Doubles, Index, Shape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
 from lookdev.asset.tubes import Rings, ribbons, tubes
@@ -238,7 +238,7 @@ def _rings(
     # The derivative is 0 at a vertex that coincides with its neighbour.
     chords = positions[after] - positions[before]
     is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENT / (t[after] - t[before])[:, None]) ** 2
-    directions = unit_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
+    directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
     first = np.flatnonzero(np.diff(curves, prepend=-1))
     last = np.append(first[1:], len(curves)) - 1
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)

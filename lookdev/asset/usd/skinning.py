@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
-from lookdev.asset.normals import unit_or
+from lookdev.asset.normals import normalize_or
 from lookdev.asset.shape import Attribute, Doubles, Index
 from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
@@ -90,13 +90,13 @@ class DeformedGprim:
         if not by_corner:
             for offset in self._binding.offsets:
                 values = offset.offset_normals(values)
-            values = unit_or(values, values)
+            values = normalize_or(values, values)
         if (influences := self._binding.influences) is not None:
             vectors = Vt.Vec3fArray.FromNumpy(values.astype(np.float32))
             normal_matrices = Vt.Matrix3dArray.FromNumpy(_inverse_transposes(influences.transforms))
             bind = Gf.Matrix3d(*_inverse_transposes(influences.bind).ravel().tolist())
             UsdSkel.SkinNormals(influences.method, bind, normal_matrices, *influences.for_points(points), vectors)
-            values = unit_or(np.asarray(vectors, np.float64), values)
+            values = normalize_or(np.asarray(vectors, np.float64), values)
         return Attribute(normals.name, values, normals.interpolation)
 
 

@@ -16,7 +16,7 @@ from lookdev.asset.shape import LARGEST, Doubles
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token
 from lookdev.asset.usd.velocities import sample_time
 from lookdev.errors import AssetError
-from lookdev.stage import error_words, relationship_targets, shown
+from lookdev.stage import error_words, quote, relationship_targets
 
 _SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # A prototype may be an `over` or a `class`, which is visible only through its instancer.
@@ -170,7 +170,7 @@ class Walk:
         for name in read_texts(prim, "xformOpOrder"):
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
-                self.missing_operations.setdefault(shown(name), []).append(prim)
+                self.missing_operations.setdefault(quote(name), []).append(prim)
 
     def _matrix(self, prim: Usd.Prim, origin: Usd.Prim | None) -> Doubles:
         """Return the matrix (4, 4) from a prim to `origin` or the stage; raises AssetError if USD cannot compute it."""

@@ -27,7 +27,7 @@ BUILT_IN = "builtin:plastic"
 """The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic`, in place of a file."""
 
 
-def grid_of(file: str) -> Grid:
+def load_grid(file: str) -> Grid:
     """Return the samples of a file, or of `BUILT_IN`; raises ModelError where the file has none."""
     return plastic() if file == BUILT_IN else read_grid(Path(file))
 
@@ -46,7 +46,7 @@ def _make_cached_proposal(grid: Grid) -> Proposal:
 
 
 def _bsdf(p: Parameters) -> Bsdf:
-    grid = grid_of(p["file"])
+    grid = load_grid(p["file"])
     proposal = _load_proposal(grid)
 
     def evaluate(d: Directions) -> Array:
@@ -88,17 +88,17 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
-    return ("measured",) if isinstance(grid_of(tokens["file"]), Isotropic) else ()
+    return ("measured",) if isinstance(load_grid(tokens["file"]), Isotropic) else ()
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
     # Between the views of the tables, the albedo differs by less than a tenth from the tabulated values.
-    return 1.1 * float(_load_proposal(grid_of(tokens["file"])).albedo.max())
+    return 1.1 * float(_load_proposal(load_grid(tokens["file"])).albedo.max())
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
     # The mean over the views of the tables, each weighted by its part of the projected hemisphere.
-    proposal = _load_proposal(grid_of(p["file"]))
+    proposal = _load_proposal(load_grid(p["file"]))
     theta = (np.arange(len(proposal.albedo)) + 0.5) * 0.5 * np.pi / len(proposal.albedo)
     weights = np.sin(2.0 * theta)
     color = (proposal.albedo * weights[:, None]).sum(axis=0) / weights.sum()
@@ -118,7 +118,7 @@ MEASURED = Model(
                 "",
                 choices=(BUILT_IN,),
                 among="own",
-                file=grid_of,
+                file=load_grid,
                 help="A MERL binary or anisotropic data of Ngan et al.; builtin:plastic is a synthetic measurement.",
             ),
             Parameter(

@@ -18,7 +18,7 @@ import numpy as np
 from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
 from lookdev.brdf.model import Mode
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Metal, Partition, Term, family
-from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, same, scale
+from lookdev.brdf.vectors import TINY, Array, Mask, Real, are_equal, normalize, scale
 
 _LOBES = (*FRONT, *THROUGH)
 
@@ -129,7 +129,9 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
     """Sum the weights of equal metals."""
     sums: list[Metal] = []
     for part in parts:
-        index = next((n for n, metal in enumerate(sums) if same(metal.eta, part.eta) and same(metal.k, part.k)), None)
+        index = next(
+            (n for n, metal in enumerate(sums) if are_equal(metal.eta, part.eta) and are_equal(metal.k, part.k)), None
+        )
         if index is None:
             sums.append(part)
         else:
@@ -143,8 +145,10 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
 def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
     """Average values by their energies, (...); where there is no energy, the result has no effect."""
     # Equal values, and contributions without energy, generate no code.
-    weighted_values = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
-    if not weighted_values or all(same(value, weighted_values[0][0]) for value, _ in weighted_values):
+    weighted_values = [
+        (value, energy) for value, energy in zip(values, energies, strict=True) if not are_equal(energy, 0.0)
+    ]
+    if not weighted_values or all(are_equal(value, weighted_values[0][0]) for value, _ in weighted_values):
         return weighted_values[0][0] if weighted_values else values[0]
     total, has_energy = _sum_energies([energy for _, energy in weighted_values])
     weighted = reduce(operator.add, (value * energy for value, energy in weighted_values))
@@ -154,10 +158,10 @@ def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
 
 def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
     """Return the frame about the mean normal, weighted by energy; the shading normal where there is no energy."""
-    contributing = [contribution for contribution in contributions if not same(contribution.energy, 0.0)]
+    contributing = [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
     if not contributing:
         return Upright()
-    if all(same(contribution.frame.normal, contributing[0].frame.normal) for contribution in contributing):
+    if all(are_equal(contribution.frame.normal, contributing[0].frame.normal) for contribution in contributing):
         return contributing[0].frame
     total, has_energy = _sum_energies([contribution.energy for contribution in contributing])
     weighted = reduce(

@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.brdf import Array, Bsdf, Real
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.vectors import same, scale
+from lookdev.brdf.vectors import are_equal, scale
 from lookdev.closures import Closure, lobe_closures
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import add_value, bind_symbols
@@ -51,7 +51,7 @@ def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | 
 def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
     """Add a transparent shader to a shader, so that rays pass unchanged where the surface is absent."""
     absence = 1.0 - presence
-    if same(absence, 0.0):
+    if are_equal(absence, 0.0):
         return shader
     amount = builder.vector(elements_of(absence) * 3)
     return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
@@ -67,7 +67,7 @@ def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]
     """Return closures, summed where they differ in weight alone, without those whose weight is 0."""
     merged: dict[tuple[Any, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
-        if same(closure.weight, 0.0):
+        if are_equal(closure.weight, 0.0):
             continue
         parameters = (
             closure.alpha_x,
@@ -138,7 +138,7 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
 def _multiply_weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
     """Multiply the shader of a node without a socket for weights by the closure's: mix it with an empty shader."""
     shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
-    if same(weight, 1.0):
+    if are_equal(weight, 1.0):
         return shader
     return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, weight), "Shader_001": shader}), "Shader")
 
@@ -162,7 +162,7 @@ def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, A
     closures, s = 1 + a where a is negative.
     """
     x, y = closure.alpha_x, closure.alpha_y
-    if same(x, y):
+    if are_equal(x, y):
         return {"Roughness": add_value(builder, np.sqrt(x))}
     aspect2 = y / x
     anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind in ("metal", "conductor") else np.sqrt(aspect2) - 1.0
@@ -174,6 +174,6 @@ def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, A
 
 
 def _to_world(frame: Array, w: Array) -> Array:
-    if same(w, ZENITH):
+    if are_equal(w, ZENITH):
         return frame[2]
     return scale(frame[0], w[0]) + scale(frame[1], w[1]) + scale(frame[2], w[2])

@@ -23,7 +23,7 @@ from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import add_lift
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Node, reachable
+from lookdev.codegen.trace.graph import Graph, Node, reachable_nodes
 from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -73,7 +73,9 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder = TreeBuilder(look.name)
     roots = [elements_of(value) for value in (weight, world, ray_start)]
     names = [
-        str(node.args[0]) for node in reachable([value for root in roots for value in root]) if node.op == "symbol"
+        str(node.args[0])
+        for node in reachable_nodes([value for root in roots for value in root])
+        if node.op == "symbol"
     ]
     directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)

@@ -13,8 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.brdf import MASK, Bsdf, Parameter, Real, StackLayer, model_named, reflectance, runs, stack_bsdf
-from lookdev.brdf.vectors import same
+from lookdev.brdf import (
+    MASK,
+    Bsdf,
+    Parameter,
+    Real,
+    StackLayer,
+    model_named,
+    reflectance,
+    split_by_combination,
+    stack_bsdf,
+)
+from lookdev.brdf.vectors import are_equal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
@@ -25,7 +35,7 @@ from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
 from lookdev.codegen.nodes.lift import coincident_tree
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, Link, NodeSource, NodeTree
-from lookdev.codegen.trace.graph import Graph, reachable
+from lookdev.codegen.trace.graph import Graph, reachable_nodes
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
 from lookdev.material import Bump, Look, Texture
@@ -78,7 +88,7 @@ class _Material:
         names = _unique_names(layer.name for layer in stack)
         # This raises if layers do not fit together, even if they fold to nothing.
         presence = stack_bsdf(stack).presence
-        first, *others = runs(stack)
+        first, *others = split_by_combination(stack)
         if not others:
             whole = self._run(stack, names, part="")
         else:
@@ -93,7 +103,7 @@ class _Material:
         attributes += [TANGENT_BINDING] * directed
         used_groups = {node.group for tree in self._groups for node in tree.nodes}
         fits = [fit_tree(name) for name in sorted(used_groups) if is_fit(name)]
-        see_through = not same(presence, 1.0)
+        see_through = not are_equal(presence, 1.0)
         trees = (frame, coincident_tree(see_through=see_through), *fits, *self._groups, self._builder.tree())
         return NodeSource(
             self._look.name,
@@ -128,7 +138,7 @@ class _Material:
         outputs: dict[str, Real] = {}
         if not part:
             shader = add_transparent(group.builder, shader, bsdf.presence)
-        elif not same(bsdf.presence, 1.0):
+        elif not are_equal(bsdf.presence, 1.0):
             outputs["presence"] = bsdf.presence
         if stack[0].mode == "coat":
             outputs["reflectance"] = reflectance(stack[0], symbols(group.graph, WO))
@@ -203,7 +213,7 @@ class _Material:
         """Add a node of a finished group, and the inputs that it reads, to the material's tree; return its name."""
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]
-        names = [str(node.args[0]) for node in reachable(elements) if node.op == "symbol"]
+        names = [str(node.args[0]) for node in reachable_nodes(elements) if node.op == "symbol"]
         self._attributes |= dict.fromkeys(bind_inputs(self._builder, self._inputs, names))
         if WO[2] in names:
             add_frame(self._builder)
@@ -221,7 +231,7 @@ def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
 
 def _layer_over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, coverage: Real) -> Link | None:
     """Layer a shader over another, of which it hides the share `coverage`."""
-    if below is not None and same(mask, coverage) and not same(mask, 0.0) and not same(mask, 1.0):
+    if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
         return Link(builder.add("MixShader", inputs=inputs), "Shader")
     return add_shaders(builder, _scale(builder, below, 1.0 - coverage), _scale(builder, above, mask))
@@ -229,9 +239,9 @@ def _layer_over(builder: TreeBuilder, above: Link, below: Link | None, mask: Rea
 
 def _scale(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:
     """Add a node that multiplies a shader by a factor from 0 to 1, and return its output."""
-    if shader is None or same(factor, 0.0):
+    if shader is None or are_equal(factor, 0.0):
         return None
-    if same(factor, 1.0):
+    if are_equal(factor, 1.0):
         return shader
     return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, factor), "Shader_001": shader}), "Shader")
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf.table import Table
-from lookdev.codegen.trace.graph import Node, Scalar, Uniform, post_order, reachable
+from lookdev.codegen.trace.graph import Node, Scalar, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
 CODE: dict[str, str] = {
@@ -136,7 +136,7 @@ class Block:
     def prepare(self, roots: Iterable[Any]) -> None:
         """Count uses of nodes under `roots`, all expressions of this block, so that shared nodes become variables."""
         roots = list(roots)
-        for node in reachable(roots, stop=self.variables):
+        for node in reachable_nodes(roots, stop=self.variables):
             if node not in self.variables:
                 self._uses.update(node.operands())
         self._uses.update(root for root in roots if isinstance(root, Node))

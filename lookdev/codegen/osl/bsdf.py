@@ -26,7 +26,7 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import scale
 from lookdev.codegen.osl.block import Block, Spell, spell_by_name, strip_parentheses
 from lookdev.codegen.source import LOBE_GROUPS
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, dependent_nodes, post_order, reachable
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, dependent_nodes, post_order, reachable_nodes
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
@@ -239,7 +239,7 @@ def emit_brdf(
 
     groups = {*_groups(lobes), *map(_delta_group, deltas)} if recorded else ()
     group_indices = {group: index for index, group in enumerate(sorted(groups, key=LOBE_GROUPS.index))}
-    nodes = reachable([*values, *(lobe.share for lobe in lobes), presence, *delta_values, *feature_values])
+    nodes = reachable_nodes([*values, *(lobe.share for lobe in lobes), presence, *delta_values, *feature_values])
     inputs = {str(node.args[0]) for node in nodes if node.op == "symbol"} - VARYING - {*WO, INSIDE}
     tables = {node.args[0].digest: node.args[0] for node in nodes if node.op == "look_up"}
     return BrdfCode(
@@ -329,7 +329,7 @@ def _evaluate_side(
     With `has_light_sampled`, densities of lobes that are not light-sampled have a sum of their own; with `by_group`,
     the values of diffuse lobes do. `group_indices` are as in `_evaluate`.
     """
-    groups = [reachable(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
+    groups = [reachable_nodes(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
     shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.variables}
     shared = {node for node in shared if node.op != "symbol"}
@@ -340,7 +340,7 @@ def _evaluate_side(
         private = [node for node in group if node not in shared]
         operands = [operand for node in private for operand in node.operands()]
         shared_operands |= dict.fromkeys(node for node in (*roots, *operands) if node in shared)
-    ordered = sorted(shared_operands, key=lambda node: len(reachable([node])))
+    ordered = sorted(shared_operands, key=lambda node: len(reachable_nodes([node])))
 
     block = setup.inner_block(prefix, indent)
     block.prepare(ordered)

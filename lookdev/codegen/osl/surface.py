@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.brdf import Delta, Lobe, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
+from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.catching import catching_sections
@@ -242,10 +242,10 @@ def _without_recording(osl: str) -> str:
 def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Any]]:
     """Return the features that guide a denoiser, numbers in [0, 1], by their names in the template."""
     mixture = Mixture(lobes, symbols(graph, WO))
-    albedo: Any = middle_albedo(mixture) if lobes else np.zeros(3)
+    albedo: Any = estimate_albedo(mixture) if lobes else np.zeros(3)
     for delta in deltas:
         albedo = albedo + delta.value
-    normal: Any = middle_normal(mixture) if lobes else ZENITH
+    normal: Any = mean_normal(mixture) if lobes else ZENITH
     return {"feature_albedo": elements_of(np.clip(albedo, 0.0, 1.0)), "feature_normal": elements_of(normal)}
 
 

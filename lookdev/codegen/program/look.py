@@ -17,10 +17,10 @@ import numpy as np
 
 from lookdev.brdf import MODELS, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
+from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
 from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import scale
-from lookdev.cache import Content, derived
+from lookdev.cache import Content, cached_files
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
@@ -52,7 +52,7 @@ def generate_program(
     """Generate the program of a look.
 
     Constants are folded and named, so that looks that differ in numbers alone share one program. For inputs of
-    `lookdev.material.change.live_look`, the program has derivatives.
+    `lookdev.material.change.look_with_live_inputs`, the program has derivatives.
 
     Parameters
     ----------
@@ -97,10 +97,10 @@ def generate_program(
     if see_through:
         outputs["presence"] = bsdf.presence
     if features:
-        albedo: Any = middle_albedo(mixture) if lobes else np.zeros(3)
+        albedo: Any = estimate_albedo(mixture) if lobes else np.zeros(3)
         for delta in deltas:
             albedo = albedo + delta.value
-        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
+        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": mean_normal(mixture) if lobes else ZENITH}
     outputs |= _slopes(graph, look.name, inputs, outputs)
     directed = depends_on_tangent(graph, lobes)
     writer = ProgramWriter()
@@ -151,7 +151,7 @@ def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
     return parts
 
 
-def stated(look: Look) -> Live:
+def stated_constants(look: Look) -> Live:
     """Return which constants of a look can be live: those that its layers state, if all models are in `MODELS`."""
     names_by_layer = [
         {name for name, value in layer.inputs.items() if isinstance(value, float | tuple)} for layer in look.layers
@@ -257,5 +257,5 @@ def _store_table(table: Table) -> Content:
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 
-    (content,) = derived("tables", f"{table.digest}.npy", lambda: (Content.written(".npy", save),))
+    (content,) = cached_files("tables", f"{table.digest}.npy", lambda: (Content.written(".npy", save),))
     return content

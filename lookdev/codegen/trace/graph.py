@@ -203,7 +203,7 @@ def dependent_nodes(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
     return dependent
 
 
-def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
+def reachable_nodes(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
     """Return all nodes under `roots` in a reproducible order, without those that only nodes in `stop` need."""
     stops = set(stop)
     visited: dict[Node, None] = {}

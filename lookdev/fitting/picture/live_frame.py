@@ -18,7 +18,7 @@ from lookdev.fitting.picture import Unknown
 from lookdev.job import Job, JobTurntable
 from lookdev.job.parts import JobLook
 from lookdev.material import Look
-from lookdev.material.change import live_look
+from lookdev.material.change import look_with_live_inputs
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Setup, make_setup
 from lookdev.rendering.backends import BACKENDS
@@ -126,7 +126,7 @@ class LiveFrame:
 def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, ...]) -> Iterator[LiveFrame]:
     """Start a worker for a frame with the unknowns of its look as inputs; raises RenderError if none can start."""
     constants = {str(n): unknown.constant for n, unknown in enumerate(unknowns) if not unknown.is_exposure}
-    live = live_look(look, constants)
+    live = look_with_live_inputs(look, constants)
     looks = {path: live if assigned is look else assigned for path, assigned in frame.scene.wears.items()}
     scene = replace(frame.scene, wears=looks)
     sampling = replace(job.render.sampling, denoise="off", error=None, passes=())

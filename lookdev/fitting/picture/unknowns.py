@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
 from lookdev.material import Look
-from lookdev.material.change import Constant, constant_of
+from lookdev.material.change import Constant, constant_named
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     unknowns: list[Unknown] = []
     for text in names:
         match = _RANGED.fullmatch(text.strip())
-        constant = constant_of(look, match[1].strip() if match else text.strip())
+        constant = constant_named(look, match[1].strip() if match else text.strip())
         low, high = constant.parameter.hard
         usual = constant.parameter.soft
         if match:

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, derived, known
+from lookdev.cache import Content, cached_files, load_cached_files
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
 from lookdev.light.base import CodedLight, LightCode
@@ -192,17 +192,17 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
             write_table(bin_table),
         )
 
-    (radiance_file,) = derived("ibl", f"{digest}.radiance", write_radiance)
+    (radiance_file,) = cached_files("ibl", f"{digest}.radiance", write_radiance)
     points_file = slots_file = bins_file = None
     if sampled and (local or not env.is_constant):
-        points_file, slots_file, bins_file = derived("ibl", f"{digest}.tables", write_tables)
+        points_file, slots_file, bins_file = cached_files("ibl", f"{digest}.tables", write_tables)
     return Dome(radiance_file, points_file, slots_file, bins_file, width, height, digest, env.is_constant)
 
 
 def load_cached_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
     """Return the dome of a `map_digest` that `prepare_light` has written; None if one of its files is missing."""
-    radiance = known("ibl", f"{digest}.radiance")
-    tables = () if constant or not sampled else known("ibl", f"{digest}.tables")
+    radiance = load_cached_files("ibl", f"{digest}.radiance")
+    tables = () if constant or not sampled else load_cached_files("ibl", f"{digest}.tables")
     if radiance is None or tables is None:
         return None
     points_file, slots_file, bins_file = tables or (None, None, None)

@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lookdev.cache import code_digest, file_digest, keep, kept
+from lookdev.cache import code_digest, file_digest, load_cached, store_cached
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import check_file
 from lookdev.light.dome import Dome, load_cached_dome, prepare_light
@@ -41,13 +41,13 @@ def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: 
     # The suffix determines how the content is read.
     description = f"{code_digest('light')} {source.suffix.lower()} {file_digest(source)}"
     key = hashlib.sha256(description.encode()).hexdigest()
-    match kept(_ROOM, key):
+    match load_cached(_ROOM, key):
         case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
             if dome := load_cached_dome(digest, width, height, constant, sampled):
                 return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
     dome_map = _read(file, builtin, sampled)
     dome = dome_map.dome
-    keep(
+    store_cached(
         _ROOM,
         key,
         [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)],

@@ -17,9 +17,9 @@ from pxr import Ar, Gf, Sdf, Usd, UsdLux
 from lookdev.errors import close_hint, nearest_hint
 from lookdev.light.emission import Color
 from lookdev.light.rig.report import RigReport
-from lookdev.stage import shown
+from lookdev.stage import quote
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
-from lookdev.stage.packages import unpacked
+from lookdev.stage.packages import unpack
 
 SHAPING, SHADOW = "ShapingAPI", "ShadowAPI"
 
@@ -94,7 +94,7 @@ class LightPrim:
         if value is None:
             return default
         if allowed and value not in allowed:
-            self.fault(name, f"is {shown(value)}", nearest_hint(value, allowed))
+            self.fault(name, f"is {quote(value)}", nearest_hint(value, allowed))
             return default
         return str(value)
 
@@ -122,7 +122,7 @@ class LightPrim:
         canonical = colorspace_named(stated)
         if canonical is None:
             self.fault(
-                name, f"is of the colour space {shown(stated)}, which is not known", "'lin_rec709' would be right"
+                name, f"is of the colour space {quote(stated)}, which is not known", "'lin_rec709' would be right"
             )
         return canonical or ""
 
@@ -132,11 +132,11 @@ class LightPrim:
         if asset is None or not asset.path:
             return None
         if not asset.resolvedPath:
-            self.fault(name, f"there is no file {shown(asset.path)}", "paths are relative to the layer that names them")
+            self.fault(name, f"there is no file {quote(asset.path)}", "paths are relative to the layer that names them")
             return None
         with self._report.collect(self.path.AppendProperty(name)):
             if Ar.IsPackageRelativePath(asset.resolvedPath):
-                return unpacked([asset.resolvedPath])
+                return unpack([asset.resolvedPath])
         return Path(asset.resolvedPath)
 
     def check_names(self, extra_names: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, derived
+from lookdev.cache import Content, cached_files
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import open_image, whole_image
 from lookdev.light.dome.environment import EnvironmentMap, make_environment, read_pixels
@@ -126,7 +126,7 @@ def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]
         return (Content.written(".exr", lambda path: write_exr(path, "RGB", pixels)),)
 
     key = hashlib.sha256(f"{ball.digest} {kind} {_VERSION}".encode()).hexdigest()
-    (content,) = derived("balls", key, write)
+    (content,) = cached_files("balls", key, write)
     environment = make_environment(ball.name, read_exr(content.path, "RGB"), ball.where)
     before, after = ball_power(ball.radiance, kind), _power(environment.radiance)
     return environment, abs(after - before) / before if before else 0.0

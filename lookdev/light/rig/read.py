@@ -22,7 +22,7 @@ from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners
 from lookdev.light.rig.images import LightImage, load_light_image
 from lookdev.light.rig.report import RigReport
 from lookdev.light.usd import LightShape, PlacedPrim
-from lookdev.stage import Composed, Composition, compose, error_words, reading, shown, units
+from lookdev.stage import Composed, Composition, compose, error_words, quote, units, usd_errors_as_faults
 from lookdev.stage.units import Z_UP
 
 Floats = NDArray[np.float64]
@@ -96,9 +96,9 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
         The cache cannot be written.
     """
     file, report = composed.composition.file, RigReport(str(composed.composition.file))
-    with reading(file) as warnings:
+    with usd_errors_as_faults(file) as warnings:
         fit, pending = _Reader(composed, sampled, report).read()
-    # Images are read and checked outside of `reading`, because making a dome's tables takes longer than it allows.
+    # Images are read and checked outside of `usd_errors_as_faults`: a dome's tables take longer than it allows.
     images: dict[tuple[object, ...], LightImage] = {}
     for pending_light in pending:
         _read_image(pending_light, images, report)
@@ -116,7 +116,7 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
 
 def holds_only_lights(composed: Composed) -> bool:
     """Return whether a stage has lights and no geometry, at and below the composition's prim if it has one."""
-    with reading(composed.composition.file):
+    with usd_errors_as_faults(composed.composition.file):
         prims = Usd.PrimRange(composed.stage.GetPrimAtPath(composed.composition.prim or "/"), ALL_PRIMS)
         is_light_flags = [is_light(prim) for prim in prims if is_light(prim) or prim.IsA(UsdGeom.Gprim)]
     return bool(is_light_flags) and all(is_light_flags)
@@ -235,7 +235,7 @@ class _Reader:
         for name in order or ():
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
-                self._report.fault(path, f"names {shown(name)}, which is not there")
+                self._report.fault(path, f"names {quote(name)}, which is not there")
                 return False
         if xform and xform.TransformMightBeTimeVarying():
             self._report.note(prim.GetPath(), f"its transform is animated, and taken at {time_label(self._time)}")

@@ -14,12 +14,12 @@ from lookdev.brdf import MODELS, layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.change import Constant, Value, with_constants
-from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, reported_for
+from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
 from lookdev.material.library.stack import enabled_layers
 from lookdev.material.usd import find_material, read_look
 from lookdev.material.usd.network import Network, Source, shader_id
-from lookdev.stage import open_stage, reading
+from lookdev.stage import open_stage, usd_errors_as_faults
 
 
 def set_inputs(
@@ -59,7 +59,7 @@ def write_changed(
     look = read_look(file, prim, dict(variants or {}))
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = with_constants(look, rounded)
-    with atomic_path(out) as temporary, reported_for(out, temporary):
+    with atomic_path(out) as temporary, report_faults_for(out, temporary):
         # Prefer the interface input that states a constant, unless other inputs are connected to it too.
         for by_interface in (True, False):
             _copy_layer(file, temporary, out)
@@ -73,7 +73,7 @@ def write_changed(
 
 def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
     """Write the USD layer of a file to `temporary`, in the format and with the relative paths of `out`."""
-    with reading(file):
+    with usd_errors_as_faults(file):
         layer = Sdf.Layer.FindOrOpen(str(file))
         if layer is None or not layer.Export(str(temporary)):
             raise LookError([Fault(str(file), "", "cannot be copied as a look in USD")])

@@ -20,7 +20,7 @@ from typing import Any
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, Model
-from lookdev.brdf.measured import MEASURED, grid_of
+from lookdev.brdf.measured import MEASURED, load_grid
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
 from lookdev.material.expression import Kind
@@ -33,7 +33,7 @@ from lookdev.material.library.stack import author_stack, enabled_layers, find_st
 from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
-from lookdev.stage import open_stage, reading
+from lookdev.stage import open_stage, usd_errors_as_faults
 
 log = logging.getLogger("lookdev.material")
 
@@ -55,7 +55,7 @@ def measured_look(file: Path, measurement: Path) -> str:
 
     Raises ModelError for a faulty measurement.
     """
-    grid_of(str(measurement))
+    load_grid(str(measurement))
 
     def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
         shader = UsdShade.Shader.Define(stage, path)
@@ -100,7 +100,7 @@ def _write_new_look(file: Path, name: str | None, define: Callable[[Usd.Stage, S
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
         raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
-    with atomic_path(file) as temporary, reported_for(file, temporary):
+    with atomic_path(file) as temporary, report_faults_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
         stage.SetDefaultPrim(material.GetPrim())
@@ -258,7 +258,7 @@ def edit_material(
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
     if not file.is_file():
         raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
-    with atomic_path(file) as temporary, reported_for(file, temporary):
+    with atomic_path(file) as temporary, report_faults_for(file, temporary):
         shutil.copy(file, temporary)
         stage, network = open_stage(temporary), Network(temporary)
         path = find_material(network, stage, prim, variants or {})
@@ -294,10 +294,10 @@ def check_suffix(file: Path) -> None:
 
 
 @contextmanager
-def reported_for(file: Path, temporary: Path) -> Iterator[None]:
+def report_faults_for(file: Path, temporary: Path) -> Iterator[None]:
     """Report the faults of a temporary copy as faults of the file."""
     try:
-        with reading(temporary):
+        with usd_errors_as_faults(temporary):
             yield
     except LookError as error:
 

@@ -15,12 +15,12 @@ from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
 from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import Variants, redirect_connections
-from lookdev.material.library.edit import camel_case, edit_material, reported_for
+from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
 from lookdev.material.library.nodes import find_sites, find_upstream, free_path, relative_path
 from lookdev.material.library.stack import author_stack, find_stack, layer_shader, require_surface
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import Network, Source
-from lookdev.stage import open_stage, reading
+from lookdev.stage import open_stage, usd_errors_as_faults
 
 _TYPES = Sdf.ValueTypeNames
 _ROOT = Sdf.Path("/LookdevLayer")
@@ -33,7 +33,7 @@ _DOC = "A layer of a look, as the Designer copies and pastes it."
 def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> str:
     """Return the USD text of a layer; LookError where it does not exist or has nodes outside of the material."""
     stage, network = open_stage(file), Network(file)
-    with reading(file):
+    with usd_errors_as_faults(file):
         path = find_material(network, stage, prim, variants or {})
         if path is None:
             raise LookError(network.faults)
@@ -86,7 +86,7 @@ def save_preset(
     if target.exists() or target.is_symlink():
         raise LookError([Fault(str(target), "", "exists already", "choose another name")])
     source, network = open_stage(file), Network(file)
-    with reading(file), atomic_path(target) as temporary, reported_for(target, temporary):
+    with usd_errors_as_faults(file), atomic_path(target) as temporary, report_faults_for(target, temporary):
         path = find_material(network, source, prim, variants or {})
         if path is None:
             raise LookError(network.faults)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
 from lookdev.brdf import MASK, MODELS, Parameter, Real
-from lookdev.brdf.parameters import spelled_out, with_followers
+from lookdev.brdf.parameters import add_followers, expand_tokens
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Layer, Primvar, Texture
@@ -154,7 +154,7 @@ def _coverage(layer: Layer) -> float:
 def _mean_parameters(layer: Layer) -> dict[str, Any]:
     """Return the parameters of a layer: its tokens, and the means of its numbers and colours."""
     model = MODELS[layer.model]
-    inputs = with_followers(model.parameters, spelled_out(model.name, model.parameters, layer.inputs))
+    inputs = add_followers(model.parameters, expand_tokens(model.name, model.parameters, layer.inputs))
     means: dict[str, Any] = {
         name: _mean_value(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()

@@ -13,7 +13,7 @@ from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library.nodes import find_sites, free_path, remove_prims
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
-from lookdev.stage import open_stage, reading
+from lookdev.stage import open_stage, usd_errors_as_faults
 
 _TYPES = Sdf.ValueTypeNames
 
@@ -114,10 +114,10 @@ class Outline:
     variants: Mapping[str, tuple[tuple[str, ...], str]]
 
 
-def outline_of(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Outline:
+def read_outline(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Outline:
     """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
     stage, network = open_stage(file), Network(file)
-    with reading(file):
+    with usd_errors_as_faults(file):
         path = find_material(network, stage, prim, variants or {})
         if path is None:
             raise LookError(network.faults)

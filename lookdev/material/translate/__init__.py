@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lookdev.brdf import Parameter, StackLayer, model_named
-from lookdev.brdf.parameters import with_followers
-from lookdev.brdf.vectors import Parameters, same
+from lookdev.brdf.parameters import add_followers
+from lookdev.brdf.vectors import Parameters, are_equal
 from lookdev.material.look import Input, Layer, Look, Primvar
 from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
@@ -56,7 +56,7 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
     masked += [
         replace(layer_above, mask=layer.mask * layer_above.mask)
         for layer_above in others
-        if not same(layer_above.mask, 0.0)
+        if not are_equal(layer_above.mask, 0.0)
     ]
     return [
         replace(part, parameters=_complete_parameters(part), name=f"{layer.name} {part.name}".strip())
@@ -66,7 +66,7 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
 
 def _complete_parameters(layer: StackLayer) -> Parameters:
     model = model_named(layer.model)
-    return model.complete({}) | with_followers(model.parameters, layer.parameters)
+    return model.complete({}) | add_followers(model.parameters, layer.parameters)
 
 
 def foreign_shaders() -> dict[str, str]:

@@ -21,7 +21,7 @@ import numpy as np
 from lookdev.brdf import StackLayer
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import ggx_reflectance
-from lookdev.brdf.vectors import Array, Real, mean, mix, mix_color, same, scale
+from lookdev.brdf.vectors import Array, Real, are_equal, mean, mix, mix_color, scale
 
 DATA = Path(__file__).parent / "data" / "fits.json"
 """The file of fits, which `lookdev.material.translate.fitting` writes."""
@@ -168,7 +168,7 @@ def mix_with_metal(
     `weight`, (...), multiplies the reflection of the metal.
     """
     emerging = dielectric.emerging_light(color)
-    if not same(metalness, 0.0):
+    if not are_equal(metalness, 0.0):
         emerging = mix_color(emerging, scale(metal.scattered_light(), weight), metalness)
     return emerging, dielectric.mix_with(metal.tint_by(scale(WHITE, weight)), metalness)
 
@@ -221,7 +221,7 @@ def color_under_sheen(color: Array, weight: Real, sheen: Array, name: str, rough
 
     `name` is the fit of the sheen's albedo by its roughness.
     """
-    if same(weight, 0.0):
+    if are_equal(weight, 0.0):
         return color
     albedo = weight * np.maximum(load_fit(name)(roughness), 0.0)
     return scale(color, 1.0 - albedo) + scale(sheen, albedo)

@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
-from lookdev.brdf.vectors import Array, Parameters, Real, mix, mix_color, same, scale
+from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix, mix_color, scale
 from lookdev.material.translate.lobes import (
     WHITE,
     Interface,
@@ -116,7 +116,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
 def _diffuse(p: Parameters) -> Array:
     """Return the diffuse colour, (..., 3), under the specular lobe."""
     color = p["base_color"]
-    if not same(p["base_diffuse_roughness"], 0.0):
+    if not are_equal(p["base_diffuse_roughness"], 0.0):
         # Portsmouth et al. 2024, EON: the mean albedo of single scattering, and of all further scattering.
         single = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * pi)) * p["base_diffuse_roughness"])
         albedo = np.expand_dims(single * (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * pi)) * p["base_diffuse_roughness"]), -1)

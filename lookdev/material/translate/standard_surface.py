@@ -12,7 +12,7 @@ import numpy as np
 
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.parameters import normal_parameter
-from lookdev.brdf.vectors import Array, Parameters, mean, mix, mix_color, same, scale
+from lookdev.brdf.vectors import Array, Parameters, are_equal, mean, mix, mix_color, scale
 from lookdev.material.translate.lobes import (
     WHITE,
     Interface,
@@ -122,7 +122,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
 def _diffuse(p: Parameters) -> Array:
     """Return the diffuse colour, (..., 3), under the specular lobe."""
     gamma = np.expand_dims(1.0 + p["coat"] * p["coat_affect_color"], -1)
-    rough = 1.0 if same(p["diffuse_roughness"], 0.0) else load_fit("rough")(p["diffuse_roughness"])
+    rough = 1.0 if are_equal(p["diffuse_roughness"], 0.0) else load_fit("rough")(p["diffuse_roughness"])
     diffuse = scale(np.power(p["base_color"], gamma), p["base"] * rough)
     color = mix_color(diffuse, np.power(p["subsurface_color"], gamma), p["subsurface"])
     color = color_under_sheen(color, p["sheen"], p["sheen_color"], "sheen", p["sheen_roughness"])

@@ -11,15 +11,15 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
-from lookdev.brdf.parameters import spelled_out
+from lookdev.brdf import MASK, MODELS, Mode, index_of_excluding_model, layer_shaders
+from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.usd.displacement import read_displacement
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
-from lookdev.material.variants import combinations
-from lookdev.stage import lights_hint, open_stage, reading, usd_words
+from lookdev.material.variants import expand_wildcards
+from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 MODES: tuple[Mode, ...] = ("over", "transmit")
@@ -56,21 +56,21 @@ def read_look(
     """
     stage = open_stage(file)
     network = Network(file, open_images)
-    with reading(file):
+    with usd_errors_as_faults(file):
         path = find_material(network, stage, prim, variants or {})
         return read_look_at(network, stage, path, name)
 
 
 def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
     """Read the look of a composed material of an open stage; raises as `read_look`, with `file` in the faults."""
-    with reading(file):
+    with usd_errors_as_faults(file):
         return read_look_at(Network(file), stage, path, None)
 
 
 def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     """Return the faults of a layer that is not part of a look, such as a preset, as faults of `file`."""
     network = Network(file)
-    with reading(file):
+    with usd_errors_as_faults(file):
         _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(layer_shaders()))
     return network.faults
 
@@ -82,7 +82,7 @@ def materials(stage: Usd.Stage) -> list[Sdf.Path]:
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
     """Return all selections in which a variant of its set replaces each ``"*"``; raises as `read_look`."""
-    return combinations(
+    return expand_wildcards(
         variants, lambda selection, set_name: _variant_names(file, prim, selection, set_name), str(file), prim or ""
     )
 
@@ -265,7 +265,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
     """Add faults of modes that the layers beneath rule out, and of tokens that layers of one model must share."""
     for number, (attribute, layer) in enumerate(layers):
         beneath = [layer_below for _, layer_below in layers[:number]]
-        wrong = stranger(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
+        wrong = index_of_excluding_model(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
         if wrong is not None:
             takers = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
             message = f"cannot be '{layer.mode}': {layers[wrong][1].name} is a {layers[wrong][1].model} layer"
@@ -324,7 +324,7 @@ def _read_layer(
             if value is not None:
                 inputs[parameter.name] = value
     try:
-        spelled_out(model, parameters, inputs)
+        expand_tokens(model, parameters, inputs)
     except ModelError as error:
         network.add_fault(source.path, str(error))
     for parameter in parameters.values():

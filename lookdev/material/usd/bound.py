@@ -24,7 +24,7 @@ from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, node_category
 from lookdev.material.usd.terms import NotCarriedError, Term
 from lookdev.mtlx import NOTES
-from lookdev.stage import Composed, open_stage, reading
+from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 
 GREY = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a part whose material cannot be read."""
@@ -50,7 +50,7 @@ class BoundLook:
         return tuple(_model_title(layer.model) for layer in self.look.layers)
 
 
-def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]:
+def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]:
     """Read materials of a composed asset.
 
     Parameters
@@ -74,7 +74,7 @@ def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]
     stage, file = composed.stage, composed.composition.file
     looks: dict[str, BoundLook] = {}
     missing_images: dict[Fault, None] = {}
-    with reading(file):
+    with usd_errors_as_faults(file):
         for path in paths:
             prim = stage.GetPrimAtPath(path)
             terminal = prim.GetAttribute(TERMINAL) if prim else None
@@ -101,7 +101,7 @@ def read_any_look(
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
     """
     stage, network = open_stage(file), Network(file, opens_images=False)
-    with reading(file):
+    with usd_errors_as_faults(file):
         path = find_material(network, stage, prim, variants or {})
         if path is None or not is_foreign(stage.GetPrimAtPath(path)):
             return BoundLook(read_look_at(network, stage, path, name))
@@ -126,7 +126,7 @@ def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
         Its composition has errors, or its surface shader or images cannot be read.
     """
     material, network = _Material(file, str(path)), Network(file)
-    with reading(file):
+    with usd_errors_as_faults(file):
         check_composition(network, stage, path)
         try:
             look = material.read(stage.GetPrimAtPath(path))

@@ -9,7 +9,7 @@ from pxr import Ar, Sdf, Usd, UsdShade
 from lookdev.errors import TextureError
 from lookdev.material.textures import UDIM
 from lookdev.material.usd.network import Network
-from lookdev.stage.packages import unpacked
+from lookdev.stage.packages import unpack
 
 
 def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> Path:
@@ -26,7 +26,7 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
         if not tiles:
             raise TextureError(f"no tile of this set: {asset.path}")
         if Ar.IsPackageRelativePath(tiles[0]):
-            return unpacked(tiles).with_name(PurePosixPath(asset.path.rstrip("]")).name)
+            return unpack(tiles).with_name(PurePosixPath(asset.path.rstrip("]")).name)
         return Path(UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer))
     return asset_file(asset, "image file")
 
@@ -38,7 +38,7 @@ def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
     if not asset.resolvedPath:
         raise TextureError(f"no such {kind}: {asset.path}")
     if Ar.IsPackageRelativePath(asset.resolvedPath):
-        return unpacked([asset.resolvedPath])
+        return unpack([asset.resolvedPath])
     return Path(asset.resolvedPath)
 
 

@@ -27,7 +27,7 @@ from lookdev.material.look import (
     View,
 )
 from lookdev.material.look import Source as FormulaInput
-from lookdev.material.textures import image_header, resolved, udim_tiles
+from lookdev.material.textures import image_header, resolve_texture, udim_tiles
 from lookdev.material.usd.images import asset_file, image_path
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
 
@@ -279,7 +279,7 @@ def _read_texture(
             return texture
         for tile in udim_tiles(texture).values() or [texture]:
             image_header(tile.file)
-        return resolved(texture)
+        return resolve_texture(texture)
     except TextureError as error:
         network.add_fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
         return None

@@ -11,7 +11,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
-from lookdev.errors import Fault, nearest_hint, shortened
+from lookdev.errors import Fault, nearest_hint, shorten
 from lookdev.material.look import Formula
 
 TERMINAL = "outputs:lookdev:surface"
@@ -63,7 +63,7 @@ class Network:
     def add_fault(self, where: object, message: str, hint: str = "") -> None:
         """Add a fault. `where` is an attribute, a prim or schema object, or a path."""
         path = where.GetPath() if isinstance(where, Usd.Object | Usd.SchemaBase) else where
-        self._faults.append(Fault(str(self.file), shortened(str(path)), shortened(message), hint))
+        self._faults.append(Fault(str(self.file), shorten(str(path)), shorten(message), hint))
 
     def add_external_fault(self, fault: Fault) -> None:
         """Add a fault of another file."""

@@ -17,7 +17,7 @@ from pxr import Sdf
 
 from lookdev.errors import Fault, TextureError
 from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap
-from lookdev.material.textures import image_header, resolved, udim_tiles
+from lookdev.material.textures import image_header, resolve_texture, udim_tiles
 from lookdev.material.usd.images import image_path
 from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
@@ -290,7 +290,7 @@ def _read_image_node(node: Node, matrix: NDArray[np.float64], wraps: list[_WrapM
 
 def _texel_term(node: Node, texture: Texture, width: int) -> Term:
     if node.reader.network.opens_images:
-        texture = resolved(texture)
+        texture = resolve_texture(texture)
     if width == 1:
         return node.terms.leaf_term(replace(texture, channel="r"), 1, node.name)
     rgb = node.terms.leaf_term(texture, min(width, 3), node.name)

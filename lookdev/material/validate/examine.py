@@ -16,7 +16,7 @@ from typing import Any
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
 from lookdev.brdf import layer_shaders
-from lookdev.errors import Fault, LookError, shortened
+from lookdev.errors import Fault, LookError, shorten
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
@@ -24,7 +24,7 @@ from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import LayerInputs, unread_shaders
-from lookdev.stage import lights_hint, open_stage, reading, usd_words
+from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
 MOST_COMBINATIONS = 64
 """The most combinations of variants to examine; beyond, each variant is examined once, with the file's selections."""
@@ -49,7 +49,7 @@ _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED = "UnresolvableDependency"
 
 
-def examine(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
+def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
     """Examine every material of a file, or the one at `prim`, in every combination of variants.
 
     `variants` fixes the variants of some sets. In a file without materials, such as a preset, the layers are examined.
@@ -59,7 +59,7 @@ def examine(file: Path, prim: str | None = None, variants: Mapping[str, str] | N
     looks: list[int] = []
     try:
         stage = open_stage(file)
-        with reading(file):
+        with usd_errors_as_faults(file):
             for path in [prim] if prim else map(str, materials(stage)):
                 material, combinations = _examine_material(file, stage, path, variants or {})
                 findings += material
@@ -229,7 +229,7 @@ def _from_fault(fault: Fault) -> Finding:
 
 def _split_path(where: str) -> tuple[str, str]:
     """Split a path into prim and property."""
-    prim, _, name = shortened(where).partition(".")
+    prim, _, name = shorten(where).partition(".")
     return prim, name
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from lookdev.errors import OutputError, shortened
+from lookdev.errors import OutputError, shorten
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
@@ -86,7 +86,7 @@ def find_version(folder: Path, page: Path) -> Version:
             problems.append(f"{file}: {header['charts.doubt']}")
         reels.setdefault(name.reel, []).append(ReviewFrame(file, name.number, header))
     if not reels:
-        why = f": {'; '.join(map(shortened, problems[:_MOST]))}" if problems else ""
+        why = f": {'; '.join(map(shorten, problems[:_MOST]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{why}")
     props = {
         frame.file.relative_to(folder / FOLDER): frame.file

@@ -101,7 +101,7 @@ EXECUTORS: dict[str, ExecutorKind] = {
 }
 
 
-def opened(choice: Choice, files: Place, store: Store) -> Executor:
+def open_executor(choice: Choice, files: Place, store: Store) -> Executor:
     """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
     return EXECUTORS[choice.kind].open(choice, files, store)
 

@@ -25,7 +25,7 @@ from lookdev.rendering.executors.protocol import GivenUp, Retried, Store, Stored
 from lookdev.rendering.executors.tries import render_with_retries
 from lookdev.rendering.executors.versions import mismatch, versions
 from lookdev.rendering.results import Progress, Rendered
-from lookdev.rendering.task import FrameTask, contents
+from lookdev.rendering.task import FrameTask, files_of_task
 from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
 
@@ -113,7 +113,7 @@ def render_order(order: Order) -> Result:
             "path, or leave out --shared",
         )
     try:
-        if missing := tuple(file for file in sorted(contents(tasks[0].scene), key=str) if not file.is_whole()):
+        if missing := tuple(file for file in sorted(files_of_task(tasks[0].scene), key=str) if not file.is_whole()):
             return Lacks(host.address, missing)
         with _RENDERER.borrow(order, host) as worker, _stop_if_cancelled(host, worker) as is_cancelled:
             frames = [

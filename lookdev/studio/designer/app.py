@@ -19,7 +19,7 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.errors import FaultsError, LookdevError, shorten
 from lookdev.material.library import library_folders, read_library
 from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
@@ -356,5 +356,5 @@ async def _answer(compute: Callable[[], Mapping[str, Any]]) -> Response:
         message = str(error)
     except OSError as error:
         message = f"{error.filename or 'a file'}: {error.strerror or error}"
-    log.warning("refused: %s", shortened(message, 200))
+    log.warning("refused: %s", shorten(message, 200))
     return JSONResponse({"error": message}, 422, headers=_FRESH)

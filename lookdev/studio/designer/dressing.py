@@ -28,7 +28,7 @@ from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.material.library import find_preset, library_folders
 from lookdev.material.library.edit import new_look
 from lookdev.scene.dress import asset_parts
-from lookdev.text import decoded
+from lookdev.text import decode
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
@@ -64,7 +64,7 @@ class EditedJob:
         return self._read_cached(files.get(self.file, self.content), light)
 
     def _read_content(self, content: bytes, light: str) -> Read:
-        job = parse_job(decoded(content, self.file), self.file)
+        job = parse_job(decode(content, self.file), self.file)
         if light and (table := shipped_lights(job).get(light)):
             update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
             job = job.model_copy(update=update)
@@ -138,7 +138,7 @@ class EditedJob:
         The look is assigned to ``prims``, or, if they are empty, to all parts without an assignment. Raises
         LookdevError if the request is not valid, or the job does not allow the edit.
         """
-        look, text = _look_number(read_job, name), decoded(content, self.file)
+        look, text = _look_number(read_job, name), decode(content, self.file)
         if look is None:
             raise LookdevError(_WEDGE_LOCKED)
         match body:

@@ -24,8 +24,8 @@ from lookdev.metrics import relmse_of_halves
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import SceneTask, one_frame
-from lookdev.rendering.worker import Worker, explained
+from lookdev.rendering.task import SceneTask, frame_task
+from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 from lookdev.studio.talk import Cancelled, Ticket
 
@@ -147,7 +147,7 @@ class Exact:
             except WorkerError as error:
                 ticket.check()
                 failures += 1
-                message = explained(error, self._log)
+                message = explain_error(error, self._log)
                 if self._closed or failures >= _TRIES:
                     raise WorkerError(message) from error
                 deliver({"state": f"{message}; it is started anew"}, {})
@@ -171,7 +171,7 @@ class Exact:
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"
-        frame = one_frame(task, view.pose, self._digest, samples=samples, seed=number)
+        frame = frame_task(task, view.pose, self._digest, samples=samples, seed=number)
         ticket.check()
         try:
             return worker.render(frame, lambda progress: None)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lookdev.brdf import MODELS
-from lookdev.errors import ModelError, shortened
+from lookdev.errors import ModelError, shorten
 from lookdev.material.expression import Kind
 from lookdev.material.library import find_preset
 from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
@@ -36,7 +36,7 @@ def parse_operation(
     def name(layer: object) -> str:
         names = [entry.name for entry in outline.entries if entry.number == layer]
         if not names:
-            raise ModelError(f"the look has no layer {shortened(str(layer), 20)}")
+            raise ModelError(f"the look has no layer {shorten(str(layer), 20)}")
         return names[0]
 
     match body:
@@ -53,7 +53,7 @@ def parse_operation(
             )
         case {"op": "rename", "layer": int(layer), "name": str(new)}:
             new = new.strip()
-            label = f"rename {name(layer)} to {shortened(new, 40)}"
+            label = f"rename {name(layer)} to {shorten(new, 40)}"
             return label, lambda file: rename_layer(file, str(layer), new, prim, variants)
         case {"op": "move", "layer": int(layer), "to": int(to)}:
             return f"move {name(layer)}", lambda file: move_layer(file, str(layer), to, prim, variants)
@@ -80,7 +80,7 @@ def parse_operation(
                 file, str(layer), parameter, source, prim, variants
             )
         case {"op": "unstate", "layer": int(layer), "parameter": str(parameter)}:
-            label = f"{name(layer)} {shortened(parameter, 40)} back to its default"
+            label = f"{name(layer)} {shorten(parameter, 40)} back to its default"
             return label, lambda file: unset_parameter(file, str(layer), parameter, prim, variants)
         case {"op": "paste", "text": str(text)}:
             return "paste a layer", lambda file: paste_layer(file, text, prim, variants)

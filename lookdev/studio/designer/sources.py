@@ -15,9 +15,9 @@ from pathlib import Path
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.material import Look
-from lookdev.material.library.edit import reported_for
+from lookdev.material.library.edit import report_faults_for
 from lookdev.material.library.masks import IMAGES
-from lookdev.material.library.stack import Outline, outline_of
+from lookdev.material.library.stack import Outline, read_outline
 from lookdev.material.usd import read_look
 
 LARGEST = 64 << 20
@@ -145,7 +145,7 @@ class Sources:
             hint = "copy the look to a folder of your own, and open it there"
             raise LookdevError(f"{file.parent}: cannot be written, so its looks cannot be edited; {hint}") from error
         try:
-            with reported_for(file, temporary):
+            with report_faults_for(file, temporary):
                 yield temporary
         finally:
             temporary.unlink(missing_ok=True)
@@ -163,9 +163,9 @@ class Sources:
     def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> Opened:
         choices = dict(variants)
         if content == self._original_contents[file] and self.digest_on_disk(file) == digest(content):
-            return Opened(read_look(file, prim, choices), outline_of(file, prim, choices))
+            return Opened(read_look(file, prim, choices), read_outline(file, prim, choices))
         with self.copy_beside(file, content) as temporary:
-            return Opened(read_look(temporary, prim, choices), outline_of(temporary, prim, choices))
+            return Opened(read_look(temporary, prim, choices), read_outline(temporary, prim, choices))
 
 
 def images_below(folder: Path) -> list[str]:

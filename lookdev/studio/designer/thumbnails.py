@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.image import imsave
 
-from lookdev.cache import Content, code_digest, derived, file_digest
+from lookdev.cache import Content, cached_files, code_digest, file_digest
 from lookdev.material.library import Preset
 from lookdev.plotting.figure import picture
 from lookdev.plotting.options import Options
@@ -32,7 +32,7 @@ def thumbnail(preset: Preset) -> Path:
     rooms = ("brdf", "light", "plotting", "material")
     key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
     with _lock:
-        return derived("thumbnails", key, lambda: (Content.holding(_draw(preset), ".png"),))[0].path
+        return cached_files("thumbnails", key, lambda: (Content.holding(_draw(preset), ".png"),))[0].path
 
 
 def _draw(preset: Preset) -> bytes:

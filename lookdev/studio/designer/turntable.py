@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.errors import FaultsError, LookdevError, shorten
 from lookdev.job import Job
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.rendering.scene import SceneTasks
@@ -117,7 +117,7 @@ class Turntable:
             self._update_state(state="failed", error=str(error))
         except Exception as error:
             log.exception("a turntable failed")
-            self._update_state(state="failed", error=f"{type(error).__name__}: {shortened(str(error))}")
+            self._update_state(state="failed", error=f"{type(error).__name__}: {shorten(str(error))}")
 
     def _report(self, event: Event) -> None:
         if self._cancelled.is_set():

@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from lookdev.errors import LookdevError, shortened
+from lookdev.errors import LookdevError, shorten
 from lookdev.plotting import SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
 from lookdev.studio.explorer.channel import Channel, parse_options
@@ -60,8 +60,8 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
         try:
             stored_name = await surfaces.roots.upload(name, request.stream())
         except LookdevError as error:
-            log.warning("refused the upload %s: %s", shortened(name, 80), shortened(str(error), 160))
-            return JSONResponse({"error": f"{shortened(name, 80)}: {error}"}, 422)
+            log.warning("refused the upload %s: %s", shorten(name, 80), shorten(str(error), 160))
+            return JSONResponse({"error": f"{shorten(name, 80)}: {error}"}, 422)
         except ClientDisconnect:
             return PlainTextResponse("", 400)
         return JSONResponse({"name": stored_name})

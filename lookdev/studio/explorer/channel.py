@@ -17,7 +17,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket
 
-from lookdev.errors import LookdevError, shortened
+from lookdev.errors import LookdevError, shorten
 from lookdev.plotting import Options, kind_named
 from lookdev.plotting.sampling import sampling_note
 from lookdev.studio.explorer import shading, usd
@@ -113,7 +113,7 @@ class Channel:
         self._refusals += 1
         if self._refusals <= _MOST_LOGGED:
             more = "; further ones are not logged" if self._refusals == _MOST_LOGGED else ""
-            log.warning("refused a message: %s%s", shortened(problem, 160), more)
+            log.warning("refused a message: %s%s", shorten(problem, 160), more)
         await self._socket.send({"error": problem})
 
 
@@ -128,7 +128,7 @@ def _request(text: Any) -> dict[str, Any]:
     if not isinstance(request, dict):
         raise Refused("a JSON object would be right")
     if request.get("do") not in (*_DO, "render", "cancel"):
-        raise Refused(f"do is {shortened(repr(request.get('do')), 40)}; one of {', '.join(_DO)} would be right")
+        raise Refused(f"do is {shorten(repr(request.get('do')), 40)}; one of {', '.join(_DO)} would be right")
     if isinstance(request.get("id"), bool) or not isinstance(request.get("id"), int) or request["id"] < 0:
         raise Refused("id: a whole number would be right")
     if not isinstance(request.setdefault("slot", ""), str) or len(request["slot"]) > 200:
@@ -151,12 +151,12 @@ def parse_options(data: object) -> Options:
     values: dict[str, Any] = {}
     for name, value in data.items():
         if name not in defaults:
-            raise Refused(f"options: no '{shortened(str(name), 40)}'")
+            raise Refused(f"options: no '{shorten(str(name), 40)}'")
         default = defaults[name]
         if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if type(value) is not type(default) or value != value:  # NaN
-            raise Refused(f"options: {name} is {shortened(repr(value), 40)}; {default!r} would be right")
+            raise Refused(f"options: {name} is {shorten(repr(value), 40)}; {default!r} would be right")
         values[name] = value
     return Options(**values)
 

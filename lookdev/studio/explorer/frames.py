@@ -17,8 +17,8 @@ from lookdev.plotting.angles import Values
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Progress
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.task import one_frame
-from lookdev.rendering.worker import Worker, explained
+from lookdev.rendering.task import frame_task
+from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
@@ -57,7 +57,7 @@ class Frames:
             return self._render_frame(look, ticket, report)
         except WorkerError as error:
             ticket.check()  # a cancelled frame kills its worker, which is not an error
-            raise WorkerError(explained(error, self._log)) from error
+            raise WorkerError(explain_error(error, self._log)) from error
         finally:
             self._current = None
             self._render_lock.release()
@@ -75,7 +75,7 @@ class Frames:
         light = prepare_light(load_environment(builtin=DOME))
         scene = Scene.of_look(load_asset(builtin="sphere"), look, light, (SIZE, SIZE))
         sampling = Sampling(samples=_SAMPLES, error=_ERROR)
-        task = one_frame(scene_task(scene, sampling, BACKEND, "cpu"), Pose(0.0, 0.0), "explored")
+        task = frame_task(scene_task(scene, sampling, BACKEND, "cpu"), Pose(0.0, 0.0), "explored")
         ticket.check()
         worker.start()
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, Model, StackLayer
-from lookdev.brdf.vectors import same
+from lookdev.brdf.vectors import are_equal
 from lookdev.codegen.program.arrays import Compiled, compile_layers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
@@ -224,7 +224,7 @@ def non_default_parameters(model: Model, parameters: Mapping[str, Any]) -> dict[
         if isinstance(value, str):
             if value != default:
                 stated[name] = value
-        elif not same(np.asarray(value), np.asarray(default, np.float64)):
+        elif not are_equal(np.asarray(value), np.asarray(default, np.float64)):
             stated[name] = tuple(np.ravel(value).tolist()) if np.ndim(value) else float(value)
     return stated
 

@@ -14,7 +14,7 @@ from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
-from lookdev.codegen.program.look import Live, stated
+from lookdev.codegen.program.look import Live, stated_constants
 from lookdev.light import Dome, Stand
 from lookdev.light.dome.files import read_exr
 from lookdev.light.lamps import CodedRig
@@ -60,7 +60,7 @@ def sliders(look: Look) -> Live:
 
     Other constants are folded: the shader of a look without sheen has no code of sheen, and takes a tenth of the time.
     """
-    is_stated = stated(look)
+    is_stated = stated_constants(look)
     return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
 
 

@@ -17,9 +17,9 @@ from lookdev.light import Dome
 from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
 from lookdev.rendering.executors import Finished, GivenUp, Place, Remarked, Retried
-from lookdev.rendering.executors.choice import Choice, opened
+from lookdev.rendering.executors.choice import Choice, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
-from lookdev.rendering.task import contents
+from lookdev.rendering.task import files_of_task
 from lookdev.run.frame_file import store
 from lookdev.run.render import run_plan
 
@@ -83,7 +83,7 @@ ALL = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting
 
 
 def test_frames_come_back_and_files_go_there_once(executor: DaskExecutor, plan: Plan, worker_cache: Path) -> None:
-    files = contents(plan.frames[0].task.scene)
+    files = files_of_task(plan.frames[0].task.scene)
     assert stems(render(executor, plan), Finished) == ALL
     stored = {content: worker_cache / "content" / f"{content.digest}{content.suffix}" for content in files}
     assert all(file.read_bytes() == content.path.read_bytes() for content, file in stored.items())
@@ -252,7 +252,7 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
             make_executor(address, tmp_path).__enter__()
     files = Place(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
-        opened(Choice("dask", address, workers=2), files, store)
+        open_executor(Choice("dask", address, workers=2), files, store)
 
 
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
