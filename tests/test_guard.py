@@ -29,7 +29,7 @@ except Exception as error:
 
 
 def outcome(body: str, **variables: str) -> str:
-    """Return what a run_supervised program writes to stdout, then its parent."""
+    """Return what a supervised program writes to stdout, then its parent."""
     done = subprocess.run(
         (sys.executable, "-c", _PROGRAM.format(body=textwrap.indent(body, "    "))),
         stdout=subprocess.PIPE,
