@@ -125,7 +125,7 @@ def emission_material(source: Any) -> NodeSource:
     """Return a material that emits the value that a look reads."""
     inputs = Inputs(Graph(), image_file)
     if isinstance(source, Bump):
-        x, y, _ = elements_of(Values(inputs)._bump(source) + 20.0)
+        x, y, _ = elements_of(Values(inputs)._bump_normal(source) + 20.0)
         value = [x, y, 20.0]
     else:
         value = elements_of(Values(inputs).of(source, COLOR))
