@@ -5,6 +5,7 @@ import io
 import keyword
 import re
 import subprocess
+import textwrap
 import tokenize
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -59,11 +60,11 @@ def old_source(revision: str, path: str) -> str:
 def follow(mutants: Sequence[Mutant], sources: Mapping[str, str], revision: str) -> tuple[list[Mutant], list[Mutant]]:
     """Return the mutants by the names of `sources`, and those whose code has changed since a revision otherwise."""
     present, lost = locate(mutants, sources)
-    renamed = {mutant.name: new for mutant in lost if (new := _renamed(mutant, sources, revision)) is not None}
+    renamed = {mutant.name: new for mutant in lost if (new := _find_renamed(mutant, sources, revision)) is not None}
     return [*present, *renamed.values()], [mutant for mutant in lost if mutant.name not in renamed]
 
 
-def _renamed(mutant: Mutant, sources: Mapping[str, str], revision: str) -> Mutant | None:
+def _find_renamed(mutant: Mutant, sources: Mapping[str, str], revision: str) -> Mutant | None:
     old = old_source(revision, mutant.path)
     name = mutant.function.partition(":")[2]
     ranges = [(first, last) for function, first, last in functions_of(old) if function == name] if old else []
@@ -90,11 +91,11 @@ def _renamed(mutant: Mutant, sources: Mapping[str, str], revision: str) -> Mutan
         covered = [k for k, token in enumerate(after) if token.line in rows]
         if covered != [pairs[k] for k in inside]:
             continue
-        text = "\n".join(_dedented(new_lines[rows.start - 1 : rows.stop - 1]))
+        text = textwrap.dedent("\n".join(new_lines[rows.start - 1 : rows.stop - 1]))
         names = {(before[a].text, before[a].is_member): after[b].text for a, b in pairs.items() if before[a].is_name}
         strings = {before[k].text: after[pairs[k]].text for k in inside if before[k].shape == "string"}
         occurrence = places_of(new_lines, text, new_first, new_last).index(rows.start)
-        changed = _substituted(mutant.after, names, strings)
+        changed = _substitute(mutant.after, names, strings)
         moved = replace(mutant, function=f"{path}:{function}", before=text, after=changed, occurrence=occurrence)
         if mutated_source(sources[path], moved) is not None and moved.before != moved.after:
             return moved
@@ -110,12 +111,7 @@ def _candidates(mutant: Mutant, name: str, sources: Mapping[str, str]) -> Iterat
             yield from ((path, *function) for function in functions_of(source) if function[0] == name)
 
 
-def _dedented(lines: Sequence[str]) -> list[str]:
-    indentation = len(lines[0]) - len(lines[0].lstrip())
-    return [line[indentation:] if not line[:indentation].strip() else line for line in lines]
-
-
-def _substituted(text: str, names: Mapping[tuple[str, bool], str], strings: Mapping[str, str]) -> str:
+def _substitute(text: str, names: Mapping[tuple[str, bool], str], strings: Mapping[str, str]) -> str:
     """Return the text of a fault by new names and messages."""
     for old, new in strings.items():
         text = text.replace(old, new)

@@ -2,6 +2,7 @@
 // The renderer's own picture of what the viewport shows: in its place, beside a wipe, or as what
 // both differ by.
 
+import { at } from "./made.js";
 import { packetOf } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change after which the hand rests
@@ -12,7 +13,6 @@ const WAITING = 4,
   COMPARED = 256,
   MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
 const STEP = 0.02; // of the width, by which a key moves the wipe
-const at = (id) => document.getElementById(id);
 const percent = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
 const signed = (share) => (share > 0 ? "+" : "−") + percent(Math.abs(share));
 

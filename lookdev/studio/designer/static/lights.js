@@ -3,13 +3,8 @@
 // view, as the exposure is.
 
 import { fromHex, toHex } from "./color.js";
+import { at, made } from "./made.js";
 
-const at = (id) => document.getElementById(id);
-const made = (tag, properties = {}, ...children) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-};
 const WARM = 6500; // kelvin that a light takes first
 
 export class LightList {

@@ -1,7 +1,8 @@
 // @ts-check
 // The turntable: rendered in the background, and played in the viewport's place.
 
-const at = (id) => document.getElementById(id);
+import { at } from "./made.js";
+
 const RATE = 12; // frames a second
 const POLL = 500; // milliseconds between looks at how far it is
 

@@ -30,6 +30,7 @@ export class Balls {
     this.link = link;
     this.shaders = shaders;
     this.made = new Map();
+    this.show = null;
     this.dome = null;
   }
 
@@ -44,11 +45,12 @@ export class Balls {
   // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with
   // whether it lacks passes.
   async draw(place, surface, light, width, height, exposure, onto) {
-    const show = await linked(SHOW);
-    const [shader, dome] = [
-      await this.shaders.of(surface),
-      light === "dome" ? await this.light() : null,
-    ];
+    this.show ??= linked(SHOW);
+    const [show, shader, dome] = await Promise.all([
+      this.show,
+      this.shaders.of(surface),
+      light === "dome" ? this.light() : null,
+    ]);
     const number = numberOf(surface, this.shaders.models);
     const numbers = Object.values(shader.answer.places).map(number);
     const key = JSON.stringify([

@@ -1,7 +1,6 @@
 // @ts-check
 // Surfaces as GLSL: one context for spheres, lobes and comparisons. A program is compiled once for
-// a form of a surface;
-// its sliders set uniforms.
+// a form of a surface; its sliders set uniforms.
 import { wordsOf } from "./state.js";
 import { finished, Programs, texture } from "./viewport/gl.js";
 import { OVER_ALL } from "./viewport/shaders.js";
@@ -123,13 +122,13 @@ void main() {
     result = vec4(sum.rgb + total, 1.0);
 }`;
 
-/** Return the program of a fragment shader, once it is linked; throws what is wrong with it. */
+/** Return a new program of a fragment shader, once it is linked; throws what is wrong with it. */
 export const linked = async (fragment, vertex = OVER_ALL) => {
   if (!works)
     throw new Error(
       "this browser has no WebGL 2 with float textures, which spheres and lobes need",
     );
-  return programs.get(vertex, fragment);
+  return programs.link(vertex, fragment);
 };
 
 /** Return a texture of float colours, by default without content. */
@@ -208,7 +207,9 @@ export class Shader {
             if (out_d.z < 0.0) total += f * out_f * around(there * out_d).rgb;
         } }`,
     );
-    return new Shader(answer, await linked(start + evaluate), await linked(start + sphere));
+    // Both compile at the same time.
+    const programsOfSurface = [evaluate, sphere].map((text) => linked(start + text));
+    return new Shader(answer, ...(await Promise.all(programsOfSurface)));
   }
 
   /** Use a program with a surface's numbers, and with others. */
@@ -243,7 +244,7 @@ export class Shader {
   }
 
   free() {
-    programs.delete(this.evaluate, this.sphere);
+    for (const { handle } of [this.evaluate, this.sphere]) gl.deleteProgram(handle);
     for (const table of Object.values(this.tables)) gl.deleteTexture(table);
   }
 }

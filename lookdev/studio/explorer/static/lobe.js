@@ -42,6 +42,7 @@ const dense = (low, high, about, count) => {
 export class Lobes {
   constructor(shaders) {
     this.shaders = shaders;
+    this.linking = null;
     this.program = null;
     this.buffers = works
       ? {
@@ -59,7 +60,8 @@ export class Lobes {
       throw new Error(
         `${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`,
       );
-    this.program ??= await linked(FRAGMENT, VERTEX);
+    this.linking ??= linked(FRAGMENT, VERTEX);
+    this.program = await this.linking;
     const shader = await this.shaders.of(surface);
     const thetas = dense(0, Math.PI / 2, theta, COUNT),
       phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((each) => each + phi);

@@ -95,16 +95,6 @@ export class Programs {
     shaders.forEach((each) => gl.deleteShader(each));
     return new Program(gl, handle);
   }
-
-  /** Delete programs, which nobody else uses; their texts are compiled anew. */
-  async delete(...programs) {
-    for (const [key, made] of this.made) {
-      const program = await made;
-      if (!programs.includes(program)) continue;
-      this.made.delete(key);
-      this.gl.deleteProgram(program.handle);
-    }
-  }
 }
 
 /** A linked program: its uniforms by name, and a texture unit for each sampler. */
