@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
 from lookdev.guard import reading
 from lookdev.text import stated_limit
@@ -26,7 +26,6 @@ from lookdev.text import stated_limit
 if TYPE_CHECKING:  # the render worker, which reads no image by this door, starts sooner
     import OpenImageIO as oiio
 
-Floats = NDArray[np.float32]
 
 PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 """Environment variable: the largest number of pixels of an image."""
@@ -138,7 +137,7 @@ def _limit(most: int | None) -> tuple[int, str]:
 
 def strips(
     image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]
-) -> Iterator[tuple[int, Floats]]:
+) -> Iterator[tuple[int, Floats32]]:
     """Yield the first row of each part of an open image, within its pixels, and the part: (rows, width, channels).
 
     Raises `error` where the pixels cannot be read.
@@ -154,7 +153,7 @@ def strips(
         rows = -(-rows // spec.tile_height) * spec.tile_height
     subimage = image.current_subimage()
 
-    def pixels_of(begin: int, end: int, right: int) -> Floats:
+    def pixels_of(begin: int, end: int, right: int) -> Floats32:
         wanted = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *wanted)
@@ -186,7 +185,7 @@ def _first_of_dwa(decode_one: Callable[[], object]) -> None:
             _dwa_decoded = True
 
 
-def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]) -> Floats:
+def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]) -> Floats32:
     """Return the pixels of an open image (height, width, channels); raises `error` where they cannot be read."""
     spec = image.spec()
     pixels = np.empty((spec.height, spec.width, len(channels)), np.float32)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32] | NDArray[np.float64]
+from lookdev.arrays import Floats, Floats32, Reals
 
 EPSILON = 0.01
 """Added to the squared reference, which bounds the relative error of dark pixels."""
@@ -14,7 +13,7 @@ ROUNDING = 2.0**-11
 """Largest error of a half float, relative."""
 
 
-def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
+def relmse(image: Reals, reference: Reals, alpha: Reals) -> float:
     """Return ``mean((x - ref)^2 / (ref^2 + 0.01))`` over the pixels of the asset.
 
     image, reference : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
@@ -24,7 +23,7 @@ def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
     return _mean_over_asset(error, alpha)
 
 
-def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
+def relmse_of_halves(a: Reals, b: Reals, alpha: Reals) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
     The variance of the mean is estimated by ``((a - b) / 2)^2``. In place of the unknown reference, the denominator has
@@ -41,7 +40,7 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     return _mean_over_asset(((a - b) / 2) ** 2 / (reference**2 + EPSILON), alpha)
 
 
-def standard_error(a: Floats, b: Floats) -> NDArray[np.float32]:
+def standard_error(a: Reals, b: Reals) -> Floats32:
     """Return ``|a - b| / 2``, the standard error of ``(a + b) / 2`` in each pixel and channel, from one difference.
 
     Numbers have 10 bits after the leading one: such noise packs into half of what all of its bits take.
@@ -52,7 +51,7 @@ def standard_error(a: Floats, b: Floats) -> NDArray[np.float32]:
     return np.asarray((error.view(np.uint32) & np.uint32(0xFFFFE000)).view(np.float32))
 
 
-def pooled_error(error: Floats) -> NDArray[np.float32]:
+def pooled_error(error: Reals) -> Floats32:
     """Return the standard error of each pixel's colour, (H, W), from `standard_error` (H, W, 3).
 
     One difference of halves knows little of a variance. The squares, summed over channels, are averaged over 3 x 3
@@ -66,7 +65,7 @@ def pooled_error(error: Floats) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(np.maximum(uniform_filter(largest, 3, mode="nearest"), 0.0)), np.float32)
 
 
-def noise_ratio(a: Floats, b: Floats, error_a: Floats, error_b: Floats, size: int = 1) -> NDArray[np.float32]:
+def noise_ratio(a: Reals, b: Reals, error_a: Reals, error_b: Reals, size: int = 1) -> Floats32:
     """Return z, (H, W): how far two pictures differ around each pixel, in units of what noise explains.
 
     ``z^2 = sum_c (sum_i (a_ic - b_ic))^2 / sum_i (error_ai^2 + error_bi^2 + rounding_i^2)``, over the channels c and
@@ -86,7 +85,7 @@ def noise_ratio(a: Floats, b: Floats, error_a: Floats, error_b: Floats, size: in
     return np.asarray(np.sqrt(np.divide(distance, noise, where=noise > 0.0, out=np.zeros_like(noise))), np.float32)
 
 
-def reference_of_halves(a: NDArray[np.float64], b: NDArray[np.float64], alpha: Floats) -> NDArray[np.float64]:
+def reference_of_halves(a: Floats, b: Floats, alpha: Reals) -> Floats:
     """Return colours (H, W, 3) that stand for the unknown reference in the denominator, as of `relmse_of_halves`."""
     # Not at the top: it takes a sixth of a second to import, which the first sample of a job would wait for.
     from scipy.ndimage import uniform_filter
@@ -100,7 +99,7 @@ def reference_of_halves(a: NDArray[np.float64], b: NDArray[np.float64], alpha: F
     return np.maximum(typical, np.minimum(a, b))
 
 
-def _window(alpha: Floats) -> tuple[slice, ...] | None:
+def _window(alpha: Reals) -> tuple[slice, ...] | None:
     """Return the smallest part of a picture with all of the asset; None where there is none."""
     covered = alpha > 0
     if not covered.any():
@@ -109,7 +108,7 @@ def _window(alpha: Floats) -> tuple[slice, ...] | None:
     return tuple(slice(int(span[0]), int(span[-1]) + 1) for span in spans)
 
 
-def _ninther(image: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ninther(image: Floats) -> Floats:
     """Return the median of the medians of three rows around each pixel (Tukey 1978), a tenth of a median's time."""
     for axis in (0, 1):
         padded = np.pad(image, [(1, 1) if axis == k else (0, 0) for k in range(image.ndim)], mode="edge")
@@ -119,6 +118,6 @@ def _ninther(image: NDArray[np.float64]) -> NDArray[np.float64]:
     return image
 
 
-def _mean_over_asset(error: NDArray[np.float64], alpha: Floats) -> float:
+def _mean_over_asset(error: Floats, alpha: Reals) -> float:
     covered = alpha > 0
     return float(error[covered].mean()) if covered.any() else 0.0

@@ -10,7 +10,9 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from lookdev.arrays import Floats
 
 Space = Literal["rec709", "acescg"]
 
@@ -35,7 +37,7 @@ CHROMATICITIES: dict[Space, tuple[float, ...]] = {
 
 
 @cache
-def from_rec709(space: Space) -> NDArray[np.float64]:
+def from_rec709(space: Space) -> Floats:
     """Return the matrix (3, 3) from columns of linear Rec.709 to those of a space; its rows sum up to 1."""
     if space == REC709:
         return np.eye(3)
@@ -45,24 +47,24 @@ def from_rec709(space: Space) -> NDArray[np.float64]:
     processor = config.getProcessor(OCIO_NAMES[REC709], OCIO_NAMES[space]).getDefaultCPUProcessor()
     rows = np.array([processor.applyRGB(axis) for axis in np.eye(3).tolist()], np.float64)
     # Rounded to float32 there: white stays exactly white.
-    matrix: NDArray[np.float64] = (rows / rows.sum(axis=0)).T
+    matrix: Floats = (rows / rows.sum(axis=0)).T
     matrix.setflags(write=False)  # it is cached
     return matrix
 
 
-def to_space(color: ArrayLike, space: Space) -> NDArray[np.float64]:
+def to_space(color: ArrayLike, space: Space) -> Floats:
     """Return colours (..., 3) of linear Rec.709 in a space."""
     return np.asarray(np.asarray(color, np.float64) @ from_rec709(space).T)
 
 
-def to_rec709(color: ArrayLike, space: Space) -> NDArray[np.float64]:
+def to_rec709(color: ArrayLike, space: Space) -> Floats:
     """Return colours (..., 3) of a space in linear Rec.709, not clipped."""
     if space == REC709:
         return np.asarray(color, np.float64)
     return np.asarray(np.asarray(color, np.float64) @ np.linalg.inv(from_rec709(space)).T)
 
 
-def error_in_rec709(error: ArrayLike, space: Space) -> NDArray[np.float64]:
+def error_in_rec709(error: ArrayLike, space: Space) -> Floats:
     """Return the standard errors (..., 3) in linear Rec.709 of colours of a space whose channels err independently."""
     return np.asarray(
         np.sqrt(np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(from_rec709(space))).T)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from failed_pictures import comparison
 from frames import POSE, orbit_camera
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_erosion
 from shapes import Plane, Sphere
 from stored_references import Arrays, StoredReference
 
+from lookdev.arrays import Floats, Ints
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
@@ -27,9 +27,6 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, ReferenceScene, frame_pixels
 from lookdev.rendering.results import Rendered
 from lookdev.scene import Camera, Pose, Scene, camera_rays
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 # Shapes about the origin, and the radii of their bounding spheres.
 SHAPES = {"plane": (Plane(), 2.0**0.5), "sphere": (Sphere(), 1.0)}

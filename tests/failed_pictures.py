@@ -17,13 +17,13 @@ import pytest
 from numpy.typing import NDArray
 from stored_references import renew_command
 
-Floats = NDArray[np.floating[Any]]
+from lookdev.arrays import Reals
 
 _LEAST = 256  # pixels of the longer side of a PNG
 
 
 @contextmanager
-def comparison(shown: Floats, expected: Floats, pixels: NDArray[Any] | None = None) -> Iterator[None]:
+def comparison(shown: Reals, expected: Reals, pixels: NDArray[Any] | None = None) -> Iterator[None]:
     """Save pictures (H, W, 3) or (H, W) if what the block asserts fails.
 
     With `pixels` (P, 2), column and row, `expected` (P, 3) is of these alone.
@@ -54,7 +54,7 @@ def pytest_runtest_call(item: pytest.Item) -> Any:
         raise
 
 
-def _pictures(shown: Floats, expected: Floats, pixels: NDArray[Any] | None) -> dict[str, Floats]:
+def _pictures(shown: Reals, expected: Reals, pixels: NDArray[Any] | None) -> dict[str, Reals]:
     shown = np.asarray(shown, np.float64)
     if pixels is not None:
         columns, rows = np.asarray(pixels).T
@@ -66,7 +66,7 @@ def _pictures(shown: Floats, expected: Floats, pixels: NDArray[Any] | None) -> d
     return {"shown": shown, "expected": np.asarray(expected, np.float64), "difference": shown - expected}
 
 
-def _save(folder: Path, prefix: str, pictures: dict[str, Floats]) -> None:
+def _save(folder: Path, prefix: str, pictures: dict[str, Reals]) -> None:
     colors = [np.atleast_3d(picture) * np.ones(3) for picture in pictures.values()]
     for name, color in zip(pictures, colors, strict=True):
         oiio.ImageBuf(np.ascontiguousarray(color, np.float32)).write(str(folder / f"{prefix}{name}.exr"))

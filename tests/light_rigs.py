@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from frames import orbit_camera
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Instance, load_asset, make_asset
 from lookdev.light import (
     LIGHT_KINDS,
@@ -135,7 +135,7 @@ RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
 }
 
 
-def row_of(placed: Mapping[str, NDArray[np.float64]], lights: tuple[Light, ...], size: int) -> Scene:
+def row_of(placed: Mapping[str, Floats], lights: tuple[Light, ...], size: int) -> Scene:
     """Return instances of one mesh side by side under linked lights."""
     ball = load_asset(builtin="suzanne")
     instances = []

@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.metal import CONDUCTOR
-
-Floats = NDArray[np.float64]
 
 # Every token of a model, in every combination; with and without optional numbers, which `random_parameters` draws where
 # the tokens have the key "options".

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 
 def jacobian(sample: Callable[[Floats], Any], u: Floats, step: float = 1e-5) -> tuple[Floats, Floats]:

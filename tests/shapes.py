@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Ints
 from lookdev.brdf import Bsdf
 from lookdev.scene import Camera, Pose
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 POSE = Pose(30.0, 75.0)
 CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
@@ -30,13 +27,13 @@ class Shape:
     def points(self, hits: Floats) -> Floats:
         return hits
 
-    def is_inside(self, hits: Floats, wo: Floats) -> Mask:
+    def is_inside(self, hits: Floats, wo: Floats) -> Bools:
         return np.asarray(_dot(self._outward(hits), wo)[:, 0] < 0.0)
 
     def is_lit_by(self, hits: Floats, light: int) -> None:
         """All lights light all of it."""
 
-    def bsdfs(self, hits: Floats, view: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
+    def bsdfs(self, hits: Floats, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
         assert self.bsdf is not None
         yield np.arange(len(hits)), self.bsdf
 
@@ -48,7 +45,7 @@ class Sphere(Shape):
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 1.0
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Floats]:
         """See `ReferenceScene.intersect`; `origin` is outside."""
         start = origin - np.array(self.center)
         b = ray @ start
@@ -57,7 +54,7 @@ class Sphere(Shape):
         distance = -b - np.sqrt(np.where(hit, discriminant, 0.0))
         return hit, origin + distance[:, None] * ray
 
-    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Mask, Floats]:
+    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Bools, Floats]:
         cosine = _dot(self._outward(hits), direction)
         return cosine[:, 0] < 0.0, hits - 2.0 * self.radius * cosine * direction
 
@@ -77,14 +74,14 @@ class Sphere(Shape):
 class Plane(Shape):
     """The built-in ``plane``: a thin square card about the origin, 2 m wide, front along -y, u along +x."""
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Floats]:
         """See `ReferenceScene.intersect`; a ray along the card misses it."""
         ahead = origin[1] * ray[:, 1] < 0.0
         distance = -origin[1] / np.where(ahead, ray[:, 1], 1.0)
         point = (origin + distance[:, None] * ray) * (1.0, 0.0, 1.0)
         return ahead & (np.abs(point) < 1.0).all(axis=-1), point
 
-    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Mask, Floats]:
+    def trace_onward(self, hits: Floats, direction: Floats) -> tuple[Bools, Floats]:
         return np.zeros(len(direction), np.bool_), hits
 
     def frame(self, hits: Floats, wo: Floats) -> tuple[Floats, Floats]:

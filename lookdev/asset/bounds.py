@@ -5,15 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Asset, Floats, Instance, Mesh
-from lookdev.asset.normals import Doubles
-
-Index = NDArray[np.intp]
+from lookdev.arrays import Floats, Floats32, Indices, Reals
+from lookdev.asset.mesh import Asset, Instance, Mesh
 
 _ROUNDS = 100
 _TOLERANCE = 1e-7
@@ -53,7 +49,7 @@ class _InstancedPoints:
         self._boxes = tuple(values[mesh] for values in _centers_and_half_extents(boxes))
         self.centers = self._transform(np.arange(len(mesh)), self._boxes[0])
 
-    def farthest(self, center: Doubles) -> tuple[Doubles, float]:
+    def farthest(self, center: Floats) -> tuple[Floats, float]:
         """Return the point farthest from `center` and its distance."""
         best, distance = center, -1.0
         limits = self._bounds(center, np.arange(len(self._parts)), *self._boxes)
@@ -77,13 +73,13 @@ class _InstancedPoints:
                     best, distance = world[i], float(np.sqrt(squares[i]))
         return best, distance
 
-    def _bounds(self, center: Doubles, instances: Index, centers: Doubles, half_extents: Doubles) -> Doubles:
+    def _bounds(self, center: Floats, instances: Indices, centers: Floats, half_extents: Floats) -> Floats:
         """Return upper bounds (k,) of the distances from `center` to the points in boxes of instances."""
         away = np.abs(self._transform(instances, centers) - center)
         extents = np.einsum("nij,nj->ni", np.abs(self._linear[instances]), half_extents)
         return np.asarray(np.linalg.norm(away + extents, axis=1))
 
-    def _transform(self, instances: Index, points: Doubles) -> Doubles:
+    def _transform(self, instances: Indices, points: Floats) -> Floats:
         """Return points (k, 3), one of each instance (k,), in world space."""
         return np.asarray(np.einsum("nij,nj->ni", self._linear[instances], points) + self._offset[instances])
 
@@ -99,7 +95,7 @@ def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tu
     return (x, y, z), cloud.farthest(center)[1]
 
 
-def smallest_ball(farthest: Callable[[Doubles], tuple[Doubles, float]], start: Doubles) -> Doubles:
+def smallest_ball(farthest: Callable[[Floats], tuple[Floats, float]], start: Floats) -> Floats:
     """Return the centre of the smallest ball, or circle, around points.
 
     `farthest(center)` returns the point farthest from a centre, and its distance. Starting at `start`, the farthest
@@ -138,43 +134,43 @@ def center_asset(asset: Asset) -> Asset:
     )
 
 
-def _translate(points: Floats, origin: Doubles) -> Floats:
+def _translate(points: Floats32, origin: Floats) -> Floats32:
     """Return points relative to another origin, subtracted in float64."""
     return np.subtract(points, origin, out=np.empty_like(points), dtype=np.float64, casting="same_kind")
 
 
-def _join_points(meshes: Sequence[Mesh]) -> tuple[Floats, Index, Doubles]:
+def _join_points(meshes: Sequence[Mesh]) -> tuple[Floats32, Indices, Floats]:
     """Return the points of all meshes, the number of points of each (k,), and the bounding boxes (k, 2, 3)."""
     points = np.concatenate([mesh.points for mesh in meshes])
     counts = np.array([len(mesh.points) for mesh in meshes])
     return points, counts, bounding_boxes(points, np.cumsum(counts) - counts)
 
 
-def bounding_boxes(points: NDArray[np.floating[Any]], starts: Index) -> Doubles:
+def bounding_boxes(points: Reals, starts: Indices) -> Floats:
     """Return the least and the greatest coordinates (k, 2, 3) of runs of points that begin at `starts`."""
     boxes = [extremum.reduceat(points, starts) for extremum in (np.minimum, np.maximum)]
     return np.asarray(np.stack(boxes, axis=1), np.float64)
 
 
-def _centers_and_half_extents(boxes: Doubles) -> tuple[Doubles, Doubles]:
+def _centers_and_half_extents(boxes: Floats) -> tuple[Floats, Floats]:
     """Return the centres (k, 3) of boxes and half their extents (k, 3)."""
     return boxes.mean(axis=1), 0.5 * np.ptp(boxes, axis=1)
 
 
-def grid_cells(points: NDArray[np.floating[Any]], box: Doubles) -> Index:
+def grid_cells(points: Reals, box: Floats) -> Indices:
     """Return the number of the grid cell of each point (n, 3) in a box (2, 3)."""
     extent = np.ptp(box, axis=0)
     cells = np.floor((points - box[0]) * (0.999 * _CELLS / np.where(extent > 0.0, extent, 1.0)))
     return np.asarray(cells @ np.array([_CELLS**2, _CELLS, 1.0]), np.intp)
 
 
-def _update_ball(support: Doubles, outside: Doubles) -> tuple[Doubles, Doubles, float]:
+def _update_ball(support: Floats, outside: Floats) -> tuple[Floats, Floats, float]:
     """Return support (at most 4 points), centre and radius of the smallest ball around `support` and `outside`.
 
     The point `outside` the old ball lies on the new one: the new support is that point and up to three old ones.
     """
     points = np.vstack([support, outside])
-    best: tuple[Doubles, Doubles, float] | None = None
+    best: tuple[Floats, Floats, float] | None = None
     for count in range(1, min(len(support), 3) + 1):
         for subset in itertools.combinations(support, count):
             legs = np.stack(subset) - outside

@@ -11,11 +11,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Floats
+from lookdev.arrays import Bools, Floats32, Indices
 from lookdev.asset.normals import blocks, concatenate, face_starts
-from lookdev.asset.shape import Attribute, Index, Shape
+from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.tangents import mix_bits
 from lookdev.errors import AssetError
 
@@ -32,16 +31,16 @@ class Faces:
     """
 
     shapes: Sequence[Shape]
-    all_points: Index
-    all_faces: Index
-    all_corners: Index
-    faces: Index
-    corners: Index
-    sizes: Index
-    face_source: Index
-    corner_source: Index | None
-    corner_points: Index
-    holes: NDArray[np.bool_]
+    all_points: Indices
+    all_faces: Indices
+    all_corners: Indices
+    faces: Indices
+    corners: Indices
+    sizes: Indices
+    face_source: Indices
+    corner_source: Indices | None
+    corner_points: Indices
+    holes: Bools
 
     @classmethod
     def collect(cls, shapes: Sequence[Shape]) -> Faces:
@@ -89,7 +88,7 @@ class Faces:
             holes[is_valid],
         )
 
-    def at_corners(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats]:
+    def at_corners(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
         """Return the values of attributes of equal width at the valid corners of their shapes.
 
         `attributes` are pairs of the number of a shape and an attribute of it.
@@ -124,7 +123,7 @@ class Faces:
                 index[np.repeat(has_kind, counts)] = self._sources(kind, shape_numbers[has_kind], starts[has_kind])
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
-    def _sources(self, kind: int, shape_numbers: Index, value_starts: Index) -> Index:
+    def _sources(self, kind: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
         """Return the index of the value of each valid corner of some shapes, by the number of their interpolation."""
         counts = np.diff(self.corners)[shape_numbers]
         if kind == 0:
@@ -164,13 +163,13 @@ class Faces:
 _CORNER_INDEX = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "faceVarying": 3}
 
 
-def first_in_each(positions: Index, begins: Index) -> list[tuple[int, int]]:
+def first_in_each(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
     """Return the first of the sorted positions in each run that has any: the run's number and the offset in the run."""
     owners, first = np.unique(np.searchsorted(begins, positions, side="right") - 1, return_index=True)
     return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
 
 
-def _check_sizes(shapes: Sequence[Shape], sizes: Index, face_begins: Index) -> None:
+def _check_sizes(shapes: Sequence[Shape], sizes: Indices, face_begins: Indices) -> None:
     total, has_faces = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
     total[has_faces] = np.add.reduceat(sizes, face_begins[:-1][has_faces])
     corner_counts = np.array([len(shape.face_points) for shape in shapes])
@@ -183,7 +182,9 @@ def _check_sizes(shapes: Sequence[Shape], sizes: Index, face_begins: Index) -> N
     )
 
 
-def _check_range(shapes: Sequence[Shape], indices: Index, lengths: Index, limits: Index, name: str, noun: str) -> None:
+def _check_range(
+    shapes: Sequence[Shape], indices: Indices, lengths: Indices, limits: Indices, name: str, noun: str
+) -> None:
     smallest = limits.min()
     if len(indices) == 0 or (indices.min() >= 0 and indices.max() < smallest):
         return
@@ -206,7 +207,7 @@ def raise_all(faults: Iterable[str]) -> None:
         raise AssetError(text)
 
 
-def _holes(shapes: Sequence[Shape], face_begins: Index) -> NDArray[np.bool_]:
+def _holes(shapes: Sequence[Shape], face_begins: Indices) -> Bools:
     """Return whether each face of all shapes (f,) is a hole."""
     holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
     lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)
@@ -217,7 +218,7 @@ def _holes(shapes: Sequence[Shape], face_begins: Index) -> NDArray[np.bool_]:
     return holes
 
 
-def _distinct_faces(points: Index, sizes: Index) -> NDArray[np.bool_]:
+def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
     """Return which faces (f,) have distinct points and differ in their ordered corners from all earlier faces.
 
     A 64-bit hash, the sum over the directed edges of a face, compares faces.

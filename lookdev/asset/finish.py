@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.faces import Faces, first_in_each, raise_all
-from lookdev.asset.mesh import Floats, Mesh, Subdivision
+from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, normalize_or, sum_by
-from lookdev.asset.shape import LARGEST, Attribute, Doubles, Index, Shape
+from lookdev.asset.shape import LARGEST, Attribute, Shape
 from lookdev.errors import AssetError
 
 
@@ -107,7 +108,7 @@ def _finish_batch(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     return meshes
 
 
-def _used_points(faces: Faces) -> tuple[Index, Index]:
+def _used_points(faces: Faces) -> tuple[Indices, Indices]:
     """Return the new number of each point (n,), -1 if no face uses it, and the indices of the used points."""
     is_used = np.zeros(faces.all_points[-1], bool)
     is_used[faces.corner_points] = True
@@ -119,7 +120,7 @@ def _to_z_up(vectors: NDArray[Any]) -> NDArray[Any]:
     return np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=-1)
 
 
-def _single_precision(points: Doubles, shapes: Sequence[Shape], used_points: Index, begins: Index) -> Floats:
+def _single_precision(points: Floats, shapes: Sequence[Shape], used_points: Indices, begins: Indices) -> Floats32:
     # NaN fails both comparisons.
     if not (points.max() <= LARGEST and points.min() >= -LARGEST):
         is_bounded = np.abs(points) <= LARGEST
@@ -130,20 +131,22 @@ def _single_precision(points: Doubles, shapes: Sequence[Shape], used_points: Ind
     return points.astype(np.float32)
 
 
-def _corner_attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats]]:
+def _corner_attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats32]]:
     """Return the corner values of each shape's attributes, by name; attributes of one name and width form a batch."""
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[int, Attribute]]] = {}
     for number, shape in enumerate(shapes):
         for attribute in shape.attributes:
             groups.setdefault((attribute.name, attribute.values.shape[1:]), []).append((number, attribute))
-    result: list[dict[str, Floats]] = [{} for _ in shapes]
+    result: list[dict[str, Floats32]] = [{} for _ in shapes]
     for attributes in groups.values():
         for (number, attribute), values in zip(attributes, faces.at_corners(attributes), strict=True):
             result[number][attribute.name] = values
     return result
 
 
-def _corner_normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corner_points: Index, y_up: bool) -> Floats:
+def _corner_normals(
+    shapes: Sequence[Shape], faces: Faces, points: Floats, corner_points: Indices, y_up: bool
+) -> Floats32:
     """Return unit normals (m, 3): the shape's own, or those of its facets, or smooth ones."""
     smooth = np.array([shape.normals is None and not shape.flat for shape in shapes])
     authored = [(i, shape.normals) for i, shape in enumerate(shapes) if shape.normals is not None]
@@ -177,7 +180,7 @@ def _corner_normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corn
     return normals
 
 
-def _uv_sets(shape: Shape, values: Mapping[str, Floats]) -> dict[str, Floats]:
+def _uv_sets(shape: Shape, values: Mapping[str, Floats32]) -> dict[str, Floats32]:
     """Return the UV sets of a shape by name, the default set first."""
     names = sorted(
         (attribute.name for attribute in shape.attributes if attribute.is_uv), key=lambda name: name != shape.default_uv
@@ -185,7 +188,7 @@ def _uv_sets(shape: Shape, values: Mapping[str, Floats]) -> dict[str, Floats]:
     return {name: values[name] for name in names}
 
 
-def _renumber_rules(shape: Shape, rules: Subdivision, point_numbers: Index, holes: Index) -> Subdivision:
+def _renumber_rules(shape: Shape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
     """Return the rules of a cage with new point numbers (n,), which are negative for points that no face uses."""
     edges, corners = point_numbers[rules.crease_edges], point_numbers[rules.corner_points]
     has_crease = (edges >= 0).all(axis=1) & (rules.crease_sharpness > 0.0)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Asset, Floats, Instance, Mesh
-from lookdev.asset.normals import Doubles
+from lookdev.arrays import Floats, Floats32
+from lookdev.asset.mesh import Asset, Instance, Mesh
 
 # Fewer meshes than `_MANY` are not joined, nor are meshes of more faces than `_FACES`.
 _MANY, _FACES = 64, 1000
@@ -86,7 +86,7 @@ def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
     yield from groups.values()
 
 
-def _join_meshes(meshes: Sequence[Mesh], matrices: Doubles) -> Mesh:
+def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
     """Return one mesh of several, each transformed by its matrix (k, 4, 4)."""
     linear, offsets = matrices[:, :3, :3], matrices[:, :3, 3]
     # The lengths of normals and tangents have no meaning; the scales bring them near 1.
@@ -97,7 +97,7 @@ def _join_meshes(meshes: Sequence[Mesh], matrices: Doubles) -> Mesh:
     def join(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(mesh, name) for mesh in meshes])
 
-    def transform(name: str, matrices: Doubles) -> Floats:
+    def transform(name: str, matrices: Floats) -> Floats32:
         return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), join(name)), np.float32)
 
     world_points = np.einsum("nij,nj->ni", np.repeat(linear, points, axis=0), join("points"))

@@ -11,11 +11,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
-Ints = NDArray[np.int32]
-
+from lookdev.arrays import Floats, Floats32, Ints32
 
 Scheme = Literal["catmullClark", "loop", "bilinear"]
 BoundaryRule = Literal["none", "edgeOnly", "edgeAndCorner"]
@@ -37,11 +34,11 @@ class Subdivision:
     interpolate_boundary: BoundaryRule = "edgeAndCorner"
     face_varying: FaceVaryingRule = "cornersPlus1"
     triangle_rule: TriangleRule = "catmullClark"
-    crease_edges: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int32))
-    crease_sharpness: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
-    corner_points: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
-    corner_sharpness: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
-    holes: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    crease_edges: Ints32 = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    crease_sharpness: Floats32 = field(default_factory=lambda: np.zeros(0, np.float32))
+    corner_points: Ints32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    corner_sharpness: Floats32 = field(default_factory=lambda: np.zeros(0, np.float32))
+    holes: Ints32 = field(default_factory=lambda: np.zeros(0, np.int32))
     interpolation: Mapping[str, Interpolation] = field(default_factory=dict)
 
 
@@ -60,14 +57,14 @@ class Mesh:
     """
 
     name: str
-    points: Floats
-    corner_points: Ints
-    face_sizes: Ints
-    face_slots: Ints
-    normals: Floats
-    tangents: Floats | None
-    uvs: dict[str, Floats]
-    primvars: dict[str, Floats] = field(default_factory=dict)
+    points: Floats32
+    corner_points: Ints32
+    face_sizes: Ints32
+    face_slots: Ints32
+    normals: Floats32
+    tangents: Floats32 | None
+    uvs: dict[str, Floats32]
+    primvars: dict[str, Floats32] = field(default_factory=dict)
     subdivision: Subdivision | None = None
     default_uv: str = ""
 
@@ -80,7 +77,7 @@ class Instance:
     """
 
     mesh: int
-    matrix: NDArray[np.float64]
+    matrix: Floats
     path: str = ""
 
 

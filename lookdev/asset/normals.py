@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Doubles = NDArray[np.float64]
+from lookdev.arrays import Floats, Indices, Reals
+
 Numbers = NDArray[np.signedinteger[Any]]
 
 _BLOCK_CORNERS = 1 << 13  # corners
@@ -21,12 +22,12 @@ def concatenate(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
-def face_starts(face_sizes: Numbers) -> NDArray[np.intp]:
+def face_starts(face_sizes: Numbers) -> Indices:
     """Return the index (f,) of each face's first corner."""
     return np.cumsum(face_sizes, dtype=np.intp) - face_sizes
 
 
-def next_corners(face_sizes: Numbers) -> NDArray[np.intp]:
+def next_corners(face_sizes: Numbers) -> Indices:
     """Return the index (m,) of the next corner around the face, for each corner."""
     ends = np.cumsum(face_sizes, dtype=np.intp)
     following = np.arange(1, (int(ends[-1]) if len(ends) else 0) + 1)
@@ -54,7 +55,7 @@ def batches(corners: Sequence[int]) -> Iterator[slice]:
             start, total = number + 1, 0
 
 
-def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
+def area_vectors(corner_positions: Floats, face_sizes: Numbers) -> Floats:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
     `corner_positions` is (m, 3), counter-clockwise when seen from outside.
@@ -70,7 +71,7 @@ def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0) + 0.0)
 
 
-def _same_size_area_vectors(corner_positions: Doubles) -> Doubles:
+def _same_size_area_vectors(corner_positions: Floats) -> Floats:
     """Return `area_vectors` of faces with equal numbers of corners (f, n, 3): the same bits in a third of the time."""
     by_corner = np.ascontiguousarray(corner_positions.transpose(2, 1, 0))
     x, y, z = local = by_corner - by_corner[:, :1]
@@ -80,7 +81,7 @@ def _same_size_area_vectors(corner_positions: Doubles) -> Doubles:
     return np.asarray(0.5 * np.stack([component.sum(axis=0) for component in crosses], axis=-1) + 0.0)
 
 
-def normalize_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
+def normalize_or(vectors: Floats, fallback: Reals) -> Floats:
     """Normalise vectors (..., 3); a vector of length 0 becomes `fallback` (broadcast)."""
     # Squares of lengths and areas of float32 data neither overflow nor underflow in float64.
     squares = dot(vectors, vectors)
@@ -91,23 +92,23 @@ def normalize_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubl
         return np.where(has_length, vectors / np.sqrt(squares), fallback)
 
 
-def dot(a: Doubles, b: Doubles) -> Doubles:
+def dot(a: Floats, b: Floats) -> Floats:
     """Return the dot product over the last axis, which becomes an axis of length 1."""
     return np.asarray(np.einsum("...i,...i", a, b)[..., None])
 
 
-def sum_by(group: Numbers, vectors: Doubles, count: int) -> Doubles:
+def sum_by(group: Numbers, vectors: Floats, count: int) -> Floats:
     """Return the sum (count, 3) of the vectors (m, 3) of each group (m,)."""
     sums = [np.bincount(group, vectors[:, i], count) for i in range(3)]
     return np.stack(sums, axis=-1).astype(np.float64)
 
 
-def flat_normals(areas: Doubles, face_sizes: Numbers) -> Doubles:
+def flat_normals(areas: Floats, face_sizes: Numbers) -> Floats:
     """Return unit normals (m, 3), constant over each face, from `area_vectors`; +z for a face without area."""
     return np.repeat(normalize_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
 
 
-def smooth_normals(areas: Doubles, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Doubles:
+def smooth_normals(areas: Floats, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Floats:
     """Return unit normals (m, 3): the area-weighted mean over the faces of a point; if that is 0, the face's own."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
     return normalize_or(sums[corner_points], flat_normals(areas, face_sizes))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.asset.mesh import Mesh
-from lookdev.asset.normals import Doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,9 +18,9 @@ class Profile:
     v (k,): texture coordinate, from 0 to 1.
     """
 
-    points: Doubles
-    normals: Doubles
-    v: Doubles
+    points: Floats
+    normals: Floats
+    v: Floats
 
 
 def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.asset.mesh import Asset, Instance, Slot
-from lookdev.asset.normals import Doubles
 from lookdev.asset.revolve import Profile, revolve
 from lookdev.asset.store import make_asset
 
@@ -80,15 +80,15 @@ def _base_profile() -> Profile:
     )
 
 
-def _arc(center: Point, radius: float, start: float, stop: float) -> Doubles:
+def _arc(center: Point, radius: float, start: float, stop: float) -> Floats:
     """Return points (512, 2) along a circle, between angles in degrees."""
     angles = np.radians(np.linspace(start, stop, 512))
     return np.asarray(center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.float64)
 
 
-def _profile(pieces: Sequence[tuple[Doubles, float]]) -> Profile:
+def _profile(pieces: Sequence[tuple[Floats, float]]) -> Profile:
     """Return the profile of pieces joined end to end; a piece comes with the radius of the fillet at its end."""
-    curves: list[Doubles] = []
+    curves: list[Floats] = []
     head = 0.0
     for (piece, radius), (following, _) in itertools.pairwise(pieces):
         fillet, cut = _fillet(piece, following, radius)
@@ -100,16 +100,16 @@ def _profile(pieces: Sequence[tuple[Doubles, float]]) -> Profile:
     return Profile(points, _curve_normals(points), _arc_lengths(points) / _arc_lengths(points)[-1])
 
 
-def _arc_lengths(points: Doubles) -> Doubles:
+def _arc_lengths(points: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _points_at(piece: Doubles, distances: Doubles) -> Doubles:
+def _points_at(piece: Floats, distances: Floats) -> Floats:
     lengths = _arc_lengths(piece)
     return np.stack([np.interp(distances, lengths, piece[:, i]) for i in range(2)], axis=-1)
 
 
-def _resample(piece: Doubles, head: float, tail: float) -> Doubles:
+def _resample(piece: Floats, head: float, tail: float) -> Floats:
     """Resample a piece in even steps, without its first `head` and last `tail` metres."""
     length = _arc_lengths(piece)[-1] - head - tail
     assert length > 0.0, "fillets must fit on their piece"
@@ -117,7 +117,7 @@ def _resample(piece: Doubles, head: float, tail: float) -> Doubles:
     return _points_at(piece, head + length * np.arange(steps + 1) / steps)
 
 
-def _fillet(before: Doubles, after: Doubles, radius: float) -> tuple[Doubles, float]:
+def _fillet(before: Floats, after: Floats, radius: float) -> tuple[Floats, float]:
     """Return a fillet between two pieces, and the length that it replaces of each piece.
 
     It is a rational quadratic Bézier curve with its control point in the corner: a circular arc between lines. Between
@@ -134,7 +134,7 @@ def _fillet(before: Doubles, after: Doubles, radius: float) -> tuple[Doubles, fl
     return weights @ np.vstack([first, corner, last]) / weights.sum(axis=1, keepdims=True), cut
 
 
-def _curve_normals(points: Doubles) -> Doubles:
+def _curve_normals(points: Floats) -> Floats:
     """Return unit normals (k, 2) on the right of a smooth curve, second-order accurate on uneven steps."""
     legs = np.diff(points, axis=0)
     steps = np.linalg.norm(legs, axis=1, keepdims=True)
@@ -145,7 +145,7 @@ def _curve_normals(points: Doubles) -> Doubles:
     return np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)
 
 
-def _rotation(axis: int, angle: float) -> Doubles:
+def _rotation(axis: int, angle: float) -> Floats:
     """Return the matrix (4, 4) of a rotation about a coordinate axis by an angle in radians."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(4)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Indices
 from lookdev.asset.mesh import Interpolation, Subdivision
-
-Doubles = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 LARGEST = 1e18
 """The largest coordinate: the product of two larger ones is not a float32."""
@@ -43,14 +40,14 @@ class Shape:
     """
 
     name: str
-    points: Doubles
-    face_sizes: Index
-    face_points: Index
+    points: Floats
+    face_sizes: Indices
+    face_points: Indices
     attributes: tuple[Attribute, ...] = ()
     normals: Attribute | None = None
     flat: bool = False
     left_handed: bool = False
-    holes: Index | None = None
+    holes: Indices | None = None
     subdivision: Subdivision | None = None
-    parts: Index | None = None
+    parts: Indices | None = None
     default_uv: str = "st"

@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.asset.bounds import Index, grid_cells, smallest_ball
+from lookdev.arrays import Bools, Floats, Indices
+from lookdev.asset.bounds import grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
-from lookdev.asset.normals import Doubles, concatenate
+from lookdev.asset.normals import concatenate
 
 _MANY_USES = 8  # instances of a mesh from which computing its hull is faster than transforming all points
 _FEW_POINTS = 32  # points of a mesh up to which transforming them is faster than computing its hull
@@ -24,7 +24,7 @@ _BLOCK = 2**20  # numbers in an intermediate array
 _TOLERANCE = 1e-12  # relative to the extent of all points
 
 
-def hull_points(asset: Asset) -> Doubles:
+def hull_points(asset: Asset) -> Floats:
     """Return points (n, 3) of an asset in world space whose convex hull is that of all its faces.
 
     They determine the silhouette in every perspective view from outside. For an asset of several instances, everything
@@ -54,12 +54,12 @@ def hull_points(asset: Asset) -> Doubles:
     return np.concatenate([polytope.corners, *placed.split().points_outside(polytope)])
 
 
-def turning_axis(points: Doubles) -> tuple[float, float]:
+def turning_axis(points: Floats) -> tuple[float, float]:
     """Return x and y of the turntable's axis: the centre of the smallest circle around the points (n, 3) from above."""
     footprint = points[:, :2]
     x, y = np.ascontiguousarray(footprint.T)
 
-    def farthest(center: Doubles) -> tuple[Doubles, float]:
+    def farthest(center: Floats) -> tuple[Floats, float]:
         squares = (x - center[0]) ** 2 + (y - center[1]) ** 2
         index = int(squares.argmax())
         return footprint[index], math.sqrt(squares[index])
@@ -71,7 +71,7 @@ def turning_axis(points: Doubles) -> tuple[float, float]:
 class _Polytope:
     """The convex hull of points; the hull of a flat set has no planes."""
 
-    def __init__(self, points: Doubles) -> None:
+    def __init__(self, points: Floats) -> None:
         from scipy.spatial import ConvexHull, QhullError
 
         self.corners = points
@@ -87,7 +87,7 @@ class _Polytope:
         """Whether it has a volume."""
         return len(self.planes) > 0
 
-    def grow(self, points: Doubles, count: int) -> _Polytope:
+    def grow(self, points: Floats, count: int) -> _Polytope:
         """Return the hull extended by the points farthest beyond its planes, to `count` planes or all points."""
         polytope = self
         while 0 < len(polytope.planes) < count:
@@ -99,7 +99,7 @@ class _Polytope:
             polytope = _Polytope(np.concatenate([polytope.corners, extremes[is_outside]]))
         return polytope
 
-    def local_planes(self, matrices: Doubles) -> Doubles:
+    def local_planes(self, matrices: Floats) -> Floats:
         """Return the planes (n, k, 4) in the local spaces of matrices (n, 4, 4).
 
         A point (x, y, z, 1) is beyond a plane if their dot product is positive.
@@ -113,16 +113,16 @@ class _Polytope:
 class _PlacedClouds:
     """Instances of point clouds (k, 3): `of` (n,) is the number of the cloud of each, `matrices` (n, 4, 4) place it."""
 
-    clouds: Mapping[int, Doubles]
-    of: Index
-    matrices: Doubles
+    clouds: Mapping[int, Floats]
+    of: Indices
+    matrices: Floats
 
     @property
     def size(self) -> int:
         """The number of points of all instances."""
         return sum(len(self.clouds[number]) for number in self.of.tolist())
 
-    def points(self) -> Doubles:
+    def points(self) -> Floats:
         """Return all points in world space."""
         placements = zip(self.of.tolist(), self.matrices, strict=True)
         return concatenate([self.clouds[number] @ matrix[:3, :3].T + matrix[:3, 3] for number, matrix in placements])
@@ -139,8 +139,8 @@ class _PlacedClouds:
 
     def split(self) -> _PlacedClouds:
         """Return the same points as instances of parts, of at most `_PART_POINTS` points that lie near each other."""
-        parts: list[Doubles] = []
-        parts_of_cloud: dict[int, Index] = {}
+        parts: list[Floats] = []
+        parts_of_cloud: dict[int, Indices] = {}
         for number in np.unique(self.of).tolist():
             cloud_parts = _split_cloud(self.clouds[number])
             parts_of_cloud[number] = np.arange(len(parts), len(parts) + len(cloud_parts))
@@ -149,7 +149,7 @@ class _PlacedClouds:
         matrices = np.repeat(self.matrices, [len(numbers) for numbers in part_numbers], axis=0)
         return _PlacedClouds(dict(enumerate(parts)), np.concatenate([np.zeros(0, np.intp), *part_numbers]), matrices)
 
-    def points_outside(self, polytope: _Polytope) -> Iterator[Doubles]:
+    def points_outside(self, polytope: _Polytope) -> Iterator[Floats]:
         """Yield the points, in world space, that are not inside a polytope."""
         order = np.argsort(self.of, kind="stable")
         for members in np.split(order, np.flatnonzero(np.diff(self.of[order])) + 1) if len(order) else []:
@@ -164,7 +164,7 @@ class _PlacedClouds:
                     yield _points_beyond(cloud, self.matrices[block], planes[pairs], owners[pairs])
 
 
-def _points_beyond(cloud: Doubles, matrices: Doubles, planes: Doubles, owners: Index) -> Doubles:
+def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indices) -> Floats:
     """Return the points of a cloud, placed by matrices (n, 4, 4), that are beyond a plane, in world space.
 
     The planes (k, 4) are in the local spaces of the matrices with the numbers `owners` (k,), which are sorted.
@@ -178,32 +178,32 @@ def _points_beyond(cloud: Doubles, matrices: Doubles, planes: Doubles, owners: I
     )
 
 
-def _is_box_beyond(planes: Doubles, boxes: Doubles) -> NDArray[np.bool_]:
+def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
     """Return which planes (n, k, 4) have a part of their box (n, 2, 3) beyond them."""
     middles, halves = 0.5 * boxes.sum(axis=1)[..., None], 0.5 * np.ptp(boxes, axis=1)[..., None]
     normals = planes[..., :3]
     return np.asarray((normals @ middles + np.abs(normals) @ halves)[..., 0] + planes[..., 3] > 0.0)
 
 
-def _blocks(numbers: Index, numbers_each: int) -> list[Index]:
+def _blocks(numbers: Indices, numbers_each: int) -> list[Indices]:
     """Split indices into blocks that take about `_BLOCK` numbers, if an index takes `numbers_each`."""
     size = max(_BLOCK // numbers_each, 1)
     return [numbers[start : start + size] for start in range(0, len(numbers), size)]
 
 
-def _directions(count: int) -> Doubles:
+def _directions(count: int) -> Floats:
     """Return directions (count, 3), nearly uniform over the sphere, by the golden angle."""
     heights = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     angles, levels = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
     return np.stack([levels * np.cos(angles), levels * np.sin(angles), heights], axis=-1)
 
 
-def _extremes(points: Doubles, directions: Doubles) -> Doubles:
+def _extremes(points: Floats, directions: Floats) -> Floats:
     """Return the points (k, 3) that are extreme along the given directions."""
     return np.asarray(points[np.unique([(points @ direction).argmax() for direction in directions])])
 
 
-def _mesh_points(mesh: Mesh, uses: int) -> Doubles:
+def _mesh_points(mesh: Mesh, uses: int) -> Floats:
     """Return the points of a mesh's faces, or, for a mesh of many instances, those at the corners of their hull."""
     is_used = np.zeros(len(mesh.points), np.bool_)
     is_used[mesh.corner_points] = True
@@ -211,7 +211,7 @@ def _mesh_points(mesh: Mesh, uses: int) -> Doubles:
     return _hull_points(points) if uses >= _MANY_USES and len(points) > _FEW_POINTS else points
 
 
-def _hull_points(points: Doubles) -> Doubles:
+def _hull_points(points: Floats) -> Floats:
     """Return the points at the corners of their hull, which may be a plane polygon or a line segment."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -224,7 +224,7 @@ def _hull_points(points: Doubles) -> Doubles:
     return np.asarray(points[[along.argmin(), along.argmax()]])
 
 
-def _split_cloud(points: Doubles) -> list[Doubles]:
+def _split_cloud(points: Floats) -> list[Floats]:
     if len(points) <= _PART_POINTS:
         return [points]
     near = points[np.argsort(grid_cells(points, np.array([points.min(axis=0), points.max(axis=0)])), kind="stable")]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.shape import Doubles, Index
+from lookdev.arrays import Floats, Indices
 from lookdev.errors import AssetError
 
 # Rows: the coefficients of t^3, t^2, t and 1; columns: the vertices of a segment.
@@ -32,9 +32,9 @@ class Splines:
     then those after each. `varying` is False if interpolation `varying` is not defined for the curves.
     """
 
-    vertex_counts: Index
-    segment_counts: Index
-    at: Callable[[Index, Doubles], tuple[Index, Doubles, Doubles]]
+    vertex_counts: Indices
+    segment_counts: Indices
+    at: Callable[[Indices, Floats], tuple[Indices, Floats, Floats]]
     periodic: bool = False
     pinned: bool = False
     varying: bool = True
@@ -48,12 +48,12 @@ class Splines:
         return np.concatenate([values, 2 * values[first] - values[first + 1], 2 * values[last] - values[last - 1]])
 
 
-def starts_of(counts: Index) -> Index:
+def starts_of(counts: Indices) -> Indices:
     """Return the start index (c,) of each of consecutive groups of the given sizes."""
     return np.cumsum(counts) - counts
 
 
-def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
+def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines:
     """Return curves of a basis in `BASES` and a wrap in `WRAPS`, with the given numbers of vertices (c,).
 
     Raises
@@ -78,9 +78,9 @@ def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
     first, total = starts_of(counts), int(counts.sum())
     matrix = BASES[basis]
 
-    def at(segments: Index, t: Doubles) -> tuple[Index, Doubles, Doubles]:
+    def at(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
         curve = curves[segments][:, None]
-        local: Index = numbers[segments][:, None] * step + np.arange(matrix.shape[1]) - pinned
+        local: Indices = numbers[segments][:, None] * step + np.arange(matrix.shape[1]) - pinned
         if periodic:
             local = local % counts[curve]
         index = first[curve] + local
@@ -95,7 +95,7 @@ def basis_splines(basis: str, wrap: str, counts: Index, where: str) -> Splines:
 
 
 def nurbs_splines(
-    counts: Index, orders: Index, knots: Doubles, ranges: Doubles, weights: Doubles, where: str
+    counts: Indices, orders: Indices, knots: Floats, ranges: Floats, weights: Floats, where: str
 ) -> Splines:
     """Return NURBS curves with the given numbers of vertices (c,), orders (c,) and concatenated knots.
 
@@ -118,7 +118,7 @@ def nurbs_splines(
     if len(weights) not in (0, counts.sum()) or (weights <= 0.0).any():
         raise AssetError(f"{where}: pointWeights must be positive numbers, one for each of {counts.sum()} points")
     first = starts_of(counts)
-    spans: list[Doubles] = []
+    spans: list[Floats] = []
     curve_knots = np.split(knots, np.cumsum(counts + orders)[:-1])
     for curve, own_knots in enumerate(curve_knots):
         low, high = own_knots[orders[curve] - 1], own_knots[counts[curve]]
@@ -133,7 +133,7 @@ def nurbs_splines(
     highs = np.concatenate([span[1:] for span in spans])
     width = int(orders.max())
 
-    def at(segments: Index, t: Doubles) -> tuple[Index, Doubles, Doubles]:
+    def at(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
         low, high = lows[segments], highs[segments]
         # A segment's end is evaluated from its own side: a knot can be a corner.
         parameters = np.minimum(low + t * (high - low), np.nextafter(high, low))

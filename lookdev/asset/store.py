@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Ints
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.tangents import tangents_of
@@ -142,7 +143,7 @@ _Layout = tuple[bool, tuple[str, ...], tuple[tuple[str, int], ...]]
 a one-dimensional array."""
 
 
-def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], NDArray[np.int64]]:
+def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
     """Return the distinct layouts, and the points, corners, faces and layout number of each mesh (n, 4).
 
     Ten thousand meshes have a few layouts.
@@ -174,7 +175,7 @@ def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
     }
 
 
-def _columns(asset: Asset, sizes: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[Any]]]:
+def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the name and the values of each stored array, contiguous."""
     yield "sizes", sizes
     yield "instance_meshes", np.array([instance.mesh for instance in asset.instances], np.int32)

@@ -11,34 +11,24 @@ Without UVs, tangents follow the longitude about the z axis through the middle o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Floats, Mesh
-from lookdev.asset.normals import (
-    Doubles,
-    Numbers,
-    batches,
-    blocks,
-    dot,
-    face_starts,
-    next_corners,
-    normalize_or,
-    sum_by,
-)
+from lookdev.arrays import Floats, Floats32, Indices, Reals
+from lookdev.asset.mesh import Mesh
+from lookdev.asset.normals import Numbers, batches, blocks, dot, face_starts, next_corners, normalize_or, sum_by
 from lookdev.brdf import vectors
 
 _ROUNDS = 8
 
 
-def perpendicular(normals: Doubles) -> Doubles:
+def perpendicular(normals: Floats) -> Floats:
     """Return a unit vector (..., 3) perpendicular to each unit normal."""
     return np.asarray(vectors.perpendicular(normals))
 
 
-def tangents_of(meshes: Sequence[Mesh]) -> list[Floats]:
+def tangents_of(meshes: Sequence[Mesh]) -> list[Floats32]:
     """Return the tangents (m, 3) of each mesh: its own, or those of `corner_tangents` if it has none."""
     tangents = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
     for has_uvs in (True, False):
@@ -48,7 +38,7 @@ def tangents_of(meshes: Sequence[Mesh]) -> list[Floats]:
     return [tangents[i] for i in range(len(meshes))]
 
 
-def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats]:
+def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats32]:
     """Return the tangents of meshes that all have UVs, or all have none."""
     points, corners = np.array([(len(mesh.points), len(mesh.corner_points)) for mesh in meshes]).T
     first_points = (np.cumsum(points) - points).astype(np.int32)
@@ -65,13 +55,13 @@ def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats]:
 
 
 def corner_tangents(
-    points: NDArray[np.floating[Any]],
+    points: Reals,
     corner_points: Numbers,
     face_sizes: Numbers,
-    normals: Floats,
-    uvs: Floats | None,
+    normals: Floats32,
+    uvs: Floats32 | None,
     meshes: Numbers | None = None,
-) -> Floats:
+) -> Floats32:
     """Return unit tangents (m, 3), orthogonal to the corner normals, from arrays as in `Mesh` and `uvs` (m, 2).
 
     Where the UVs cover no area or the faces around a corner cancel, the tangent is `perpendicular` of the normal. The
@@ -108,7 +98,7 @@ def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return key ^ (key >> np.uint64(31))
 
 
-def handedness(mesh: Mesh) -> Floats:
+def handedness(mesh: Mesh) -> Floats32:
     """Return 1 for each corner (m,) where v grows along cross(normal, tangent), -1 where the UVs are mirrored.
 
     The UVs are those of the mesh's first UV set. The sign is constant over a face; it is 1 for a face whose UVs cover
@@ -119,7 +109,7 @@ def handedness(mesh: Mesh) -> Floats:
     return np.repeat(sign, mesh.face_sizes).astype(np.float32)
 
 
-def _orientation(face_sizes: Numbers, following: Numbers, uvs: Doubles) -> Doubles:
+def _orientation(face_sizes: Numbers, following: Numbers, uvs: Floats) -> Floats:
     """Return each face's sign (f,): 1 if its UVs have the face's winding, -1 if they are mirrored, 0 without area."""
     starts = face_starts(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
@@ -132,8 +122,8 @@ def _orientation(face_sizes: Numbers, following: Numbers, uvs: Doubles) -> Doubl
 
 
 def _face_tangents(
-    positions: Doubles, face_sizes: Numbers, following: Numbers, uvs: Doubles, orientation: Doubles
-) -> Doubles:
+    positions: Floats, face_sizes: Numbers, following: Numbers, uvs: Floats, orientation: Floats
+) -> Floats:
     """Return each face's tangent (f, 3), not unit; zero if it has none.
 
     By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
@@ -145,7 +135,7 @@ def _face_tangents(
     return np.asarray(-orientation[:, None] * np.add.reduceat(circulation, starts, axis=0))
 
 
-def _orthogonalize(vectors: Doubles, normals: Doubles) -> Doubles:
+def _orthogonalize(vectors: Floats, normals: Floats) -> Floats:
     """Return the vectors orthogonalised against their unit normals (Gram-Schmidt), unit or zero."""
     unit = normalize_or(vectors, np.zeros(3))
     remainder = unit - dot(unit, normals) * normals
@@ -154,8 +144,8 @@ def _orthogonalize(vectors: Doubles, normals: Doubles) -> Doubles:
 
 
 def _longitude_tangents(
-    points: Doubles, corner_points: Numbers, face_sizes: Numbers, normals: Floats, meshes: Numbers | None
-) -> Floats:
+    points: Floats, corner_points: Numbers, face_sizes: Numbers, normals: Floats32, meshes: Numbers | None
+) -> Floats32:
     """Return unit tangents (m, 3) around the z axis, counter-clockwise seen from above."""
     starts = np.flatnonzero(np.diff(meshes, prepend=-1)) if meshes is not None else np.zeros(1, np.intp)
     middle = 0.5 * (np.minimum.reduceat(points, starts) + np.maximum.reduceat(points, starts))
@@ -170,7 +160,7 @@ def _longitude_tangents(
     return tangents
 
 
-def _number_positions(points: NDArray[np.floating[Any]], meshes: Numbers | None) -> NDArray[np.intp]:
+def _number_positions(points: Reals, meshes: Numbers | None) -> Indices:
     """Number the points (n,): points of one mesh at the same position have the same number."""
     key = _hash_rows(points) if meshes is None else mix_bits(_hash_rows(points) ^ meshes.astype(np.uint64))
     sorted_keys = np.sort(key)
@@ -180,8 +170,8 @@ def _number_positions(points: NDArray[np.floating[Any]], meshes: Numbers | None)
 
 
 def _group_corners(
-    positions: NDArray[np.intp], normals: Floats, uvs: Floats, orientation: NDArray[np.int8]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    positions: Indices, normals: Floats32, uvs: Floats32, orientation: NDArray[np.int8]
+) -> tuple[Indices, Indices]:
     """Number the corners (m,): corners equal in position, normal, UV and orientation have the same number.
 
     Also return one corner of each number. Each round takes one corner of each position and numbers the corners that
@@ -190,7 +180,7 @@ def _group_corners(
     columns = (*normals.T, *uvs.T, orientation)
     group = np.empty(len(positions), np.intp)
     remaining = np.arange(len(positions))
-    examples: list[NDArray[np.intp]] = []
+    examples: list[Indices] = []
     count = 0
     for _ in range(_ROUNDS):
         example = np.full(int(positions.max()) + 1, -1)
@@ -214,7 +204,7 @@ def _group_corners(
     return group, np.concatenate([*examples, remaining[first]])
 
 
-def _hash_rows(rows: NDArray[np.floating[Any]]) -> NDArray[np.uint64]:
+def _hash_rows(rows: Reals) -> NDArray[np.uint64]:
     """Hash each row (k, w), by its values in float32."""
     single = rows.astype(np.float32) + np.float32(0.0)  # -0 becomes 0
     key = np.zeros(len(single), np.uint64)

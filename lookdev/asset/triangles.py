@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Ints
 from lookdev.asset.mesh import Mesh
 from lookdev.asset.normals import area_vectors, face_starts
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def triangulate(mesh: Mesh) -> Mesh:

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
-from lookdev.asset.shape import Doubles, Index
 from lookdev.asset.tangents import perpendicular
 
 _MAX_CUT = 4.0  # in radii; where a curve reverses, the bisecting plane contains it
@@ -26,12 +25,12 @@ class Rings:
     (c,) tells whether the last piece of a curve meets its first.
     """
 
-    positions: Doubles
-    directions: Doubles
-    radii: Doubles
-    pieces: Index
-    curves: Index
-    closed: NDArray[np.bool_]
+    positions: Floats
+    directions: Floats
+    radii: Floats
+    pieces: Indices
+    curves: Indices
+    closed: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +40,13 @@ class Strips:
     point_rings (n,) and face_curves (f,) are the numbers of the ring of each point and of the curve of each face.
     """
 
-    points: Doubles
-    normals: Doubles
-    st: Doubles
-    face_sizes: Index
-    face_points: Index
-    point_rings: Index
-    face_curves: Index
+    points: Floats
+    normals: Floats
+    st: Floats
+    face_sizes: Indices
+    face_points: Indices
+    point_rings: Indices
+    face_curves: Indices
 
 
 def tubes(rings: Rings, sides: int) -> Strips:
@@ -86,7 +85,7 @@ def tubes(rings: Rings, sides: int) -> Strips:
     )
 
 
-def ribbons(rings: Rings, facing: Doubles) -> Strips:
+def ribbons(rings: Rings, facing: Floats) -> Strips:
     """Return flat ribbons that face along the part of `facing` (r, 3) that is perpendicular to the curve.
 
     st: u grows across the ribbon, to the right where the curve runs upwards; v grows from 0 to 1 with the length along
@@ -99,7 +98,7 @@ def ribbons(rings: Rings, facing: Doubles) -> Strips:
     return _strips(rings, outward, np.stack([normals, normals], axis=1), u, _relative_lengths(rings))
 
 
-def _strips(rings: Rings, outward: Doubles, normals: Doubles, u: Doubles, along: Doubles) -> Strips:
+def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, along: Floats) -> Strips:
     """Return the faces between the rings of each piece; `outward` (r, c, 3) are unit vectors to the c columns."""
     columns = outward.shape[1]
     planes = _cut_normals(rings)
@@ -130,13 +129,13 @@ def _strips(rings: Rings, outward: Doubles, normals: Doubles, u: Doubles, along:
     )
 
 
-def _group_ends(groups: Index) -> tuple[Index, Index]:
+def _group_ends(groups: Indices) -> tuple[Indices, Indices]:
     """Return the index of the first and of the last element of each group of consecutive equal numbers."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
 
 
-def _relative_lengths(rings: Rings) -> Doubles:
+def _relative_lengths(rings: Rings) -> Floats:
     """Return the length from the start of the curve to each ring (r,), as a fraction of the curve's length."""
     steps = np.linalg.norm(np.diff(rings.positions, axis=0, prepend=rings.positions[:1]), axis=1)
     total = np.cumsum(steps)
@@ -144,7 +143,7 @@ def _relative_lengths(rings: Rings) -> Doubles:
     return np.asarray((total - total[starts][rings.curves]) / (total[ends] - total[starts])[rings.curves])
 
 
-def _slopes(rings: Rings) -> Doubles:
+def _slopes(rings: Rings) -> Floats:
     """Return the derivative of the radius by the length at each ring (r,)."""
     starts, ends = _group_ends(rings.pieces)
     ring = np.arange(len(rings.radii))
@@ -154,7 +153,7 @@ def _slopes(rings: Rings) -> Doubles:
     return np.where(length > 0.0, change / np.where(length > 0.0, length, 1.0), 0.0)
 
 
-def _cut_normals(rings: Rings) -> Doubles:
+def _cut_normals(rings: Rings) -> Floats:
     """Return a normal (r, 3), not unit, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
@@ -164,7 +163,7 @@ def _cut_normals(rings: Rings) -> Doubles:
     return planes
 
 
-def _frames(rings: Rings, along: Doubles) -> Doubles:
+def _frames(rings: Rings, along: Floats) -> Floats:
     """Return unit vectors (r, 3) perpendicular to the curve that rotate from ring to ring as little as possible.
 
     On a closed curve the rotation that remains at the end is subtracted evenly along it, so that the ends meet.
@@ -189,7 +188,7 @@ def _frames(rings: Rings, along: Doubles) -> Doubles:
     return np.asarray(np.cos(angle) * frames + np.sin(angle) * np.cross(rings.directions, frames))
 
 
-def _smallest_rotations(before: Doubles, after: Doubles) -> Doubles:
+def _smallest_rotations(before: Floats, after: Floats) -> Floats:
     """Return unit quaternions (r, 4), real part first, of the smallest rotations between unit vectors (r, 3)."""
     real = 1.0 + dot(before, after)
     is_opposite = real < 1e-12  # any half turn is a smallest rotation
@@ -198,14 +197,14 @@ def _smallest_rotations(before: Doubles, after: Doubles) -> Doubles:
     return np.asarray(rotations / np.linalg.norm(rotations, axis=1, keepdims=True))
 
 
-def _compose_rotations(second: Doubles, first: Doubles) -> Doubles:
+def _compose_rotations(second: Floats, first: Floats) -> Floats:
     """Return the rotations by `first` and then `second`, unit quaternions (r, 4)."""
     a, u, b, v = second[:, :1], second[:, 1:], first[:, :1], first[:, 1:]
     product = np.concatenate([a * b - dot(u, v), a * v + b * u + np.cross(u, v)], axis=1)
     return np.asarray(product / np.linalg.norm(product, axis=1, keepdims=True))
 
 
-def _rotate(vectors: Doubles, rotations: Doubles) -> Doubles:
+def _rotate(vectors: Floats, rotations: Floats) -> Floats:
     """Return vectors (r, 3) rotated by unit quaternions (r, 4)."""
     axis = rotations[:, 1:]
     across = np.cross(axis, vectors)

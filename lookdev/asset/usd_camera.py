@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
 
-from lookdev.asset.shape import LARGEST, Doubles
+from lookdev.arrays import Floats
+from lookdev.asset.shape import LARGEST
 from lookdev.asset.usd.walk import faulty_transform_path, is_affine
 from lookdev.errors import Fault, FaultsError, nearest_hint
 from lookdev.stage import error_words, quote
@@ -152,7 +153,7 @@ def _xformable_ancestors(prim: Any) -> Iterator[Any]:
         prim = prim.GetParent()
 
 
-def _transform_problem(matrix: Doubles) -> str:
+def _transform_problem(matrix: Floats) -> str:
     """Return why a matrix (4, 4) for row vectors cannot place a camera; '' if it can."""
     axes = matrix[:3, :3]
     sizes = np.linalg.norm(axes, axis=1)
@@ -164,7 +165,7 @@ def _transform_problem(matrix: Doubles) -> str:
     return "its transform mirrors it" if np.linalg.det(unit) < 0.0 else ""
 
 
-def _camera_axes(prim: Any) -> Doubles:
+def _camera_axes(prim: Any) -> Floats:
     """Return the unit vectors (3, 3) to the right, up and backwards, exactly orthogonal."""
     _, up, back = _stage_matrix(prim)[:3, :3]
     back = back / np.linalg.norm(back)
@@ -173,7 +174,7 @@ def _camera_axes(prim: Any) -> Doubles:
     return np.stack([right, np.cross(back, right), back])
 
 
-def _stage_matrix(prim: Any) -> Doubles:
+def _stage_matrix(prim: Any) -> Floats:
     return np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(_TIME), np.float64)
 
 

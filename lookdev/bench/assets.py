@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Instance, Mesh, Slot
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.normals import Doubles, area_vectors, smooth_normals
+from lookdev.asset.normals import area_vectors, smooth_normals
 from lookdev.asset.store import make_asset
 
 # Directions and phases of the waves; each octave is twice as fine as the one before.
@@ -35,7 +36,7 @@ def triangle_count(asset: Asset) -> int:
     return sum(int((asset.meshes[each.mesh].face_sizes - 2).sum()) for each in asset.instances)
 
 
-def _waves(points: Doubles) -> Doubles:
+def _waves(points: Floats) -> Floats:
     """Return the displacement (n,) at points (n, 3) of the unit sphere: sums of plane waves."""
     rng = np.random.default_rng(_SEED)
     total = np.zeros(len(points))

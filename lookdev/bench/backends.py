@@ -12,8 +12,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.asset import Asset
 from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import SCENES, Cell, Options
@@ -117,7 +117,7 @@ def shot_of(rendered: Rendered) -> Shot:
     """Return the mean of a frame's halves, with its figures."""
     image = (rendered.a + rendered.b) * np.float32(0.5)
 
-    def shot(image: NDArray[np.float32], seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
+    def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
         known = None if estimate is None or math.isnan(estimate) else estimate
         figures = rendered.memory, rendered.blender, rendered.samples
         return Shot(image, rendered.alpha, seconds, *figures, known, raw)

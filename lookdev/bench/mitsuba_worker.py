@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32, Indices, Ints32
 from lookdev.asset import Asset, read_asset
 from lookdev.asset.bounds import center_asset
 from lookdev.asset.normals import face_starts
@@ -165,10 +165,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         return mi.load_dict(description)
 
 
-Corners = NDArray[np.float32]
-
-
-def corner_meshes(asset: Asset) -> list[tuple[Corners, Corners, Corners]]:
+def corner_meshes(asset: Asset) -> list[tuple[Floats32, Floats32, Floats32]]:
     """Return each instance as triangles in world space: positions, normals and UVs of their corners (3 t, ...).
 
     The UVs are those of the mesh's first set; 0 where it has none, which no look of constants notices.
@@ -186,7 +183,7 @@ def corner_meshes(asset: Asset) -> list[tuple[Corners, Corners, Corners]]:
     return meshes
 
 
-def _fans(face_sizes: NDArray[np.int32]) -> NDArray[np.intp]:
+def _fans(face_sizes: Ints32) -> Indices:
     """Return the corners (3 t,) of the triangles that fan out from each face's first corner."""
     counts = face_sizes - 2
     first = np.repeat(face_starts(face_sizes), counts)
@@ -194,7 +191,7 @@ def _fans(face_sizes: NDArray[np.int32]) -> NDArray[np.intp]:
     return np.asarray(np.stack([first, first + step + 1, first + step + 2], axis=-1).ravel())
 
 
-def _write_mesh(mi: Any, file: Path, positions: Corners, normals: Corners, uvs: Corners) -> None:
+def _write_mesh(mi: Any, file: Path, positions: Floats32, normals: Floats32, uvs: Floats32) -> None:
     mesh = mi.Mesh(file.stem, len(positions), len(positions) // 3, has_vertex_normals=True, has_vertex_texcoords=True)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = positions.ravel()
@@ -222,7 +219,7 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)
 
 
-def _features(mi: Any, scene: Any, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _features(mi: Any, scene: Any, seed: int) -> tuple[Floats32, Floats32]:
     """Return the albedos and normals (H, W, 3) of a scene, as Mitsuba shows them."""
     integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
     shown = np.array(mi.render(scene, integrator=integrator, spp=_FEATURE_SAMPLES, seed=seed), dtype=np.float32)

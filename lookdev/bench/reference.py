@@ -15,13 +15,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
-
-Floats = NDArray[np.float64]
 
 _VERSION = 1
 # Half of the seeds that a shader takes are the references'; `measure` takes the other half.
@@ -34,8 +32,8 @@ _SURE = 4.0
 class Shot:
     """One render in a warm process; of a denoised one, `raw` is the same before that, in less time."""
 
-    image: NDArray[np.float32]  # (H, W, 3), premultiplied
-    alpha: NDArray[np.float32]  # (H, W)
+    image: Floats32  # (H, W, 3), premultiplied
+    alpha: Floats32  # (H, W)
     seconds: float
     memory: int  # peak of the process, bytes
     renderer: str

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from lookdev.arrays import Floats
+
 _ROOT = "/World"
 _CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)), np.float32)
 _BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]], np.int32)
@@ -63,7 +65,7 @@ def _new_stage(file: Path) -> Any:
     return stage
 
 
-def _places(side: int) -> NDArray[np.float64]:
+def _places(side: int) -> Floats:
     """Return the middles of the cells of a square of 2 m."""
     along = (2.0 * np.arange(side) + 1.0) / side - 1.0
     x, y = np.meshgrid(along, along)

@@ -29,8 +29,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.vectors import Array
 from lookdev.errors import ModelError, nearest_hint
@@ -112,12 +112,12 @@ def metal_curve(name: str, cos_theta: Array) -> Array:
 
 
 @cache
-def metal_reflectance(name: str) -> NDArray[np.float64]:
+def metal_reflectance(name: str) -> Floats:
     """Return the colour at normal incidence of one of `METALS`: linear Rec.709, (3,), clipped to [0, 1].
 
     An unknown metal raises ModelError.
     """
-    color: NDArray[np.float64] = np.clip(np.asarray(metal_curve(name, np.ones(()))), 0.0, 1.0)
+    color: Floats = np.clip(np.asarray(metal_curve(name, np.ones(()))), 0.0, 1.0)
     color.setflags(write=False)  # the result is cached
     return color
 
@@ -129,7 +129,7 @@ def _rec709(spectrum: Array) -> Array:
 
 
 @cache
-def _load_spectra() -> dict[str, NDArray[np.float64]]:
+def _load_spectra() -> dict[str, Floats]:
     """Read wavelength, eta and k, (n, 3), of every metal."""
     rows: dict[str, list[list[float]]] = {}
     with _DATA.open(newline="", encoding="ascii") as file:

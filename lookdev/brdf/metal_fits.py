@@ -18,13 +18,11 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.conductor import METALS, metal_curve, metal_indices
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE, METAL_TABLE
-
-Floats = NDArray[np.float64]
 
 COSINES: Floats = np.cos(np.radians(np.arange(91.0)))
 """Cosines of the angles at which curves are compared."""

@@ -12,13 +12,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, scale
-
-Floats = NDArray[np.float64]
 
 BELOW_ONE = 0.99999994
 """The largest float32 below 1, the upper limit of uniform numbers."""

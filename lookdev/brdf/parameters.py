@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.errors import ModelError, nearest_hint
 
 Value = float | tuple[float, float, float] | str
@@ -116,7 +116,7 @@ def complete(owner: str, parameters: Mapping[str, Parameter], constants: Mapping
     }
 
 
-def as_numbers(value: object) -> NDArray[np.float64] | None:
+def as_numbers(value: object) -> Floats | None:
     """Return a number or a list of numbers as an array, or None for any other value, such as text and booleans."""
     parts = value if isinstance(value, list | tuple) else (value,)
     if any(isinstance(part, str | bytes | bool | np.bool_) for part in parts):

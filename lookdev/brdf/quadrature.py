@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:

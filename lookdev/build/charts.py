@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.scene import Camera
 from lookdev.scene.charts import Strip
 from lookdev.scene.framing import Arc
@@ -16,7 +16,7 @@ from lookdev.scene.framing import Arc
 _STEP = 5.0  # degrees between two angles at which an outline is projected
 
 
-def overlap_notes(strip: Strip, camera: Camera, points: NDArray[np.float64], arcs: Iterable[Arc]) -> Iterator[str]:
+def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[Arc]) -> Iterator[str]:
     """Yield a note if an asset reaches into a strip.
 
     Parameters

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Instance, Mesh
@@ -29,8 +29,6 @@ from lookdev.scene.framing import DEFAULT_FILL, Arc
 from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import absent_primvars, with_uvs
 from lookdev.stage import open_stage
-
-Floats = NDArray[np.float64]
 
 
 def refine_and_frame(

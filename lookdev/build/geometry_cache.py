@@ -12,8 +12,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, read_asset, save_asset
 from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import asset_digest
@@ -61,7 +61,7 @@ def load_refined(key: str, cages: Asset) -> Asset | None:
     return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
-def cached_outline(asset: Asset) -> NDArray[np.float64]:
+def cached_outline(asset: Asset) -> Floats:
     """Return the `hull_points` of an asset, (n, 3); the cache stores it if the asset has several instances."""
     if len(asset.instances) == 1:
         return hull_points(asset)

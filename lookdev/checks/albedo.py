@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
@@ -30,8 +30,6 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
-
-Floats = NDArray[np.float64]
 
 FALSE_ALARM = 1e-3
 """Probability that noise alone fails a look."""

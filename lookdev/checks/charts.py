@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -23,8 +23,6 @@ from lookdev.rendering.task import FrameTask
 from lookdev.scene.charts import GREY, PATCHES, Box, Strip, asset_of_props, patch_colors
 from lookdev.scene.charts.props import cropped
 from lookdev.space import to_space
-
-Floats = NDArray[np.float64]
 
 _WHITE = Look("white", (Layer("White", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
 _SCRAMBLES = 16

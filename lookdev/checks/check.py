@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS
 from lookdev.build.expand import expand_material
@@ -38,7 +38,6 @@ from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
 
-Image = NDArray[np.float32]
 DepthName = Literal["quick", "default", "full"]
 
 
@@ -249,7 +248,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
     return check_frame(name, halves, alpha, _RENDERS * depth.samples, pixels, reference, converged)
 
 
-def _mean_halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
+def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, complete_parameters, evaluate, pdf, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
@@ -27,7 +27,6 @@ from lookdev.material.values import view_dependent_value
 from lookdev.text import TextError, parse_json
 
 Backend = Literal["numpy", "cycles"]
-Floats = NDArray[np.float64]
 
 _UNIT_TOLERANCE = 1e-4
 _WORKER_PATIENCE = 600.0
@@ -146,7 +145,7 @@ def evaluate_cycles(
             return stored["f"].astype(np.float64), stored["pdf"].astype(np.float64)
 
 
-def point_table(batch: Batch) -> NDArray[np.float32]:
+def point_table(batch: Batch) -> Floats32:
     """Return the numbers of a batch in the columns of `lookdev.codegen.points.point_columns`, (n, columns)."""
     columns: dict[str, Floats] = {}
     for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):

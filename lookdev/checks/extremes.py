@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
@@ -17,8 +17,6 @@ from lookdev.checks.evaluate import Batch
 from lookdev.codegen.points import PointLayer
 from lookdev.light import EnvironmentMap, make_environment
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Rng = np.random.Generator
 
 # Fractions of a range, from its lower end; then absurd ones, down to float32's denormal numbers.
@@ -34,7 +32,7 @@ class Extremes:
     """Cases for NumPy and Cycles, exact in float32; `comparable` (n,) marks those that float32 can resolve."""
 
     batch: Batch
-    comparable: Mask
+    comparable: Bools
 
 
 def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extremes:
@@ -68,7 +66,7 @@ def _amplifies(model: str, name: str) -> bool:
     return parameter is not None and isinstance(parameter.default, float) and parameter.default <= 1.0
 
 
-def _draw_directions(count: int, absurd: Mask, rng: Rng, *, thin: bool) -> tuple[Floats, Floats]:
+def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tuple[Floats, Floats]:
     def draw_cosines(lowest: int) -> Floats:
         usual, odd = rng.choice(_COSINES[lowest:], count), rng.choice(_ABSURD_COSINES, count)
         return np.where(absurd & (rng.random(count) < 0.7), odd, usual)
@@ -99,7 +97,7 @@ def _direction(cosine: Floats, phi: Floats) -> Floats:
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
 
 
-def _draw_numbers(layer: PointLayer, count: int, absurd: Mask, straight: Mask, rng: Rng) -> dict[str, Floats]:
+def _draw_numbers(layer: PointLayer, count: int, absurd: Bools, straight: Bools, rng: Rng) -> dict[str, Floats]:
     declared = MODELS[layer.model].parameters
     # All weights at their minimum at once: the surface is black.
     is_minimal = rng.random(count) < 0.02
@@ -116,7 +114,7 @@ def _draw_numbers(layer: PointLayer, count: int, absurd: Mask, straight: Mask, r
     return numbers
 
 
-def _draw_values(parameter: Parameter, count: int, absurd: Mask, rng: Rng) -> Floats:
+def _draw_values(parameter: Parameter, count: int, absurd: Bools, rng: Rng) -> Floats:
     shape = (count,) if parameter.kind == "float" else (count, 3)
     low, high = parameter.hard
     fraction = rng.choice(_FRACTIONS, shape)
@@ -125,7 +123,7 @@ def _draw_values(parameter: Parameter, count: int, absurd: Mask, rng: Rng) -> Fl
     return np.where(rng.random(shape) < 0.3, parameter.default, low + (high - low) * fraction)
 
 
-def _draw_normals(count: int, straight: Mask, rng: Rng) -> Floats:
+def _draw_normals(count: int, straight: Bools, rng: Rng) -> Floats:
     normals = rng.uniform(-1.0, 1.0, (count, 3))
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
     normals[straight | ~normals.any(axis=-1)] = ZENITH
@@ -224,7 +222,7 @@ def _add_degenerate_triangles(mesh: Mesh) -> Mesh:
     )
 
 
-def _select_corners(mesh: Mesh, corner: NDArray[np.intp]) -> Mesh:
+def _select_corners(mesh: Mesh, corner: Indices) -> Mesh:
     return replace(
         mesh,
         corner_points=mesh.corner_points[corner],

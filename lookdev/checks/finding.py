@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
-import numpy as np
-import numpy.typing as npt
-
-Array: TypeAlias = npt.NDArray[np.float64]
+from lookdev.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,10 +12,10 @@ class Series:
     """One curve of a plot; arrays have the shape (N,), x of "bars" (N + 1,)."""
 
     name: str  # in the legend
-    x: Array
-    y: Array
-    low: Array | None = None  # confidence band; with high
-    high: Array | None = None
+    x: Floats
+    y: Floats
+    low: Floats | None = None  # confidence band; with high
+    high: Floats | None = None
     style: str = "line"  # or "points", with the band as error bars, or "bars", a histogram over the edges x
 
 
@@ -28,7 +24,7 @@ class Picture:
     """One image of a plot: display-referred colours (H, W, 3) in [0, 1], or values (H, W) with a colour bar."""
 
     name: str  # the caption
-    pixels: Array
+    pixels: Floats
     low: float | None = None  # at the lower end of the colour bar
     high: float | None = None
 

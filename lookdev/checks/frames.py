@@ -6,13 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lookdev.arrays import Floats32
 from lookdev.codegen import ShaderSource, Source
 from lookdev.rendering.task import FrameTask, SceneTask
 
-Image = NDArray[np.float32]
 Alter = Callable[[str], str]
 """A function from the text of a shader to the text that runs instead; tests plant faults with it."""
 
@@ -21,13 +18,13 @@ class Halves(Protocol):
     """Independent halves (H, W, 3) of a frame, premultiplied, without exposure, and their coverage (H, W)."""
 
     @property
-    def a(self) -> Image: ...
+    def a(self) -> Floats32: ...
 
     @property
-    def b(self) -> Image: ...
+    def b(self) -> Floats32: ...
 
     @property
-    def alpha(self) -> Image: ...
+    def alpha(self) -> Floats32: ...
 
 
 Render = Callable[[FrameTask], Halves]

@@ -7,17 +7,13 @@ converged pictures. FLIP has no such estimator, so its value for two renders of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Reals
 from lookdev.checks.finding import Finding, Picture, Plot
 from lookdev.checks.images import flip, frame_picture
 from lookdev.metrics import EPSILON
-
-Floats = NDArray[np.floating[Any]]
-Doubles = NDArray[np.float64]
 
 MOST_FLIP = 0.05
 """The largest mean FLIP at which a check of an approximation passes."""
@@ -31,10 +27,10 @@ class Gap:
     relmse_error: float  # its standard error
     flip: float  # mean HDR-FLIP
     noise: float  # mean HDR-FLIP of two renders of the exact picture
-    seen: Doubles  # the map of FLIP, (H, W)
+    seen: Floats  # the map of FLIP, (H, W)
 
 
-def measure_gap(exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Gap:
+def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Gap:
     """Compare independent halves (H, W, 3) of two pictures, premultiplied, exposure 0; `alpha` (H, W) is coverage."""
     covered = alpha > 0.0
     a, b, c, d = (half.astype(np.float64)[covered] for half in (*exact, *other))
@@ -53,7 +49,7 @@ def measure_gap(exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alph
     )
 
 
-def check_gap(subject: str, exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Finding:
+def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Finding:
     """Check that the mean FLIP is at most `MOST_FLIP`; the parameters are those of `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
     figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}

@@ -16,21 +16,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_dilation
 
+from lookdev.arrays import Floats, Ints, Reals
 from lookdev.checks.finding import Finding, Picture, Plot, Series
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate
-
-Floats = NDArray[np.floating[Any]]
-Doubles = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LEVEL = 3e-4
 """The probability that noise alone fails a test."""
@@ -48,14 +43,14 @@ _WORST = 5
 class Agreement:
     """The difference of a frame from the reference at P pixels; all arrays have the shape (P, 3)."""
 
-    difference: Doubles  # frame minus reference
-    error: Doubles  # its standard error
-    t: Doubles  # difference over error
-    freedom: Doubles  # degrees of freedom of the error
-    claimed: Doubles  # the frame's own standard error
+    difference: Floats  # frame minus reference
+    error: Floats  # its standard error
+    t: Floats  # difference over error
+    freedom: Floats  # degrees of freedom of the error
+    claimed: Floats  # the frame's own standard error
 
 
-def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
+def choose_pixels(alpha: Reals, count: int, seed: int = 0) -> Ints:
     """Choose at most `count` random pixels (P, 2), column and row, where `alpha` (H, W) or a neighbour's is above 0.
 
     Neighbours are included because pixels that a frame's samples happen to cover are brighter than average.
@@ -65,7 +60,7 @@ def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
     return np.asarray(np.stack([columns, rows], axis=-1)[selection], np.int64)
 
 
-def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreement:
+def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreement:
     """Compare pixels of a frame with the reference.
 
     `halves` (K, P, 3) are independent renders of equal cost, premultiplied, exposure 0; `samples` is the number per
@@ -89,12 +84,12 @@ def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreeme
 
 def check_frame(
     subject: str,
-    halves: Floats,
-    alpha: Floats,
+    halves: Reals,
+    alpha: Reals,
     samples: int,
     pixels: Ints,
     reference: Estimate,
-    converged: Floats | None = None,
+    converged: Reals | None = None,
 ) -> Finding:
     """Check a frame against the reference; errors are those of `compare_pixels`.
 
@@ -168,7 +163,7 @@ def check_frame(
     return Finding("image", subject, passed, summary, figures, details, plots, skipped)
 
 
-def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
+def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
     """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
 
     Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images": the visible difference of two
@@ -181,7 +176,7 @@ def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
     return float(mean), np.asarray(flip_map, np.float64).reshape(image.shape[:2])
 
 
-def _mean_bias(agreement: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+def _mean_bias(agreement: Agreement, scale: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the mean relative difference of channels, its standard error, and the limit of its noise, (3,) each."""
     variance = (agreement.error / scale) ** 2
     bias, error = np.mean(agreement.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
@@ -191,7 +186,7 @@ def _mean_bias(agreement: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, 
 
 
 def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
-    def format_numbers(values: Sequence[float] | Doubles) -> str:
+    def format_numbers(values: Sequence[float] | Floats) -> str:
         return " ".join(f"{value:.4g}" for value in values)
 
     value = reference.value[index]
@@ -222,7 +217,7 @@ def _plot_histogram(agreement: Agreement) -> Plot:
     return Plot("Differences over their errors", "standard errors", "density", series)
 
 
-def frame_picture(name: str, image: Floats) -> Picture:
+def frame_picture(name: str, image: Reals) -> Picture:
     """Return a frame (H, W, 3) as a picture of the report."""
     return Picture(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 

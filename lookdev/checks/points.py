@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, evaluate, pdf, sample
 from lookdev.brdf.frames import ZENITH
-from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
+from lookdev.checks.evaluate import Batch, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.samples import (
     case_line,

@@ -9,8 +9,8 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.material import Formula, Layer, Look, Primvar
@@ -18,8 +18,6 @@ from lookdev.material.expression import Kind
 from lookdev.material.look import depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import Values, look_layers
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats
 from lookdev.asset import Asset, save_asset
 from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
@@ -34,7 +34,6 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
-Floats = NDArray[np.float64]
 Depth = Literal["quick", "default", "full"]
 
 RELATIVE = 2e-4
@@ -229,7 +228,7 @@ def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
     return replace(batch, wo=wo, wi=wi, numbers=numbers)
 
 
-def _has_tilted_normal(batch: Batch) -> NDArray[np.bool_]:
+def _has_tilted_normal(batch: Batch) -> Bools:
     """Return a mask (n,) of the cases that have a tilted normal."""
     tilted = np.zeros(len(batch.wo), np.bool_)
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
@@ -240,7 +239,7 @@ def _has_tilted_normal(batch: Batch) -> NDArray[np.bool_]:
     return tilted
 
 
-def _select_cases(batch: Batch, mask: NDArray[np.bool_]) -> Batch:
+def _select_cases(batch: Batch, mask: Bools) -> Batch:
     numbers = tuple({name: value[mask] for name, value in layer.items()} for layer in batch.numbers)
     return replace(batch, wo=batch.wo[mask], wi=batch.wi[mask], numbers=numbers)
 

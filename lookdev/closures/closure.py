@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH, Frame, Upright
 from lookdev.brdf.fresnel import conductor_fresnel, schlick_weight
 from lookdev.brdf.lobes import Lobe
@@ -27,8 +27,6 @@ Kind = Literal[
     "diffuse", "rough_diffuse", "translucent",
     "ggx", "beckmann", "metal", "conductor", "sheen", "ggx_refraction", "beckmann_refraction",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

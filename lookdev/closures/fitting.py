@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.disney import COAT_F0
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions
@@ -30,7 +31,7 @@ from lookdev.closures.closure import Closure, closure_cosine, oren_nayar_g
 from lookdev.closures.disney import seen_alphas, shadowing_2012
 from lookdev.closures.fits import DATA
 from lookdev.closures.pixar import ggx_share
-from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
+from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import (
     COARSE,
     FULL,

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.rational import Rational
-
-Floats = NDArray[np.float64]
 
 _FLOOR = 0.01
 _ROUNDS, _STEPS, _TRIES = 8, 40, 8

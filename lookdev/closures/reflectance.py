@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import DATA, relative_cosine
-from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
+from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import FULL, Grid, measure, specular_setups
 
 _TOLERANCE = 0.01

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.disney import COAT_F0
 from lookdev.brdf.frames import Leaning, Upright, mirror_across_surface
@@ -18,7 +19,6 @@ from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.closure import Closure, closure_cosine
 from lookdev.closures.disney import coat_mix
 from lookdev.closures.pixar import highlight_mix
-from lookdev.closures.rational import Floats
 
 ONE = np.ones(3)
 SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])

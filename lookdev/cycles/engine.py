@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cycles import version
 from lookdev.errors import RenderError
 
@@ -34,7 +34,7 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
     bl_idname = _ENGINE
     bl_label = "lookdev"
 
-    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (of the last render; Blender creates the instances)
+    passes: dict[str, Floats32] = {}  # noqa: RUF012  (of the last render; Blender creates the instances)
 
     def update_script_node(self, node: Any) -> None:
         """Do nothing: `lookdev.cycles.shaders` adds the sockets, so that Blender need not parse the shader."""
@@ -53,7 +53,7 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 bpy.utils.register_class(Capture)
 
 
-def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, NDArray[np.float32]]:
+def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, Floats32]:
     """Render the scene with `samples` a pixel; return its passes by Blender's names, rows bottom-up.
 
     Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample. So
@@ -72,14 +72,14 @@ def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = Non
         return _render(scene, seed)
 
 
-def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
+def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, Floats32]:
     """Render the whole frame like `render_passes`, but with the first block of samples, as Cycles does."""
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
 
 
-def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
+def render_features(scene: Any, samples: int) -> dict[str, Floats32]:
     """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
     layer = scene.view_layers[0].cycles
     layer.denoising_store_passes = True
@@ -144,7 +144,7 @@ def _mute_statistics() -> Iterator[None]:
         handlers.extend(removed)
 
 
-def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
+def _render(scene: Any, seed: int) -> dict[str, Floats32]:
     scene.cycles.seed = seed
     # Cycles' settings are custom properties: without the tag, a later render would use their old values.
     scene.update_tag()

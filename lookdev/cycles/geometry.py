@@ -16,8 +16,9 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
-from lookdev.asset.mesh import Asset, Floats, Mesh
+from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
 from lookdev.asset.triangles import triangulate
@@ -244,7 +245,7 @@ def _build_mesh(
     return data
 
 
-def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
+def _compact(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
     """Return values of corners, at faces or points instead if all of their corners are equal, and Blender's domain.
 
     Cycles stores values of corners three times for every triangle.
@@ -265,9 +266,9 @@ def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
 
 def _read_attributes(
     mesh: Mesh, face_sources: NDArray[Any], bindings: dict[int, tuple[AttributeBinding, ...]]
-) -> dict[str, Floats]:
+) -> dict[str, Floats32]:
     """Return the attributes that sources read, except UV sets, by name; those that a mesh lacks have the fallbacks."""
-    attributes: dict[str, Floats] = {}
+    attributes: dict[str, Floats32] = {}
     lacking: dict[str, dict[int, tuple[float, ...]]] = {}
     for number, source_bindings in bindings.items():
         for binding in source_bindings:

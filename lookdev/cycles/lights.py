@@ -14,15 +14,13 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
 from lookdev.errors import RenderError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, called
 from lookdev.light.placement import Axes
-
-Floats = NDArray[np.float64]
 
 _SIDES = 256  # of a cylinder
 

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, BlenderScene
 from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, rename_ids
-from lookdev.rendering.frame import FEATURE_SAMPLES, Image, RenderedFrame
+from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask
 
@@ -34,7 +34,7 @@ _MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged
 class Passes:
     """Arrays (H, W, channels) by the names of `rendering.passes.channels_of_passes`, and the names in each matte."""
 
-    arrays: Mapping[str, Image]
+    arrays: Mapping[str, Floats32]
     names: Mapping[str, tuple[str, ...]]
 
 
@@ -99,7 +99,7 @@ def _plan_recording(task: FrameTask) -> RecordingPlan:
     return first, second
 
 
-def read_recorded(batch: RecordingBatch, passes: Mapping[str, Image]) -> dict[str, Image]:
+def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict[str, Floats32]:
     """Return the parts that shaders recorded (`recording` in the template) by name, rows top-down."""
     return {
         name: np.float32(factor) * next(passes[pass_name] for pass_name in names if pass_name in passes)[::-1]
@@ -107,7 +107,7 @@ def read_recorded(batch: RecordingBatch, passes: Mapping[str, Image]) -> dict[st
     }
 
 
-def complete_passes(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
+def complete_passes(task: FrameTask, frame: RenderedFrame) -> dict[str, Floats32]:
     """Return the passes of a frame with the rest of each set of parts, and black for parts without a look or light."""
     passes = dict(frame.passes)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
@@ -118,13 +118,13 @@ def complete_passes(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
     return passes
 
 
-def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Image, samples: int) -> Passes:
+def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Floats32, samples: int) -> Passes:
     """Render the other passes of a task in a scene that shows its pose; `alpha` and `samples` are those of the frame.
 
     Mattes sum up to the frame's alpha. If mattes are requested, the albedo has as many samples as they have.
     """
     requested = {*task.scene.sampling.passes}
-    arrays: dict[str, Image] = {}
+    arrays: dict[str, Floats32] = {}
     names: dict[str, tuple[str, ...]] = {}
     with _override(scene.scene.cycles, {"max_bounces": 0}):  # these renders show no light
         if center_passes := requested & {*_CENTER_PASSES}:
@@ -140,12 +140,12 @@ def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Image, samp
     return Passes(arrays, names)
 
 
-def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Image]:
+def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Floats32]:
     """Return the requested passes at the centre of each pixel."""
     scene.set_controls(task.pose, 0, NORMALS)
     with _override(scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}):
         rendered = {name: image[::-1] for name, image in engine.render_whole(scene.scene, 1).items()}
-    arrays: dict[str, Image] = {}
+    arrays: dict[str, Floats32] = {}
     covered = rendered["UV"][..., 2:] > 0.0 if scene.has_portals else rendered["Combined"][..., 3:] > 0.0
     turn = scene.world_turn(task.pose)
     if "depth" in requested:
@@ -168,8 +168,8 @@ def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) ->
 
 
 def _render_surfaces(
-    scene: BlenderScene, task: FrameTask, requested: set[str], covered: NDArray[np.bool_], samples: int
-) -> tuple[Image, dict[str, Image]]:
+    scene: BlenderScene, task: FrameTask, requested: set[str], covered: Bools, samples: int
+) -> tuple[Floats32, dict[str, Floats32]]:
     """Return the mean albedo of each pixel, and the coverage (H, W, 2 n) of Blender's objects and materials.
 
     `requested` has ``albedo``, ``cryptomatte`` or both, which are rendered at once with `samples`. The albedo of
@@ -187,7 +187,7 @@ def _render_surfaces(
     with _override(scene.scene.view_layers[0], settings):
         rendered = engine.render_passes(scene.scene, samples if has_mattes else FEATURE_SAMPLES, box=box)
 
-    def pad_to_frame(layers: Sequence[Image]) -> Image:
+    def pad_to_frame(layers: Sequence[Floats32]) -> Floats32:
         """Concatenate layers of the box; return them in a frame that is 0 outside, rows top-down."""
         pixels = np.concatenate(layers, axis=-1)
         image = np.zeros((*covered.shape, pixels.shape[-1]), np.float32)
@@ -205,7 +205,7 @@ def _render_surfaces(
     return albedo, {"object": objects, "material": materials, "asset": objects}
 
 
-def _covered_box(covered: NDArray[np.bool_]) -> engine.Box:
+def _covered_box(covered: Bools) -> engine.Box:
     """Return the smallest box with all covered pixels of an array, whose rows are top-down."""
     height, width = covered.shape
     ends = []
@@ -226,7 +226,7 @@ def _matte_names(scene: BlenderScene, kind: str) -> dict[str, str]:
     return paths if kind == "object" else dict.fromkeys(paths, scene.asset_name)
 
 
-def _rotate_z(vectors: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+def _rotate_z(vectors: Floats, degrees: float) -> Floats:
     """Rotate vectors (..., 3) about the vertical."""
     sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
     x, y, z = np.moveaxis(vectors, -1, 0)

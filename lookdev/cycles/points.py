@@ -12,6 +12,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cache import Content, atomic_path, cache_dir
 from lookdev.codegen import ShaderSource, TableBinding
 from lookdev.codegen.osl.points import generate_points
@@ -26,9 +27,7 @@ _COLUMNS = 128
 _MIN_ROWS = 4
 
 
-def evaluate_points(
-    source: ShaderSource, table: NDArray[np.float32], cells: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def evaluate_points(source: ShaderSource, table: Floats32, cells: int) -> tuple[Floats32, Floats32]:
     """Evaluate the shader of `lookdev.codegen.osl.points` at the rows (n, columns) of its table.
 
     Returns
@@ -42,12 +41,12 @@ def evaluate_points(
 
 def render_table(
     source: ShaderSource,
-    table: NDArray[np.float32],
+    table: Floats32,
     cells: int,
     samples: int = 1,
     arrays: Mapping[str, NDArray[Any]] | None = None,
     **values: int,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), a row for a pixel.
 
     A row has `cells` texels of three channels. The shader's parameters are `points_file`, the size of the picture as

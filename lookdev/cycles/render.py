@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from lookdev.arrays import Floats32
 from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
 from lookdev.cycles.passes import (
@@ -25,7 +26,6 @@ from lookdev.rendering.catcher import catcher_pictures
 from lookdev.rendering.frame import (
     FEATURE_SAMPLES,
     Denoiser,
-    Image,
     Progress,
     RenderedFrame,
     half_of_seed,
@@ -67,7 +67,7 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
 
 def _render_catcher_parts(
     scene: BlenderScene, samples: int, seed: int, box: engine.Box | None
-) -> tuple[Image, Image, dict[str, Image]]:
+) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
     """Return colours and coverage as `_render_region` does, and the parts from which `catcher_pictures` makes a frame.
 
     The samples of the ground are the same with the asset and without: pixels that the asset does not change are equal
@@ -101,7 +101,7 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Progre
 def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
     """Return a denoiser guided by the albedo and the normals of the frame."""
 
-    def render_feature(feature: float) -> Image:
+    def render_feature(feature: float) -> Floats32:
         scene.set_controls(task.pose, 0, feature)
         return engine.render_passes(scene.scene, FEATURE_SAMPLES)["Combined"][::-1]
 
@@ -112,7 +112,7 @@ def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
 
 def _render_region(
     scene: BlenderScene, task: FrameTask, plan: RecordingPlan, seed: int, region: Region
-) -> tuple[Image, Image, dict[str, Image]]:
+) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
     """Render the colours and the coverage of a region, and the recorded parts of the colours."""
     scene.set_controls(task.pose, seed, region.samples)
     # Blender counts rows from the bottom.
@@ -121,7 +121,7 @@ def _render_region(
     box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
     if task.scene.catches:
         return _render_catcher_parts(scene, region.samples, seed, box)
-    parts: dict[str, Image] = {}
+    parts: dict[str, Floats32] = {}
     batches = plan[half_of_seed(seed)]
     # In reverse order, because the colours are those of the last render, which must be of the first batch. The last
     # bits of a path's positions encode its data, and the noise of later hits depends on those bits.

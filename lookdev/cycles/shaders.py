@@ -11,8 +11,8 @@ from typing import Any
 import _cycles
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, cache_dir, cached_files, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
@@ -20,7 +20,7 @@ from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 from lookdev.light import Light, Stand, lights_code
 
-Array = NDArray[np.int32] | NDArray[np.float32]
+Array = Ints32 | Floats32
 
 RECORD = "lookdev_record"
 """The property of objects with the numbers of the parts of light that shaders record."""

@@ -9,12 +9,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.rendering.blend import BlendTurntable
 from lookdev.scene import Pose
-
-Floats = NDArray[np.float64]
 
 _PATHS = ("location", "rotation_euler")
 _KEY_GAP = 1.0 / 64.0

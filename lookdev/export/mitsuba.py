@@ -8,8 +8,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path
@@ -25,7 +25,6 @@ from lookdev.plan import Setup
 from lookdev.plan.prepare import read_setups
 from lookdev.scene import Camera, Pose
 
-Floats = NDArray[np.float64]
 Matrix = Floats
 
 # From Mitsuba's axes, with y up, and the columns of its environment maps to the axes here, with z up.

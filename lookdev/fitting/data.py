@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
 from lookdev.brdf.measured.files import MERL_SIZE
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import Floats, half_difference
+from lookdev.plotting.angles import half_difference
 
 LIMIT = 80.0
 """Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""
@@ -58,7 +58,7 @@ def evaluate_pairs(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 1
     return Data(wo[order], wi[order], f[order])
 
 
-def _cell_centres(count: int, size: int) -> NDArray[np.float64]:
+def _cell_centres(count: int, size: int) -> Floats:
     """Return the centres, in [0, 1], of `count` of the `size` cells of an axis, evenly spread."""
     return np.asarray((np.floor((np.arange(count) + 0.5) * size / count) + 0.5) / size)
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lookdev.plotting.angles import Floats
+from lookdev.arrays import Floats
 
 LOSSES: dict[str, Callable[[Floats], Floats]] = {
     "log": np.log1p,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Model, Parameter
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.plotting.angles import Floats
 
 _LOGARITHMIC_RATIO = 100.0
 """The least quotient of the ends of a range that is searched in its logarithm."""

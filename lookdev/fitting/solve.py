@@ -16,13 +16,13 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Model, evaluate
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.fitting.data import Data, evaluate_pairs
 from lookdev.fitting.loss import LOSSES
 from lookdev.fitting.parameters import Free, free_parameters
 from lookdev.plotting import Subject, model_subject
-from lookdev.plotting.angles import Floats
 
 _TRIALS = 128
 _COARSE = 4

@@ -15,8 +15,8 @@ from importlib.resources.abc import Traversable
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.cache import Content
 from lookdev.light.emission import Color, Emission
 from lookdev.light.mapping import rotate_z
@@ -26,8 +26,6 @@ from lookdev.space import REC709, Space
 if TYPE_CHECKING:
     from lookdev.light.dome import Dome
     from lookdev.light.usd import UsdLight
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class LightCode:
     constants: tuple[str, ...] = ()
     parameters: Mapping[str, Content | str | int | float] = field(default_factory=dict)
     arrays: Mapping[str, Content] = field(default_factory=dict)
-    numbers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    numbers: Mapping[str, Floats32] = field(default_factory=dict)
 
 
 class Emitter(Protocol):
@@ -201,7 +199,7 @@ class Light(ABC):
         return ()
 
     @property
-    def mitsuba_shape(self) -> tuple[str, NDArray[np.float64]] | None:
+    def mitsuba_shape(self) -> tuple[str, Floats] | None:
         """The name of the Mitsuba 3 shape that emits its light, and the matrix (4, 4) to the light's own space.
 
         None if Mitsuba has no such shape.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools
 from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
@@ -128,7 +128,7 @@ class CoveringRectangle(NamedTuple):
     wide as the cylinder's outline.
     """
 
-    outside: NDArray[np.bool_]
+    outside: Bools
     """Whether the point is farther from the axis than the side; the side is visible from such points alone."""
     y: Floats
     z: Floats

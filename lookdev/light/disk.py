@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
@@ -20,8 +20,6 @@ from lookdev.light.plane import meet_plane, plane_angle
 from lookdev.light.rect import Rectangle
 from lookdev.light.shape import FAR, cone_about
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

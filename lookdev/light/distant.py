@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.vectors import dot
 from lookdev.errors import EnvironmentMapError
@@ -21,8 +21,6 @@ from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
-
-Floats = NDArray[np.float64]
 
 _NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
 

@@ -14,14 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.table import Table, look_up
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.text import read_bytes
-
-Floats = NDArray[np.float64]
 
 _LARGEST = 1 << 24  # bytes of a file
 _MOST_ANGLES = 3601

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.base import Light, LightCode
@@ -24,9 +24,6 @@ from lookdev.light.picture import LEVELS
 from lookdev.light.placement import WORLD_AXES
 from lookdev.light.rect import RectLight
 from lookdev.light.shape import greatest_cosine
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 
 SHAPES: dict[str, type[Any]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
@@ -61,7 +58,7 @@ def weight(shape: Any, beam: Any, falloff: Any, point: Floats, normal: Floats) -
     falloff.
     """
     axis, squared_sine = shape.cone(point)
-    estimate = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
+    estimate: Floats = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
     if beam is not None:
         estimate = estimate * beam_bound(axis[..., 2], squared_sine, *beam)
     if falloff is not None:
@@ -151,18 +148,18 @@ class CodedRig:
         """The lamps with a texture."""
         return tuple(cast(RectLight, lamp) for lamp in self.lamps if lamp.shape_name == "picture")
 
-    def rows(self, stand: Stand) -> NDArray[np.float32]:
+    def rows(self, stand: Stand) -> Floats32:
         """Return `Stand.offset`, then the row of each lamp and each dome, as one array."""
         starts = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
         rows = [self._row(light, starts, stand) for light in (*self.lamps, *self.domes)]
         return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
 
-    def tables(self) -> NDArray[np.float32]:
+    def tables(self) -> Floats32:
         """Return the numbers of profiles (`Profile.numbers`) and the trees of textures, as one array."""
         return np.asarray(np.concatenate([*self._tables.values(), np.zeros(1)]), np.float32)
 
     @cached_property
-    def _tables(self) -> dict[str, NDArray[np.float64]]:
+    def _tables(self) -> dict[str, Floats]:
         """The tables of profiles and textures, by the digests of their files."""
         tables = {}
         for emission in self.emissions:

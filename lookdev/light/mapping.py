@@ -7,9 +7,9 @@ World space has z up. ``u`` grows clockwise seen from above and is periodic; ``v
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 
 def direction_to_uv(direction: ArrayLike) -> Floats:

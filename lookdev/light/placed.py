@@ -12,15 +12,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light import native
 from lookdev.light.base import Light
 from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world, vector
 from lookdev.light.shape import FAR, Shape
-
-Floats = NDArray[np.float64]
 
 EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))

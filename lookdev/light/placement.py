@@ -7,11 +7,11 @@ left-handed, since a placement in USD may mirror.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats
 from lookdev.errors import EnvironmentMapError
 
-Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Axes = tuple[Vector, Vector, Vector]
 

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.table import Table
 from lookdev.cache import Content
 from lookdev.light.base import LightKind
@@ -24,8 +24,6 @@ from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import density, draw
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.vectors import cross, dot
 from lookdev.light.base import LightKind
 from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
@@ -17,9 +17,6 @@ from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.shape import FAR, cone_about
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ class SphereLight(PlacedLight):
         return replace(self, radius=scale * self.radius)
 
     @property
-    def mitsuba_shape(self) -> tuple[str, NDArray[np.float64]]:
+    def mitsuba_shape(self) -> tuple[str, Floats]:
         return "sphere", np.diag([self.radius, self.radius, self.radius, 1.0])
 
     @property
@@ -89,11 +86,12 @@ class SphereLight(PlacedLight):
         return 4.0 * math.pi * self.radius**2
 
 
-def sphere_versine(point: Floats, radius: Any) -> Floats:
+def sphere_versine(point: Floats, radius: Floats) -> Floats:
     """Return 1 - cos of half the angle that a sphere about the origin subtends at points (..., 3); 1 from inside."""
     squared = dot(point, point)
     sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
-    return sine / (1 + np.sqrt(1 - sine))
+    versine: Floats = sine / (1 + np.sqrt(1 - sine))
+    return versine
 
 
 def meet_sphere(point: Floats, direction: Floats, radius: Any) -> Floats:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lookdev.arrays import Floats
 from lookdev.material import Texture
 from lookdev.material.textures import image_slopes, image_texels
-
-Floats = NDArray[np.float64]
 
 
 class ImagePoints(ABC):

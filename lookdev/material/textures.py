@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.brdf import Array
 from lookdev.cache import Content, cached_files, file_digest
 from lookdev.errors import OutputError, TextureError
@@ -132,7 +133,7 @@ def linear_texture(texture: Texture) -> Path:
     check_file(texture.file, TextureError)
     texture = resolve_texture(texture)
 
-    def linear_strips(image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
+    def linear_strips(image: oiio.ImageInput) -> Iterator[Floats]:
         for rgba in _read_rgba_strips(texture.file, image):
             rgba[..., :3] = to_linear_rec709(rgba[..., :3], texture.colorspace)
             yield rgba
@@ -166,7 +167,7 @@ def slope_texture(height: Texture) -> Path:
     linear = linear_texture(height)
     slope_key = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
 
-    def slope_strips(texels: NDArray[np.float32]) -> Iterator[NDArray[np.float64]]:
+    def slope_strips(texels: Floats32) -> Iterator[Floats]:
         rows, columns = texels.shape
         # Every row between the rows above and below it. Row 0 is the top of the image.
         neighbour_rows = np.arange(-1, rows + 1)
@@ -201,12 +202,12 @@ def texture_value(texture: Texture, texels: Array) -> Array:
     return (texels * np.array(texture.scale) + np.array(texture.bias))[..., _CHANNELS[texture.channel]]
 
 
-def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+def sample_texture(texture: Texture, st: ArrayLike) -> Floats:
     """Return the value of a texture at texture coordinates: `texture_value` of `image_texels`."""
     return np.asarray(texture_value(texture, image_texels(texture, st)))
 
 
-def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+def image_texels(texture: Texture, st: ArrayLike) -> Floats:
     """Look up all channels of a texture bilinearly, in float64.
 
     Tests compare shaders with this reference. Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height).
@@ -230,12 +231,12 @@ def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     return _look_up(linear_texture, texture, _to_image_st(texture, st))
 
 
-def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+def sample_slopes(texture: Texture, st: ArrayLike) -> Floats:
     """Return the derivatives of a height map by `st`, (..., 2): `image_slopes` times the texture's transform."""
     return np.asarray(image_slopes(texture, st) @ _transform_matrix(texture)[:, :2])
 
 
-def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
     """Look up the derivatives of a height map, (..., 2), by the image's coordinates, bilinearly.
 
     `st` is as in `image_texels`. The chain rule includes the wrap modes: in mirrored copies a slope has the opposite
@@ -249,18 +250,16 @@ def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(slopes * along)
 
 
-def _transform_matrix(texture: Texture) -> NDArray[np.float64]:
+def _transform_matrix(texture: Texture) -> Floats:
     return np.array(texture.transform, np.float64).reshape(2, 3)
 
 
-def _to_image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+def _to_image_st(texture: Texture, st: ArrayLike) -> Floats:
     matrix = _transform_matrix(texture)
     return np.asarray(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2])
 
 
-def _look_up(
-    prepare: Callable[[Texture], Path], texture: Texture, image_st: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Floats) -> Floats:
     """Look up all four channels of the prepared image, at the image's coordinates, by the wrap modes of `texture`."""
     value = np.zeros((*image_st.shape[:-1], 4))
     if tiles := udim_tiles(texture):
@@ -282,7 +281,7 @@ def _look_up(
     return value
 
 
-def _wrap_derivative(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float64]:
+def _wrap_derivative(coordinate: Floats, wrap: str) -> Floats:
     """Return the derivative of the wrapped coordinate by the coordinate; 1 for black, as its slopes are 0 outside."""
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
@@ -291,9 +290,7 @@ def _wrap_derivative(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.f
     return np.ones_like(coordinate)
 
 
-def _bilinear_taps(
-    coordinate: NDArray[np.float64], size: int, wrap: str
-) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indices, Floats]]:
     """Return the indices and weights of the two texels, along one axis, of a bilinear look-up."""
     position = coordinate * size - 0.5
     lower = np.floor(position)
@@ -314,7 +311,7 @@ def _bilinear_taps(
 
 
 @lru_cache(maxsize=16)
-def _linear_pixels(linear: Path) -> NDArray[np.float64]:
+def _linear_pixels(linear: Path) -> Floats:
     with open_image(linear, TextureError) as image:
         return whole_image(image, linear, range(4), TextureError).astype(np.float64)
 
@@ -330,17 +327,17 @@ def _channel_indices(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int |
     return [names.index(name) for name in "RGB"], names.index("A") if "A" in names else None
 
 
-def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
+def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
     """Yield strips (rows, width, 4) of an open image, top first; 0 outside an EXR's data window."""
     spec = image.spec()
     color, alpha = _channel_indices(file, spec)
     left, top = spec.x - spec.full_x, spec.y - spec.full_y
 
-    def blank_strips(rows: int) -> Iterator[NDArray[np.float64]]:
+    def blank_strips(rows: int) -> Iterator[Floats]:
         for first in range(0, rows, _STRIP_ROWS):
             yield blank_rows(min(_STRIP_ROWS, rows - first))
 
-    def blank_rows(rows: int) -> NDArray[np.float64]:
+    def blank_rows(rows: int) -> Floats:
         rgba = np.zeros((rows, spec.full_width, 4))
         if alpha is None:
             rgba[..., 3] = 1.0
@@ -365,7 +362,7 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np
     yield from blank_strips(spec.full_height - max(min(top + spec.height, spec.full_height), 0))
 
 
-def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float64]]) -> None:
+def _write_exr(file: Path, size: Sequence[int], parts: Iterator[Floats]) -> None:
     """Write strips (rows, width, 4) to an EXR of a size (width, height); OSError where that fails."""
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)

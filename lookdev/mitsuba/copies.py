@@ -9,11 +9,10 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset
 from lookdev.mitsuba.frozen import device_array
 from lookdev.scene.shading import LIFT
-
-Floats = NDArray[np.float64]
 
 _LAST = (1 << 32) - 1
 

@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import device_array
@@ -36,7 +37,7 @@ def file_array(kind: Any, file: Content, read: Callable[[Path], NDArray[Any]]) -
     return stored
 
 
-def read_image(path: Path) -> NDArray[np.float32]:
+def read_image(path: Path) -> Floats32:
     """Read the linear RGBA of `lookdev.material.textures`, or the RGB of a light's texture, row 0 at the top."""
     import OpenImageIO as oiio  # imported here, as looks without textures start sooner
 
@@ -50,7 +51,7 @@ def read_image(path: Path) -> NDArray[np.float32]:
     return pad_to_rgba(pixels)
 
 
-def pad_to_rgba(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def pad_to_rgba(pixels: Floats32) -> Floats32:
     """Return pixels with four channels, which Dr.Jit gathers at once."""
     if pixels.shape[2] == 4:
         return pixels

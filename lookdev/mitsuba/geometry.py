@@ -9,6 +9,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -17,8 +18,6 @@ from lookdev.errors import AssetError, RenderError
 from lookdev.mitsuba.copies import Body, Copies, bodies_of
 from lookdev.mitsuba.frozen import device_array
 from lookdev.scene.shading import LIFT
-
-Floats = NDArray[np.float64]
 
 MOST_TRIANGLES = 40_000_000
 """The most triangles of the meshes, each counted once: more would take above 10 GB."""
@@ -91,7 +90,7 @@ class Geometry:
         self._groups = np.asarray(groups)[self._slots] if groups else self._slots
         self._shadow_scenes = {(): self.scene}
 
-    def _scene(self, rows: NDArray[np.bool_], *, numbered: bool = False) -> Any:
+    def _scene(self, rows: Bools, *, numbered: bool = False) -> Any:
         """Return Mitsuba's scene of the triangles of some rows; with `numbered`, copies are identified in it."""
         mi, shapes = self._mi, {}
         single = self._body_of_row < len(self._bodies) - self._copies.bodies
@@ -244,7 +243,7 @@ class Hit:
         )
 
 
-def _transform_points(points: NDArray[np.float32], matrix: Floats) -> Floats:
+def _transform_points(points: Floats32, matrix: Floats) -> Floats:
     return np.asarray(points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats32
 from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.mitsuba.files import file_array, read_image
@@ -27,7 +27,7 @@ class Rows:
     all.
     """
 
-    def __init__(self, mi: Any, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> None:
+    def __init__(self, mi: Any, rows: Floats32, links: Bools | None) -> None:
         self._mi = mi
         self.count = len(rows)
         self._rows = device_array(mi.Float, rows)
@@ -84,9 +84,7 @@ class Rows:
 class Lamps(Rows):
     """The lamps of one kind in a rig; each lamp with a texture is a kind of its own."""
 
-    def __init__(
-        self, mi: Any, rig: CodedRig, kind: str, rows: NDArray[np.float32], links: NDArray[np.bool_] | None
-    ) -> None:
+    def __init__(self, mi: Any, rig: CodedRig, kind: str, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
         steps = max((shaping.profile.steps for shaping in shapings if shaping.profile), default=0)
@@ -123,7 +121,7 @@ class Lamps(Rows):
         return radiance
 
 
-def lamps_by_kind(mi: Any, rig: CodedRig, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> list[Lamps]:
+def lamps_by_kind(mi: Any, rig: CodedRig, rows: Floats32, links: Bools | None) -> list[Lamps]:
     """Return the lamps of a rig by kind, from their rows and links, in the rig's order."""
     kinds = []
     for kind in rig.kinds:

@@ -9,17 +9,16 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.mitsuba.view import View
 from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
-from lookdev.rendering.frame import FEATURE_SAMPLES, Image
+from lookdev.rendering.frame import FEATURE_SAMPLES
 from lookdev.rendering.passes import MATTES
 from lookdev.rendering.task import FrameTask
-
-Floats = NDArray[np.float64]
 
 CENTRAL = frozenset(("depth", "position", "normal", "uv"))
 _NO_DEPTH = 1e10  # metres, where there is no surface
@@ -35,7 +34,7 @@ class Features:
         self._looks = looks
         self._bounces = bounces
 
-    def guides(self, view: View) -> tuple[Image, Image]:
+    def guides(self, view: View) -> tuple[Floats32, Floats32]:
         """Return the mean albedos, premultiplied, and the mean normals of all pixels, (H, W, 3) each."""
         mi, size = self._mi, FEATURE_SAMPLES
         lane = dr.arange(mi.UInt32, view.width * view.height * size)
@@ -52,7 +51,7 @@ class Features:
         shape = view.height, view.width, 3
         return albedo.astype(np.float32).reshape(shape), normal.astype(np.float32).reshape(shape)
 
-    def central(self, view: View, task: FrameTask) -> dict[str, Image]:
+    def central(self, view: View, task: FrameTask) -> dict[str, Floats32]:
         """Return the passes at the hits of rays through the centres of pixels, (H, W, channels) by name."""
         mi, requested = self._mi, CENTRAL.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
@@ -60,7 +59,7 @@ class Features:
         ray = view.rays(mi, mi.Float(pixel - row * view.width) + 0.5, mi.Float(row) + 0.5, mi.Float(0.0), mi.Float(0.0))
         triangle, uv, hit, _ = self._geometry.first_hit(ray)
         hit_point = self._geometry.at(triangle, uv, hit)
-        arrays: dict[str, Image] = {}
+        arrays: dict[str, Floats32] = {}
 
         def array(value: Any, background: float = 0.0) -> Floats:
             channels = [value] if isinstance(value, mi.Float) else list(value)
@@ -88,8 +87,8 @@ class Features:
         return arrays
 
     def mattes(
-        self, view: View, task: FrameTask, alpha: Image, samples: int
-    ) -> tuple[dict[str, Image], dict[str, Any]]:
+        self, view: View, task: FrameTask, alpha: Floats32, samples: int
+    ) -> tuple[dict[str, Floats32], dict[str, Any]]:
         """Return the mattes of a frame, (H, W, channels) by name, and the names in each matte.
 
         They take half the samples of the frame (`matte_samples`), and sum up to its alpha.
@@ -103,7 +102,7 @@ class Features:
         }
         size = matte_samples(samples)
         numbers = {kind: np.unique(names, return_inverse=True) for kind, names in names_of_kind.items()}
-        mattes: dict[str, Image] = {}
+        mattes: dict[str, Floats32] = {}
         total = view.width * view.height
         for kind in names_of_kind:
             mattes[kind] = np.zeros((total, 2 * RANKS), np.float32)
@@ -152,7 +151,7 @@ class Features:
                 dr.eval(triangle, uv, remaining, hit)
 
 
-def _rank_by_coverage(keys: NDArray[Any], weights: Floats, ids: NDArray[np.uint32], pixels: int) -> Image:
+def _rank_by_coverage(keys: NDArray[Any], weights: Floats, ids: NDArray[np.uint32], pixels: int) -> Floats32:
     """Return the ids and coverages (P, 2 RANKS) of pixels, largest coverage first.
 
     keys : (N,) a pixel times the number of ids, plus the number of the id.

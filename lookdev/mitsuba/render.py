@@ -11,8 +11,8 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
 from lookdev.codegen.source import LOBE_GROUPS
@@ -25,13 +25,11 @@ from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
 from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
+from lookdev.rendering.frame import Denoiser, Progress, RenderedFrame, render_halves
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
-
-Floats = NDArray[np.float64]
 
 LONGEST_LAUNCH = 0.2
 """Seconds of a launch: the worker reports between launches, and kernels cannot be interrupted."""
@@ -112,7 +110,7 @@ class MitsubaScene:
             latest_report = finished, planned, relmse
             progress(*latest_report)
 
-        def render(seed: int, region: Region) -> tuple[Image, Image, Mapping[str, Image]]:
+        def render(seed: int, region: Region) -> tuple[Floats32, Floats32, Mapping[str, Floats32]]:
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
             sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
             for part, pixels in self._launches(view, seed, region, height * width):
@@ -135,7 +133,7 @@ class MitsubaScene:
             raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
         )
 
-    def _parts_of_light(self, task: SceneTask, means: Floats) -> dict[str, Image]:
+    def _parts_of_light(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
         """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
         beauty = means[..., :3]
         # The parts of lobes that no look has, and of lights that reach nothing, are black.
@@ -147,10 +145,12 @@ class MitsubaScene:
             parts[last] = beauty - sum(parts[other] for other in others)
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
-    def _passes(self, task: FrameTask, view: View, frame: RenderedFrame) -> tuple[dict[str, Image], Mapping[str, Any]]:
+    def _passes(
+        self, task: FrameTask, view: View, frame: RenderedFrame
+    ) -> tuple[dict[str, Floats32], Mapping[str, Any]]:
         """Return the passes that are not parts of the light, and the names in mattes."""
         requested = {*task.scene.sampling.passes}
-        passes: dict[str, Image] = {}
+        passes: dict[str, Floats32] = {}
         names: Mapping[str, Any] = {}
         if requested & CENTRAL:
             passes |= self._features.central(view, task)

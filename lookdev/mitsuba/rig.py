@@ -8,8 +8,8 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats32
 from lookdev.codegen.program.lamps import ball_operations
 from lookdev.light import Light, coded
 from lookdev.light.dome import Dome
@@ -66,7 +66,7 @@ class Rig:
         rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), grouped))
         link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
-        def links_of(part: slice) -> NDArray[np.bool_] | None:
+        def links_of(part: slice) -> Bools | None:
             return None if link_table is None else link_table[:, part]
 
         count = len(rig.lamps)
@@ -110,7 +110,7 @@ class Rig:
 class _RigDome(Rows):
     """A dome of a rig: its map, axes, colour, and whether it turns. A local dome has a centre and a radius."""
 
-    def __init__(self, mi: Any, dome: Light, rows: NDArray[np.float32], links: NDArray[np.bool_] | None) -> None:
+    def __init__(self, mi: Any, dome: Light, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         assert dome.map_dome is not None, "a dome has a map"
         self.is_local = not dome.far

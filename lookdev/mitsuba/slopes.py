@@ -16,8 +16,8 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import slope_name
@@ -51,7 +51,7 @@ class SlopeScene:
         glossy = all(source.glossy for source in self._sources)
         self._counts = direction_counts(task.sampling, self._light.sampled, glossy, resampled=False)
 
-    def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> NDArray[np.float32]:
+    def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> Floats32:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by the P `task.symbols`."""
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
@@ -61,7 +61,7 @@ class SlopeScene:
         width, height = task.scene.resolution
         view = View.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
         rectangle = Rectangle.of(mi, Region(slice(0, height), slice(0, width), task.samples))
-        rows: list[list[NDArray[np.float32]]] = []
+        rows: list[list[Floats32]] = []
         step = max(1, _LAUNCH // (task.samples * (1 + len(task.symbols))))
         starts = range(0, width * height, step)
         for seed in task.seeds:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light import Light, Turned
 from lookdev.light.native import world_domes
 from lookdev.rendering.task import FrameTask
@@ -18,8 +18,6 @@ from lookdev.space import to_rec709
 _GRID = 3  # subsamples of a pixel along each axis
 _LENS_GRID = 8  # of those through a lens
 _DISC_GRID = 16  # of a pixel of the disc of confusion
-
-Floats = NDArray[np.float64]
 
 
 def environment_background(task: FrameTask) -> Floats:

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Bytes, Floats32
 from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 
-Floats = NDArray[np.float32]
-Pixels = NDArray[np.uint8]
 
-
-def to_display(rgb: ArrayLike, view: DisplayView | str) -> Pixels:
+def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) uint8, rounded to nearest.
 
     `view` is a view, or the name of one of the default display of the config that ships; its ``Raw`` only quantises.
@@ -25,7 +23,7 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Pixels:
     return quantised(display_codes(rgb, view))
 
 
-def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats:
+def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
     """Return linear Rec.709 light (H, W, 3) as code values of a display in [0, 1]; `view` as `to_display`.
 
     Raises OutputError as `DisplayView.processor`, or for pixels that are not finite.
@@ -40,7 +38,7 @@ def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats:
     return np.clip(shown, 0.0, 1.0)
 
 
-def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) -> Floats:
+def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) -> Floats32:
     """Return premultiplied light (H, W, 3) with alpha (H, W) as code values and straight alpha, (H, W, 4) in [0, 1].
 
     Light is divided by alpha before the view; pixels of alpha 0 become black. Errors as `display_codes`.
@@ -52,18 +50,18 @@ def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) ->
     return np.concatenate([display_codes(straight, view), np.clip(coverage, 0.0, 1.0)], axis=-1)
 
 
-def quantised(codes: Floats) -> Pixels:
+def quantised(codes: Floats32) -> Bytes:
     """Return code values in [0, 1] as 8 bits, rounded to nearest."""
     return (codes * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
 
 
-def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats:
+def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats32:
     """Lay premultiplied beauty (H, W, 3) with alpha (H, W) over linear light (H, W, 3) or one colour (3,)."""
     uncovered = 1.0 - np.asarray(alpha, dtype=np.float32)[..., None]
     return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
 
 
-def laid_over(over: tuple[Floats, Floats], under: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def laid_over(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32]) -> tuple[Floats32, Floats32]:
     """Lay one premultiplied picture (H, W, 3), with its alpha (H, W), over another."""
     (light, alpha), (light_under, alpha_under) = over, under
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
@@ -81,7 +79,7 @@ def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: Display
     write_pixels(path, quantised(straight_codes(rgb, alpha, view)))
 
 
-def write_pixels(path: Path, pixels: Pixels) -> None:
+def write_pixels(path: Path, pixels: Bytes) -> None:
     """Write (H, W, 3 or 4) sRGB-encoded pixels, alpha unassociated, as a PNG, whole or not at all, or OutputError."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)

@@ -18,14 +18,13 @@ from typing import BinaryIO, Self
 
 import numpy as np
 import OpenEXR
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats32
 from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
-
-Floats = NDArray[np.float32]
 
 PREFIX = "lookdev:"
 
@@ -86,7 +85,7 @@ def write_frame(
         raise OutputError(f"{path}: cannot write the frame: {error.strerror}") from error
 
 
-def read_frame(path: Path) -> tuple[Floats, Floats]:
+def read_frame(path: Path) -> tuple[Floats32, Floats32]:
     """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where it is damaged."""
     try:
         with open_image(path, OutputError, LARGEST) as image:
@@ -103,7 +102,7 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
     return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
 
 
-def read_shown(path: Path) -> tuple[Floats, Floats]:
+def read_shown(path: Path) -> tuple[Floats32, Floats32]:
     """Return beauty and alpha as `read_frame`, the light in linear Rec.709, in which views and pages take it."""
     beauty, alpha = read_frame(path)
     space = space_of(path)
@@ -119,7 +118,7 @@ def space_of(path: Path) -> Space:
     return name
 
 
-def read_layer(path: Path, name: str) -> Floats | None:
+def read_layer(path: Path, name: str) -> Floats32 | None:
     """Return a layer (H, W, 3) of a frame, as given to `write_frame`; None where it has none of this name.
 
     Only for a frame that `read_frame` has read: nothing is checked again. Raises OutputError where it cannot be read.

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lookdev.arrays import Bytes
 from lookdev.output.color import DisplayView
-from lookdev.output.display import Pixels, to_display, write_pixels
+from lookdev.output.display import to_display, write_pixels
 from lookdev.output.lettering import write_text
 from lookdev.output.sheet import INK, PAGE, TITLE_INK
 
@@ -19,7 +20,7 @@ _WIDTH = 320
 
 def write_legend(
     path: Path,
-    picture: Pixels,
+    picture: Bytes,
     title: str,
     entries: Sequence[tuple[str, tuple[float, float, float]]],
     view: DisplayView | str,

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bytes, Floats32
 from lookdev.cache import atomic_path
 from lookdev.errors import OutputError
-from lookdev.output.display import Floats
 from lookdev.output.record import Frames
 from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
 from lookdev.output.slate import slate
@@ -74,15 +74,15 @@ def write_grid(path: Path, frames: Frames) -> None:
     _write(path, frames, _pages(frames), H264)
 
 
-def _write(path: Path, frames: Frames, pictures: Iterable[Floats], codec: Codec) -> None:
+def _write(path: Path, frames: Frames, pictures: Iterable[Floats32], codec: Codec) -> None:
     rate, options = frame_rate(frames.options["fps"]), frames.options
     write_movie(path, _with_slate(frames, pictures, round(options["slate"] * rate)), codec, rate)
 
 
-def _with_slate(frames: Frames, pictures: Iterable[Floats], held: int) -> Iterator[Floats]:
+def _with_slate(frames: Frames, pictures: Iterable[Floats32], held: int) -> Iterator[Floats32]:
     """Yield a slate for so many frames, and then the pictures as often as they are wanted."""
     turns = frames.options["movie_turns"]
-    shown: list[Floats] = []
+    shown: list[Floats32] = []
     for number, picture in enumerate(pictures):
         if number == 0 and held:
             (height, width, channels), view = picture.shape, frames.options["view"]
@@ -95,7 +95,7 @@ def _with_slate(frames: Frames, pictures: Iterable[Floats], held: int) -> Iterat
         yield from shown
 
 
-def _pages(frames: Frames) -> Iterator[Floats]:
+def _pages(frames: Frames) -> Iterator[Floats32]:
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
     most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
@@ -110,7 +110,7 @@ def frame_rate(fps: float) -> Fraction:
     return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
 
 
-def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Fraction) -> None:
+def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fraction) -> None:
     """Write a movie, whole or not at all.
 
     `pictures` are code values of a display in [0, 1], (H, W, 3), or (H, W, 4) with straight alpha where the codec has
@@ -146,7 +146,7 @@ def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Frac
         raise OutputError(f"{path}: cannot write the movie: {error.strerror or error}") from error
 
 
-def to_planes(picture: Floats, codec: Codec) -> list[NDArray[np.uint8] | NDArray[np.uint16]]:
+def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16]]:
     """Return Y', Cb, Cr, and alpha where the codec has it, of code values (H, W, 3 or 4) in [0, 1]."""
     if codec.halved:
         height, width = picture.shape[:2]
@@ -164,15 +164,15 @@ def to_planes(picture: Floats, codec: Codec) -> list[NDArray[np.uint8] | NDArray
     return [np.floor(plane + 0.5).astype(kind) for plane in planes]
 
 
-def _halved(chroma: Floats) -> Floats:
+def _halved(chroma: Floats32) -> Floats32:
     """Return every other column, weighed 1 2 1 with its neighbours, and the means of two rows."""
     padded = np.pad(chroma, ((0, 0), (1, 0)), mode="edge")
     columns = (padded[:, :-1:2] + 2.0 * padded[:, 1::2] + padded[:, 2::2]) / 4.0
-    halved: Floats = (columns[::2] + columns[1::2]) / 2.0
+    halved: Floats32 = (columns[::2] + columns[1::2]) / 2.0
     return halved
 
 
-def _rows(plane: NDArray[np.uint8] | NDArray[np.uint16], line_size: int) -> bytes:
+def _rows(plane: Bytes | NDArray[np.uint16], line_size: int) -> bytes:
     """Return a plane whose rows begin every so many bytes."""
     rows = np.zeros((len(plane), line_size), np.uint8)
     data = plane.view(np.uint8).reshape(len(plane), -1)

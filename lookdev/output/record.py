@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.output.display import Floats, Pixels, display_codes, quantised, straight_codes, write_pixels
+from lookdev.arrays import Bytes, Floats32
+from lookdev.output.display import display_codes, quantised, straight_codes, write_pixels
 from lookdev.output.slate import burned_in
 
 
@@ -38,11 +39,11 @@ class Frames:
     labels: tuple[str, ...]
     title: str
     options: Mapping[str, Any]
-    light: Callable[[Path], Floats]
-    layers: Callable[[Path], tuple[Floats, Floats]]
+    light: Callable[[Path], Floats32]
+    layers: Callable[[Path], tuple[Floats32, Floats32]]
     columns: int | None = None
 
-    def pictures(self, largest: int | None = None) -> Iterator[Pixels]:
+    def pictures(self, largest: int | None = None) -> Iterator[Bytes]:
         """Yield each frame as display pixels in the view, (H, W, 3) uint8.
 
         The longer side is averaged down to less than twice `largest`, so that a page of many fits into memory.
@@ -52,14 +53,14 @@ class Frames:
             codes = display_codes(rgb if largest is None else _shrunk(rgb, largest), self.options["view"])
             yield quantised(self._burned(codes, number))
 
-    def codes(self, *, alpha: bool = False) -> Iterator[Floats]:
+    def codes(self, *, alpha: bool = False) -> Iterator[Floats32]:
         """Yield each frame as code values in the view, (H, W, 3) in [0, 1]; with straight `alpha`, (H, W, 4)."""
         view = self.options["view"]
         for number, file in enumerate(self.files):
             codes = straight_codes(*self.layers(file), view) if alpha else display_codes(self.light(file), view)
             yield self._burned(codes, number)
 
-    def _burned(self, codes: Floats, number: int) -> Floats:
+    def _burned(self, codes: Floats32, number: int) -> Floats32:
         if not self.options.get("burn_in"):
             return codes
         return burned_in(codes, self.files[number], self.title, self.labels[number], self.options["view"])
@@ -106,7 +107,7 @@ def write_picture(path: Path, frames: Frames) -> None:
     write_pixels(path, *frames.pictures())
 
 
-def _shrunk(rgb: Floats, largest: int) -> Floats:
+def _shrunk(rgb: Floats32, largest: int) -> Floats32:
     """Average whole blocks of pixels."""
     height, width = rgb.shape[:2]
     block = min(max(height, width) // largest, height, width)
@@ -114,5 +115,5 @@ def _shrunk(rgb: Floats, largest: int) -> Floats:
         return rgb
     rows, columns = height // block, width // block
     blocks = rgb[: rows * block, : columns * block].reshape(rows, block, columns, block, 3)
-    averages: Floats = blocks.mean(axis=(1, 3), dtype=np.float32)
+    averages: Floats32 = blocks.mean(axis=(1, 3), dtype=np.float32)
     return averages

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lookdev.arrays import Bytes
 from lookdev.errors import OutputError
-from lookdev.output.display import Pixels, write_pixels
+from lookdev.output.display import write_pixels
 from lookdev.output.lettering import write_text
 from lookdev.output.record import Frames
 
@@ -45,7 +46,7 @@ def write_wedge(path: Path, frames: Frames) -> None:
 
 
 def write_sheet(
-    path: Path, frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
+    path: Path, frames: Sequence[Bytes], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
     """Write a `sheet_page` as PNG, whole or not at all; raises OutputError as that, or on writing."""
     try:
@@ -56,8 +57,8 @@ def write_sheet(
 
 
 def sheet_page(
-    frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
-) -> Pixels:
+    frames: Sequence[Bytes], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
+) -> Bytes:
     """Return a contact sheet.
 
     Each frame is (H, W, 3) display pixels, with its label below; `columns` None makes a page near 16:10; `cell` is the
@@ -95,7 +96,7 @@ def sheet_page(
     return np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8)
 
 
-def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
+def _thumbnail(frame: Bytes, width: int, height: int) -> Bytes:
     """Resize in near-linear light; averages of encoded values are too dark."""
     light = (frame / np.float32(255.0)) ** np.float32(SRGB_GAMMA)
     small = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(light)), roi=oiio.ROI(0, width, 0, height))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.output.display import Floats
+from lookdev.arrays import Floats32
 from lookdev.output.exr import read_header
 from lookdev.output.lettering import text_width, write_text
 
@@ -25,7 +25,7 @@ _PAGE = np.float32(0.12)
 Fact = tuple[str, str]
 
 
-def burned_in(codes: Floats, file: Path, title: str, number: str, view: object) -> Floats:
+def burned_in(codes: Floats32, file: Path, title: str, number: str, view: object) -> Floats32:
     """Return a frame (H, W, 3 or 4) in [0, 1] with lines of text on bands at its top and bottom.
 
     `file` is its EXR, `title` what it shows, `number` that of the frame. Alpha is at least what the bands cover. Raises
@@ -52,7 +52,9 @@ def burned_in(codes: Floats, file: Path, title: str, number: str, view: object) 
     return burned
 
 
-def slate(files: Sequence[Path], title: str, view: object, rate: float, size: tuple[int, int], channels: int) -> Floats:
+def slate(
+    files: Sequence[Path], title: str, view: object, rate: float, size: tuple[int, int], channels: int
+) -> Floats32:
     """Return the page that precedes a movie of some EXRs, `size` (H, W), opaque; errors as `burned_in`.
 
     The error is that of the worst frame.
@@ -105,7 +107,7 @@ def _height(lines: Sequence[Fact], size: int) -> int:
     return (len(lines) * 5 * size) // 4 + size // 2
 
 
-def _text(lines: Sequence[Fact], width: int, size: int) -> Floats:
+def _text(lines: Sequence[Fact], width: int, size: int) -> Floats32:
     """Return the coverage by lines of text, (H, W), each from both sides."""
     canvas = oiio.ImageBuf(np.zeros((_height(lines, size), width, 3), np.float32))
     margin = size // 2
@@ -115,5 +117,5 @@ def _text(lines: Sequence[Fact], width: int, size: int) -> Floats:
         wide = min(text_width(right, size), room // 3)
         write_text(canvas, right, width - margin - wide, baseline, size, wide + 1, 255)
         write_text(canvas, left, margin, baseline, size, room - wide - size, 255)
-    coverage: Floats = np.clip(np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)[..., 0], 0.0, 1.0)
+    coverage: Floats32 = np.clip(np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)[..., 0], 0.0, 1.0)
     return coverage

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
+
 Values = dict[str, NDArray[Any]]
 """The numbers of one surface in a plot, by name."""
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import Floats, Values, half_difference, towards
+from lookdev.plotting.angles import Values, half_difference, towards
 from lookdev.plotting.figure import (
     COLORS,
     DASHES,

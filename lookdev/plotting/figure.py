@@ -14,9 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Floats
+from lookdev.plotting.angles import LUMINANCE
 from lookdev.plotting.options import Options
 
 SUFFIXES = (".png", ".svg", ".pdf", ".csv")
@@ -117,7 +118,7 @@ def draw_curves(
     return columns
 
 
-def scale_values(axes: Axes, options: Options, inner: NDArray[np.bool_]) -> None:
+def scale_values(axes: Axes, options: Options, inner: Bools) -> None:
     """Set the scales and limits of axes, by the values of curves where `inner`, (n,), is true.
 
     Near the horizon some models grow without bound. A log axis shows at most eight decades.

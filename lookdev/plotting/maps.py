@@ -8,8 +8,9 @@ from functools import lru_cache
 import numpy as np
 from matplotlib.axes import Axes
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Floats, Values, half_difference
+from lookdev.plotting.angles import LUMINANCE, Values, half_difference
 from lookdev.plotting.curves import evaluate_f
 from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
 from lookdev.codegen.program.arrays import PART, threads
-from lookdev.plotting.angles import Floats
 
 
 def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
+from lookdev.plotting.angles import LUMINANCE, Values, towards
 from lookdev.plotting.figure import Plot, create_figure, legend_label, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import Normalize
 
+from lookdev.arrays import Floats
 from lookdev.brdf import bsdf_for_views, evaluate_cosine, pdf, sample
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
-from lookdev.plotting.angles import LUMINANCE, Floats, Values, towards
+from lookdev.plotting.angles import LUMINANCE, Values, towards
 from lookdev.plotting.curves import evaluate_f
 from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
 from lookdev.plotting.options import Options

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, Model, complete_parameters, model_named, stack_bsdf
 from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import StackLayer
@@ -23,7 +24,7 @@ from lookdev.material import Look, Primvar
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
 from lookdev.material.look import depends_on_view
-from lookdev.material.points import Floats, ImagePoints
+from lookdev.material.points import ImagePoints
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 

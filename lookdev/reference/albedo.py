@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, Lobe, bsdf_for_views, evaluate_cosine, pdf, sample
 from lookdev.brdf.frames import mirror_across_surface
 from lookdev.brdf.quadrature import half_vector_grid
-
-Floats = NDArray[np.float64]
 
 # The smallest alpha that the models allow.
 _MIN_ALPHA = 0.001

@@ -16,6 +16,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Floats32, Ints
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -26,9 +27,6 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import shading_frame
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Places = NDArray[Any]
 
 _HIT = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
@@ -104,13 +102,13 @@ class MeshScene:
             (): _Occluder.build(self._normalize(self._positions), np.arange(len(self._positions)))
         }
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Places]:
         origins = np.broadcast_to(origin, ray.shape)
         return self._trace(self._occluders[()], origins, self._normalize(origins), ray, np.full(len(ray), -1))
 
     def trace_onward(
         self, hits: Places, direction: Floats, excluded_groups: tuple[int, ...] = ()
-    ) -> tuple[Mask, Places]:
+    ) -> tuple[Bools, Places]:
         if not self._shadows:
             return np.zeros(len(hits), np.bool_), hits.copy()
         origin, facet = self.points(hits), self._facets[hits["triangle"]]
@@ -126,14 +124,14 @@ class MeshScene:
     def points(self, hits: Places) -> Floats:
         return self._interpolate_corners(self._positions[hits["triangle"]], hits)
 
-    def is_lit_by(self, hits: Places, light: int) -> Mask | None:
+    def is_lit_by(self, hits: Places, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
         if self._lit_by is None:
             return None
-        is_slot_lit: Mask = np.array([light in lights for lights in self._lit_by])
+        is_slot_lit: Bools = np.array([light in lights for lights in self._lit_by])
         return np.asarray(is_slot_lit[self._slots[hits["triangle"]]])
 
-    def is_inside(self, hits: Places, wo: Floats) -> Mask:
+    def is_inside(self, hits: Places, wo: Floats) -> Bools:
         facet = self._facets[hits["triangle"]]
         against = _dot(self._normals_at(hits), facet) * _dot(facet, wo)
         return np.asarray(against[:, 0] < 0.0)
@@ -197,13 +195,13 @@ class MeshScene:
     def _interpolate_corners(self, corners: Floats, hits: Places) -> Floats:
         return np.asarray(np.einsum("nk,nkj->nj", hits["weights"], corners))
 
-    def _normalize(self, points: Floats) -> NDArray[np.float32]:
+    def _normalize(self, points: Floats) -> Floats32:
         local = (points - np.array(self._asset.center)) / self._asset.radius
         return np.asarray(local, np.float32)
 
     def _trace(
-        self, occluder: _Occluder, origin: Floats, start: NDArray[np.float32], direction: Floats, leaving: Ints
-    ) -> tuple[Mask, Places]:
+        self, occluder: _Occluder, origin: Floats, start: Floats32, direction: Floats, leaving: Ints
+    ) -> tuple[Bools, Places]:
         """Trace rays to the first triangle other than `leaving`, -1 for none; `start` is their origin in float32."""
         along, step = direction.astype(np.float32), _LIFT
         triangle, distance = occluder.trace(start, along)
@@ -239,13 +237,13 @@ class _Occluder:
     numbers: Ints
 
     @classmethod
-    def build(cls, positions: NDArray[np.float32], numbers: Ints) -> _Occluder:
+    def build(cls, positions: Floats32, numbers: Ints) -> _Occluder:
         embree = EmbreeScene(robust=True)
         if len(positions):
             TriangleMesh(embree, positions)
         return cls(embree, np.append(numbers, -1))
 
-    def trace(self, start: NDArray[np.float32], along: NDArray[np.float32]) -> tuple[Ints, NDArray[np.float32]]:
+    def trace(self, start: Floats32, along: Floats32) -> tuple[Ints, Floats32]:
         """Return the number (N,) of the first triangle on each ray, -1 for none, and its distance (N,)."""
         result = self.embree.run(start, along, output=True)
         return self.numbers[result["primID"].astype(np.int64)], result["tfar"]

@@ -21,14 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lookdev.arrays import Bools, Floats, Ints
 from lookdev.brdf import Bsdf, Delta, bsdf_for_views, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Places = NDArray[Any]
 """Hits of rays on a surface, one a row; the scene defines the content of a row."""
 
@@ -51,12 +49,12 @@ class Estimate:
 class ReferenceScene(Protocol):
     """Surfaces for ray tracing. All directions are unit vectors (N, 3) in world space, one for each hit."""
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Places]:
         """Return a mask (N,) of the rays from `origin`, (3,) or (N, 3), that hit the scene, and the first hits."""
 
     def trace_onward(
         self, hits: Places, direction: Floats, excluded_groups: tuple[int, ...] = ()
-    ) -> tuple[Mask, Places]:
+    ) -> tuple[Bools, Places]:
         """Return a mask (N,) of the rays leaving `hits` that hit the scene again, and the new hits.
 
         Rays pass through parts of `excluded_groups`, which are the `spared` of `lookdev.light.Emission`.
@@ -71,10 +69,10 @@ class ReferenceScene(Protocol):
         The rows of a frame are tangent, bitangent and normal; `wo` is the direction to the viewer.
         """
 
-    def is_inside(self, hits: Places, wo: Floats) -> Mask:
+    def is_inside(self, hits: Places, wo: Floats) -> Bools:
         """Return a mask (N,) of the hits seen from inside: their normals point away from the viewer."""
 
-    def is_lit_by(self, hits: Places, light: int) -> Mask | None:
+    def is_lit_by(self, hits: Places, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
 
     def bsdfs(self, hits: Places, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
@@ -259,7 +257,7 @@ class _TracedRays:
 
     direction: Floats
     direct: Floats
-    blocked: Mask
+    blocked: Bools
     place: Places
     weight: Floats
 

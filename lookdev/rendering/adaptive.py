@@ -15,13 +15,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.metrics import EPSILON, reference_of_halves
 from lookdev.scene import Sampling
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _FIRST_ROUND = 8  # samples of a half in the first round, where there is a target error
 _WHOLE_ROUNDS = 2  # the fewest: their spread is the variance
@@ -70,9 +67,9 @@ class Half:
     def add(
         self,
         region: Region,
-        color: NDArray[np.float32],
-        coverage: NDArray[np.float32],
-        parts: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
+        color: Floats32,
+        coverage: Floats32,
+        parts: Mapping[str, Floats32] = MappingProxyType({}),
     ) -> None:
         """Add the mean colour (h, w, 3), the mean coverage (h, w) and the parts of the colour of a rendered region."""
         window, samples = (region.rows, region.columns), region.samples

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.errors import OutputError
 
 
@@ -72,11 +73,11 @@ class Answers:
 
 
 def save_arrays(
-    a: NDArray[np.float32],
-    b: NDArray[np.float32],
-    alpha: NDArray[np.float32],
-    raw: NDArray[np.float32] | None = None,
-    passes: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
+    a: Floats32,
+    b: Floats32,
+    alpha: Floats32,
+    raw: Floats32 | None = None,
+    passes: Mapping[str, Floats32] = MappingProxyType({}),
     names: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> str:
     """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.

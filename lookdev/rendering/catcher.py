@@ -17,12 +17,10 @@ the ground, and of B.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.rendering.adaptive import Half
 from lookdev.rendering.passes import CATCHER
-
-Floats = NDArray[np.float64]
 
 
 def catcher_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from lookdev.arrays import Floats32
 
 RANKS = 6
 """Names per pixel of a matte, those of most coverage. Two ids and their coverages fill the four channels of a layer."""
@@ -63,7 +63,7 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
     }
 
 
-def rename_ids(mattes: Floats, names: Mapping[str, str]) -> Floats:
+def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
     """Return mattes whose ids are those of the new names; ids of names that are not in `names` are left out.
 
     Several old names may have the same new one: their coverages are summed up.
@@ -90,7 +90,7 @@ def rename_ids(mattes: Floats, names: Mapping[str, str]) -> Floats:
     return ranked.reshape(*listed.shape[:2], 2 * RANKS)
 
 
-def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
+def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:
     """Return ids and coverages (P, `RANKS`, 2), largest first; coverages (P, n) of equal ids are summed up."""
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
@@ -110,7 +110,7 @@ def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
     return ranked
 
 
-def normalize_coverage(mattes: Floats, alpha: Floats) -> Floats:
+def normalize_coverage(mattes: Floats32, alpha: Floats32) -> Floats32:
     """Return mattes (H, W, 2 n) whose coverages sum up to the alpha (H, W) of each pixel.
 
     A pixel with alpha but without ids, where the asset is too small for the samples, takes the ids of a neighbour.

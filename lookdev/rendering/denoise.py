@@ -10,12 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.metrics import EPSILON, reference_of_halves, relmse_of_halves
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.float32]
 
 # Tuned on the 14 cells of `lookdev bench --denoise-trial --seed 0`; figures are reported from another seed.
 _WINDOW = 13  # pixels along the window in which errors are averaged for the weights of a mixture
@@ -34,7 +31,7 @@ class Denoised:
     relmse: float
 
 
-def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Image], Image]) -> Denoised:
+def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats32], Floats32]) -> Denoised:
     """Denoise two independent renders of equal cost, and measure the error of their mean.
 
     Each half is denoised by itself, so D(a) does not depend on the noise of b. With m the picture without noise and E
@@ -74,7 +71,7 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Image]
 
 
 def _mixed_and_raw_error(
-    mixed_a: Floats, mixed_b: Floats, a: Floats, b: Floats, scale: Floats, covered: NDArray[np.bool_]
+    mixed_a: Floats, mixed_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools
 ) -> tuple[float, float]:
     """Return the relMSE of the mean of the mixed halves, and of the raw halves; `scale` multiplies squared errors."""
     variance, raw_error = (
@@ -86,9 +83,7 @@ def _mixed_and_raw_error(
     return variance + max(bias, 0.0), raw_error
 
 
-def _smooth_weight(
-    smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: NDArray[np.bool_]
-) -> Floats:
+def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools) -> Floats:
     """Return the weight of the smooth halves in the mixture of least error, (H, W, 1)."""
     raw = _neighbourhood_mean(0.25 * (a - b) ** 2 * scale, covered)
     error = 0.25 * (smooth_a - smooth_b) ** 2 + (smooth_a - a) * (smooth_b - b)
@@ -100,7 +95,7 @@ def _smooth_weight(
     return np.asarray(np.where(spread > 0.0, weight, 0.0)[..., None])
 
 
-def _neighbourhood_mean(error: Floats, covered: NDArray[np.bool_]) -> Floats:
+def _neighbourhood_mean(error: Floats, covered: Bools) -> Floats:
     """Return the mean error of the neighbours of each pixel, (H, W), over the channels; without the pixel itself.
 
     Only pixels on the asset count. The noise of a pixel is independent of its neighbours', so a weight that does not

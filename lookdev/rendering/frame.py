@@ -8,15 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.metrics import relmse_of_halves
 from lookdev.rendering.adaptive import Half, Region, mean_samples, next_round
 from lookdev.rendering.denoise import Denoised, denoise_halves
 from lookdev.rendering.task import FrameTask
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.float32]
 
 # The number of seeds of a frame's rounds and halves: those of neighbouring `seed` values never coincide.
 _SEEDS_PER_FRAME = 64
@@ -33,16 +30,16 @@ class RenderedFrame:
     arrays to (H, W, channels), `names` maps each matte to the names in it.
     """
 
-    a: Image
-    b: Image
-    alpha: Image
+    a: Floats32
+    b: Floats32
+    alpha: Floats32
     samples: int
     seconds: float
     relmse: float
-    raw: Image | None = None
+    raw: Floats32 | None = None
     raw_relmse: float | None = None
     raw_seconds: float | None = None
-    passes: Mapping[str, Image] = field(default_factory=dict)
+    passes: Mapping[str, Floats32] = field(default_factory=dict)
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -54,10 +51,10 @@ def half_of_seed(seed: int) -> int:
 Progress = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
-Renderer = Callable[[int, Region], tuple[Image, Image] | tuple[Image, Image, Mapping[str, Image]]]
+Renderer = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, Floats32, Mapping[str, Floats32]]]
 """Renders a region with a seed: returns mean colours (h, w, 3), coverage (h, w), and parts of the colours by name."""
 
-Denoiser = Callable[[Image], Image]
+Denoiser = Callable[[Floats32], Floats32]
 
 
 Pictures = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
@@ -110,7 +107,7 @@ def render_halves(
     if result is not None:
         a, b = result.a / gain, result.b / gain
     pixels = (a.astype(np.float32), b.astype(np.float32), alpha.astype(np.float32))
-    passes: dict[str, Image] = {}
+    passes: dict[str, Floats32] = {}
     if "samples" in sampling.passes:
         passes["samples"] = (halves[0].samples + halves[1].samples).astype(np.float32)[..., None]
     for name in dict.fromkeys((*halves[0].parts, *halves[1].parts)):
@@ -121,7 +118,7 @@ def render_halves(
     return RenderedFrame(*pixels, done, seconds, error, raw, raw_error, seconds - denoising, passes)
 
 
-def _mean_part(name: str, halves: Sequence[Half]) -> Image:
+def _mean_part(name: str, halves: Sequence[Half]) -> Floats32:
     """Return a part of the light (H, W, 3), the mean of both halves, not denoised.
 
     Where only one half has recorded the part, the part's share of that half's light, times the light of the frame, is

@@ -14,12 +14,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.errors import RenderError
 from lookdev.rendering.threads import cores
-
-Image = NDArray[np.float32]
 
 _CPU, _FLOAT3, _BALANCED = 1, 3, 5
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
@@ -66,7 +64,7 @@ def _library() -> tuple[ctypes.CDLL, int]:
     return library, device
 
 
-def make_denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[Image], Image]:
+def make_denoiser(albedo: Floats32, normal: Floats32, *, quick: bool = False) -> Callable[[Floats32], Floats32]:
     """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
 
     albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero.
@@ -96,7 +94,7 @@ def make_denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Calla
     library.oidnCommitFilter(filter_)
     _raise_error(library, device)
 
-    def denoise(picture: Image) -> Image:
+    def denoise(picture: Floats32) -> Floats32:
         images[b"color"][...] = picture
         library.oidnExecuteFilter(filter_)
         _raise_error(library, device)

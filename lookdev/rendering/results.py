@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, TypeAdapter
 
+from lookdev.arrays import Floats32
 from lookdev.errors import WorkerError
 from lookdev.rendering.task import SceneTask
-
-Floats = NDArray[np.float32]
 
 
 class Ready(BaseModel):
@@ -64,19 +62,19 @@ MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 class Rendered:
     """A frame of a worker: independent halves (H, W, 3), premultiplied, without exposure."""
 
-    a: NDArray[np.float32]
-    b: NDArray[np.float32]
-    alpha: NDArray[np.float32]  # (H, W)
+    a: Floats32
+    b: Floats32
+    alpha: Floats32  # (H, W)
     samples: int  # per pixel, over both halves
     seconds: float  # of the worker's time
     relmse: float  # estimated from the halves
     blender: str
     memory: int  # peak of the worker so far, bytes
     notes: tuple[str, ...] = ()  # for the user
-    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before denoising
+    raw: Floats32 | None = None  # of a denoised frame: the mean of the halves before denoising
     raw_relmse: float | None = None
     raw_seconds: float | None = None  # without the denoiser's features and denoising
-    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
+    passes: Mapping[str, Floats32] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names in each matte
 
 
@@ -104,7 +102,7 @@ def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
     )
 
 
-def load_arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
+def load_arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats32], dict[str, list[str]]]:
     """Return the arrays of a result and the names in its mattes, and remove its file; raises as `load_result`."""
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:

@@ -20,6 +20,7 @@ from typing import Self
 
 from pydantic import ValidationError
 
+from lookdev.arrays import Floats32
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering import wire
 from lookdev.rendering.backends import BACKENDS
@@ -27,7 +28,6 @@ from lookdev.rendering.results import (
     MESSAGES,
     Done,
     Failed,
-    Floats,
     Message,
     Progress,
     Ready,
@@ -171,7 +171,7 @@ class Worker:
             process.stdin.write(wire.encode_cancel(digest))
             process.stdin.flush()
 
-    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
+    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats32:
         """Return halves of a picture and its P derivatives, (2, 1 + P, H, W, 4), RGB and alpha; raises as `render`."""
         width, height = task.scene.resolution
         shape = (2, 1 + len(task.symbols), height, width, 4)

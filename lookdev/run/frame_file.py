@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
 import lookdev
+from lookdev.arrays import Floats32
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.output.frame_name import FrameName
@@ -41,13 +41,13 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
     return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
 
 
-def exposed(task: FrameTask, rendered: Rendered) -> NDArray[np.float32]:
+def exposed(task: FrameTask, rendered: Rendered) -> Floats32:
     """Return the mean of the halves of a frame, (H, W, 3), exposed."""
     with np.errstate(over="ignore"):
         return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
 
 
-def _write(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32], more: Mapping[str, str]) -> None:
+def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, more: Mapping[str, str]) -> None:
     """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed.
 
     `more` are further entries of the header.

@@ -14,8 +14,8 @@ from itertools import chain, islice, product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, share
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, laid_over
@@ -27,8 +27,7 @@ from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
 from lookdev.space import REC709, to_rec709
 
-Floats = NDArray[np.float32]
-Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
+Background = Callable[[FrameTask], Reals]
 """Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
 
 
@@ -89,7 +88,7 @@ class Pictures:
             if due:
                 self._write(file, due)
 
-    def write(self, task: FrameTask, beauty: Floats, alpha: Floats, done: set[Path]) -> None:
+    def write(self, task: FrameTask, beauty: Floats32, alpha: Floats32, done: set[Path]) -> None:
         """Make what is made of a single frame, which was just rendered, if the props over it are `done`."""
         for file in self._singles.get(task.files[0], ()):
             if self._over(file) <= done:
@@ -117,10 +116,10 @@ class Pictures:
         """Make a file of several frames."""
         self._write(file, file.paths)
 
-    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
+    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
-        def layers(frame: Path) -> tuple[Floats, Floats]:
+        def layers(frame: Path) -> tuple[Floats32, Floats32]:
             over = self._charts.get(frame)
             if pixels is None:
                 shown = read_shown(frame)
@@ -130,7 +129,7 @@ class Pictures:
                 shown = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
             return shown if over is None else laid_over(read_shown(over), shown)
 
-        def light(frame: Path) -> Floats:
+        def light(frame: Path) -> Floats32:
             return composite(*layers(frame), self._background(file.frames[frame]))
 
         frames = Frames(

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 
 @dataclass(frozen=True, order=True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh, Subdivision
 from lookdev.asset.normals import area_vectors, dot, normalize_or, smooth_normals, sum_by
 from lookdev.asset.store import make_asset
@@ -21,8 +21,6 @@ from lookdev.errors import AssetError
 from lookdev.material import Displacement, Look, Primvar
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import Values
-
-Doubles = NDArray[np.float64]
 
 _NORMALS = "lookdev:normals"
 
@@ -101,7 +99,7 @@ def _displace_mesh(
         yield _move_points(mesh, object_heights, world_heights, same_shape[0].matrix[:3, :3]), same_shape
 
 
-def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Doubles, Doubles]:
+def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Floats]:
     """Return the displacement of each corner (m,), in metres: in object space, and in the world."""
     corner_slots = np.repeat(mesh.face_slots, mesh.face_sizes)
     object_heights, world_heights = np.zeros((2, len(corner_slots)))
@@ -124,14 +122,14 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Doubles, D
     return object_heights, world_heights
 
 
-def _height(points: Corners, displacement: Displacement) -> Doubles:
+def _height(points: Corners, displacement: Displacement) -> Floats:
     with np.errstate(all="ignore"):  # the caller reports values that are not finite
         height = np.asarray(Values(points).read(displacement.height, color=False), np.float64)
         offset = (height - displacement.midlevel) * displacement.scale
     return np.broadcast_to(offset, (len(points.mesh.corner_points),))
 
 
-def _move_points(mesh: Mesh, object_heights: Doubles, world_heights: Doubles, linear: Doubles) -> Mesh:
+def _move_points(mesh: Mesh, object_heights: Floats, world_heights: Floats, linear: Floats) -> Mesh:
     """Move each point by the mean of its corners' displacements; `linear` (3, 3) maps object space to the world."""
     normals = mesh.normals.astype(np.float64)
     count = len(mesh.points)
@@ -147,13 +145,13 @@ def _move_points(mesh: Mesh, object_heights: Doubles, world_heights: Doubles, li
     return replace(mesh, points=points, normals=rotated.astype(np.float32), tangents=None)
 
 
-def _surface_normals(mesh: Mesh, points: NDArray[np.float32]) -> Doubles:
+def _surface_normals(mesh: Mesh, points: Floats32) -> Floats:
     """Return smooth normals (m, 3) of the mesh with these points."""
     areas = area_vectors(points[mesh.corner_points].astype(np.float64), mesh.face_sizes)
     return smooth_normals(areas, mesh.corner_points, mesh.face_sizes, len(points))
 
 
-def _rotate_normals(normals: Doubles, before: Doubles, after: Doubles) -> Doubles:
+def _rotate_normals(normals: Floats, before: Floats, after: Floats) -> Floats:
     """Rotate shading normals (m, 3) as displacement rotates the surface's normals, from `before` to `after`.
 
     Hard edges stay hard, smooth faces smooth. The rotation is the shortest one between both unit vectors (Rodrigues),
@@ -172,13 +170,13 @@ class Corners(ImagePoints):
 
     mesh: Mesh
 
-    def uv(self, name: str) -> Doubles:
+    def uv(self, name: str) -> Floats:
         if name not in self.mesh.uvs:
             names = ", ".join(self.mesh.uvs) or "no UV set at all"
             raise AssetError(f"{self.mesh.name}: a displacement reads the UV set '{name}'; it has: {names}")
         return self.mesh.uvs[name].astype(np.float64)
 
-    def primvar(self, primvar: Primvar) -> Doubles:
+    def primvar(self, primvar: Primvar) -> Floats:
         values = self.mesh.primvars.get(primvar.name)
         fallback = np.asarray(primvar.fallback, np.float64)
         if values is None:
@@ -191,7 +189,7 @@ class Corners(ImagePoints):
             )
         return values.astype(np.float64)
 
-    def handedness(self) -> Doubles:
+    def handedness(self) -> Floats:
         return handedness(self.mesh).astype(np.float64)
 
     def view(self) -> NoReturn:

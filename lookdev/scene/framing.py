@@ -9,13 +9,12 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset.silhouette import turning_axis
 from lookdev.errors import AssetError
 from lookdev.scene.camera import Camera
 
-Floats = NDArray[np.float64]
 Arc = tuple[float, float]
 """A range of an asset's rotation angles, degrees: the first angle, and the sweep from there."""
 

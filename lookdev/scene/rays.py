@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats
 from lookdev.scene.camera import Camera, Pose
-
-Floats = NDArray[np.float64]
 
 
 def camera_rays(

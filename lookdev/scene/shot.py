@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset.silhouette import turning_axis
 from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
@@ -16,7 +16,7 @@ _SAME_SHAPE = 0.01  # relative difference of two aspect ratios that is not notic
 _NEAREST = 0.1  # target's distance over that of the farthest point: the clip range includes near points
 
 
-def shot_camera(shot: UsdCamera, points: NDArray[np.float64]) -> Camera:
+def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
     """Return a camera of a USD file that orbits the turning axis of an asset with the outline `points` (n, 3).
 
     The width of its aperture fills the width of the frame. The target only determines the clip range.
@@ -50,7 +50,7 @@ def shot_camera(shot: UsdCamera, points: NDArray[np.float64]) -> Camera:
     )
 
 
-def shot_notes(shot: UsdCamera, points: NDArray[np.float64], resolution: tuple[int, int]) -> Iterator[str]:
+def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> Iterator[str]:
     """Yield notes on features of a shot's camera that are ignored, and on a frame with another aspect ratio."""
     yield from shot.notes
     (width, height), (columns, rows) = shot.apertures, resolution

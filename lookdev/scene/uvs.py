@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from lookdev.arrays import Floats32
 from lookdev.asset import Asset, Mesh
-from lookdev.asset.mesh import Floats
 from lookdev.asset.store import asset_digest
 from lookdev.material import Bump, Coordinates, Look, Primvar, Texture
 from lookdev.material.look import leaf_sources
@@ -42,7 +42,7 @@ def with_uvs(
         if all_names <= mesh.uvs.keys():
             meshes.append(mesh)
             continue
-        added: dict[str, Floats] = {}
+        added: dict[str, Floats32] = {}
         slots = np.unique(mesh.face_slots).tolist()
         has_no_uvs = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
         for slot in slots:
@@ -84,7 +84,7 @@ def _missing_phrase(meshes: list[Mesh], kind: str, name: str) -> str:
     return f"{meshes[0].name}{more} no {kind} '{name}', which looks ask for"
 
 
-def _zeros(mesh: Mesh) -> Floats:
+def _zeros(mesh: Mesh) -> Floats32:
     return np.zeros((len(mesh.corner_points), 2), np.float32)
 
 

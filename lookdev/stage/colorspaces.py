@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pxr import Gf, Usd
+
+from lookdev.arrays import Floats
 
 _LINEAR = "lin_rec709_scene"
 # Names of MaterialX and names for data. The values are this module's names or USD's (Gf.ColorSpaceNames).
@@ -54,7 +56,7 @@ def colorspace_of(attribute: Usd.Attribute) -> str:
     return ""
 
 
-def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:
+def to_linear_rec709(color: ArrayLike, space: str) -> Floats:
     """Convert colours (..., 3) from a space named as by `colorspace_named` to linear Rec.709; white stays white."""
     value = np.asarray(color, np.float64)
     if space == "raw":
@@ -69,7 +71,7 @@ def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:
     return value @ matrix
 
 
-def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
+def srgb_to_linear(encoded: ArrayLike) -> Floats:
     """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
     # Values below the knee take no power: those of a float image can be negative.
@@ -77,7 +79,7 @@ def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
 
 
 @cache
-def _definition(space: str) -> tuple[float, bool, NDArray[np.float64]]:
+def _definition(space: str) -> tuple[float, bool, Floats]:
     """Return the exponent, whether the curve is sRGB's, and the matrix (3, 3) for row vectors to linear Rec.709."""
     source, target = Gf.ColorSpace(space), Gf.ColorSpace(_LINEAR)
     # Every curve maps 0 and 1 to themselves.

@@ -1,15 +1,16 @@
 """Invariants of an asset, and arrays that follow from its arrays."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors
 from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.tangents import tangents_of
 
 
-def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> NDArray[np.float64]:
+def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> Floats:
     """Return the matrix (4, 4) of a linear part, (3, 3) or a factor, and an offset (3,)."""
     matrix = np.eye(4)
     matrix[:3, :3] = linear if np.ndim(linear) else np.multiply(linear, np.eye(3))
@@ -17,13 +18,13 @@ def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> NDArray[np.float64]:
     return matrix
 
 
-def corners(surface: Mesh | Shape) -> NDArray[np.float64]:
+def corners(surface: Mesh | Shape) -> Floats:
     """Return the points at the corners, (m, 3)."""
     numbers = surface.corner_points if isinstance(surface, Mesh) else surface.face_points
     return surface.points[numbers].astype(np.float64)
 
 
-def face_areas(surface: Mesh | Shape) -> NDArray[np.float64]:
+def face_areas(surface: Mesh | Shape) -> Floats:
     """Return each face's area times its unit normal, (f, 3)."""
     return area_vectors(corners(surface), surface.face_sizes)
 
@@ -38,24 +39,24 @@ def volume(surface: Mesh | Shape) -> float:
     return float((face_areas(surface) * corners(surface)[first]).sum() / 3.0)
 
 
-def facets(surface: Mesh | Shape) -> NDArray[np.float64]:
+def facets(surface: Mesh | Shape) -> Floats:
     """Return the unit normal of each corner's face, (m, 3)."""
     areas = face_areas(surface)
     return np.repeat(areas / np.linalg.norm(areas, axis=1, keepdims=True), surface.face_sizes, axis=0)
 
 
-def at_corners(shape: Shape, attribute: Attribute) -> NDArray[np.float64]:
+def at_corners(shape: Shape, attribute: Attribute) -> Floats:
     """Return the values of an attribute by point or corner, at the corners."""
     return attribute.values if attribute.interpolation == "faceVarying" else attribute.values[shape.face_points]
 
 
-def corner_st(shape: Shape) -> NDArray[np.float64]:
+def corner_st(shape: Shape) -> Floats:
     (st,) = (attribute for attribute in shape.attributes if attribute.name == "st")
     assert st.is_uv
     return at_corners(shape, st)
 
 
-def world_points(asset: Asset) -> list[NDArray[np.float64]]:
+def world_points(asset: Asset) -> list[Floats]:
     """Return the points of each instance in the world, (n, 3)."""
     return [
         asset.meshes[instance.mesh].points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]

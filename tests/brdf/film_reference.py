@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from lookdev.arrays import Floats
 from lookdev.brdf import conductor
-
-Floats = NDArray[np.float64]
 
 WAVELENGTHS = np.arange(380.0, 780.01, 0.5)
 

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 ORACLE = Path(__file__).parents[1] / "oracles" / "measured.jsonl"
 

@@ -8,9 +8,9 @@ piece, denser within cos_o of the horizon.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 # exp(-40) of the distribution is left out.
 _REACH = 40.0

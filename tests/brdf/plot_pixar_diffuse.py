@@ -8,12 +8,14 @@ significantly less at grazing angles."
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from lookdev.arrays import Floats
 
 _PICTURE = Path(__file__).parents[2] / "docs" / "images" / "pixar_diffuse_integral.png"
 
 
-def diffuse_integral(degrees: ArrayLike, roughness: ArrayLike) -> NDArray[np.float64]:
+def diffuse_integral(degrees: ArrayLike, roughness: ArrayLike) -> Floats:
     """Return the integral of PDiffuse times the cosine over the hemisphere, divided by pi, (...).
 
     Reflectance is ``.05 (1 - rough)`` at normal incidence, ``1 - rough`` at grazing incidence. The cosine-weighted mean

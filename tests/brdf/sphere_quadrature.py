@@ -9,12 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Indices
 from lookdev.brdf import Lobe
 from lookdev.brdf.lobes import Directions
-
-Floats = NDArray[np.float64]
 
 # Half the smallest alpha that the models allow, squared.
 _T0 = 0.0005**2
@@ -52,7 +50,7 @@ class HalfVectorGrid:
         midpoints = (np.arange(_EDGE_NODES) + 0.5) / _EDGE_NODES
         self._outer = self._rule(corner[self._edge], midpoints, np.full(_EDGE_NODES, 1.0 / _EDGE_NODES))
 
-    def _rule(self, corner: NDArray[np.intp], nodes: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    def _rule(self, corner: Indices, nodes: Floats, weights: Floats) -> tuple[Floats, Floats]:
         """Return directions (cells, n, 3) and quadrature weights in steradians (cells, n)."""
         a = (corner[:, 0, None] + nodes) / self._cells[0]
         phi = 2.0 * np.pi * (corner[:, 1, None] + nodes) / self._cells[1]
@@ -91,7 +89,7 @@ class HalfVectorGrid:
         )
         return sum(part.sum(axis=(0, 1)) for part in parts)
 
-    def bin_of(self, wi: Floats) -> NDArray[np.intp]:
+    def bin_of(self, wi: Floats) -> Indices:
         """Return the bin of each direction (n, 3) above the horizon."""
         half = self.wo + wi
         t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2

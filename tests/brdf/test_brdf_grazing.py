@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.brdf import complete_parameters
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
@@ -16,7 +16,7 @@ COSINES = np.array([0.0, 1e-30, 1e-7, 1e-4, 0.01, 0.3, 0.9, 1.0 - 2.0**-24, 1.0]
 ROUNDING = 12.0 * 2.0**-24
 
 
-def exact_weights(cosine: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def exact_weights(cosine: Floats32) -> tuple[Floats, Floats]:
     c = cosine.astype(np.float64)
     # 1 - (1 - c)^5, multiplied out.
     return c * (5.0 - c * (10.0 - c * (10.0 - c * (5.0 - c)))), (1.0 - c) ** 5

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from looks import quick_among
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.closures.setups import view_at
 from lookdev.reference.albedo import integrate_albedo
-
-Floats = NDArray[np.float64]
 
 ANGLES = (0.0, 30.0, 60.0, 80.0, 89.0)
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)

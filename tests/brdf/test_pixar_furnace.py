@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from looks import quick_among
-from numpy.typing import NDArray
 from pixar_albedo import highlight_albedo
 from random_parameters import Floats, directions, random_parameters
 from sphere_quadrature import HalfVectorGrid, f_cosine, half_vector_view
 
+from lookdev.arrays import Bools
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import fresnel_blend
@@ -81,8 +81,8 @@ class _Furnace:
     """The light that leaves, (stacks, views), and the stacks that are opaque and whose normals are all upright."""
 
     leaving: Floats
-    opaque: NDArray[np.bool_]
-    upright: NDArray[np.bool_]
+    opaque: Bools
+    upright: Bools
 
 
 @lru_cache

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frames import replaced
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.checks import points
 from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
 from lookdev.checks.points import check_points, look_batch
@@ -39,7 +39,7 @@ def test_what_is_constant_folds_and_what_varies_is_drawn_over_all_that_it_takes(
 def exact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace Cycles by NumPy, a millionth too bright."""
 
-    def evaluate(batch: Batch, alter: object) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def evaluate(batch: Batch, alter: object) -> tuple[Floats, Floats]:
         f, density = evaluate_numpy(batch)
         return f * (1.0 + 1e-6), density
 
@@ -65,7 +65,7 @@ def test_the_worst_cases_replay_in_eval() -> None:
 
 
 def test_a_value_that_is_none_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    def evaluate(batch: Batch, alter: object) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def evaluate(batch: Batch, alter: object) -> tuple[Floats, Floats]:
         f, density = evaluate_numpy(batch)
         f[7] = np.nan
         density[9] = -1e-9

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.asset.tangents import tangents_of
 from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.brdf.fresnel import schlick_weight
@@ -25,8 +25,6 @@ from lookdev.errors import WorkerError
 from lookdev.light import make_environment
 from lookdev.material import Layer, Look, Texture
 from lookdev.rendering.task import FrameTask
-
-Floats = NDArray[np.float64]
 
 STACKS = {name: layers for model in CONTINUOUS for name, layers in model_stacks(model).items()}
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
@@ -127,9 +125,9 @@ def test_too_much_light_fails_a_stack(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @dataclass(frozen=True)
 class Picture:
-    a: NDArray[np.float32]
-    b: NDArray[np.float32]
-    alpha: NDArray[np.float32]
+    a: Floats32
+    b: Floats32
+    alpha: Floats32
 
 
 def picture(value: float = 0.5, seed: int = 0, alpha: float = 1.0) -> Picture:

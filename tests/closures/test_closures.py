@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from random_parameters import VARIANTS, random_parameters
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.frames import ZENITH, Leaning
 from lookdev.brdf.lobes import Directions
@@ -25,8 +25,6 @@ from lookdev.material.library.edit import preset_look
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_bsdf
 from lookdev.reference.albedo import integrate_albedo
-
-Floats = NDArray[np.float64]
 
 ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lookdev.arrays import Floats, Floats32
 
 WIDTH = 256  # texels of a row of points, and pixels of the picture
 
-Floats = NDArray[np.float64]
 
 POINTS = f"""#version 300 es
 precision highp float;
@@ -34,7 +34,7 @@ class Picture:
 
     fragment: str
     table: Floats
-    textures: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    textures: Mapping[str, Floats32] = field(default_factory=dict)
     numbers: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
@@ -118,7 +118,7 @@ def draw_pictures(browser: Any, pictures: Sequence[Picture]) -> list[Floats]:
     """Return the results of each shader at the rows of its table, (n, 4); the shaders compile in parallel."""
     texels: dict[str, int] = {}  # indices by content, since tables of measured data are large and shared
 
-    def texture(name: str, values: NDArray[np.float32]) -> tuple[str, int, tuple[int, int], int]:
+    def texture(name: str, values: Floats32) -> tuple[str, int, tuple[int, int], int]:
         data = base64.b64encode(np.ascontiguousarray(values, np.float32).tobytes()).decode("ascii")
         index = texels.setdefault(data, len(texels))
         return name, 1 if values.ndim == 2 else 4, (values.shape[1], values.shape[0]), index
@@ -142,7 +142,7 @@ def draw_pictures(browser: Any, pictures: Sequence[Picture]) -> list[Floats]:
     return [values[: len(picture.table)] for values, picture in zip(decoded, pictures, strict=True)]
 
 
-def _rows(table: Floats) -> NDArray[np.float32]:
+def _rows(table: Floats) -> Floats32:
     count, columns = table.shape
     cells, height = -(-columns // 4), -(-count // WIDTH)
     texels = np.zeros((height * cells, WIDTH, 4), np.float32)

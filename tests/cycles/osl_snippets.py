@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from warm_blender import BlenderProcess
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
+
 Probes = Mapping[str, tuple[Floats, str]]
 """Tables (n, up to 12) and code that sets `value` from a row `in`, by name."""
 

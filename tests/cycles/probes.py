@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.asset import load_asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import NodeSource, ShaderSource
@@ -25,8 +26,6 @@ from lookdev.cycles.world import build_world
 from lookdev.light import Dome, Light
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Camera, Pose, Sampling
-
-Floats = NDArray[np.float32]
 
 _FIELDS = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "FLOAT2": "vector", "FLOAT4X4": "value"}
 
@@ -68,12 +67,12 @@ def _describe_mesh(data: Any) -> dict[str, Any]:
     }
 
 
-def _values(attribute: Any) -> Floats:
+def _values(attribute: Any) -> Floats32:
     field = _FIELDS[attribute.data_type]
     return np.array([np.ravel(getattr(element, field)) for element in attribute.data], np.float32)
 
 
-def _at_corners(data: Any, attribute: Any) -> Floats:
+def _at_corners(data: Any, attribute: Any) -> Floats32:
     """Return an attribute of faces, points or corners at every corner."""
     owners = {
         "CORNER": range(len(data.loops)),
@@ -92,7 +91,7 @@ RECEIVERS: dict[str, tuple[str, int, float]] = {
 
 def measure_lamps(
     lights: Mapping[str, Light], towards: Mapping[str, Any], position: Any, normal: Any
-) -> dict[str, dict[str, NDArray[np.float64]]]:
+) -> dict[str, dict[str, Floats]]:
     """Return the irradiance of each light about the normal, and its radiance along a direction to the light.
 
     A white diffuse square reflects the first, a mirror the second.
@@ -104,7 +103,7 @@ def measure_lamps(
     }
 
 
-def _measure(light: Light, position: Vector, normal: Vector, towards: Vector, receiver: str) -> NDArray[np.float64]:
+def _measure(light: Light, position: Vector, normal: Vector, towards: Vector, receiver: str) -> Floats:
     kind, samples, scale = RECEIVERS[receiver]
     scene = engine.empty_scene()
     engine.configure_closures(scene, (16, 16), 4, "cpu")
@@ -151,7 +150,7 @@ def build_nodes(light: Dome) -> dict[str, Any]:
         SceneTask(file, "nodes", (source,), slot_sources, (light,), (48, 48), Sampling(samples, bounces=1), camera)
     )
 
-    def shoot() -> Floats:
+    def shoot() -> Floats32:
         return np.stack([engine.render_passes(scene.scene, samples, seed)["Combined"] for seed in range(4)])
 
     scene.pose(camera, pose)
@@ -179,8 +178,8 @@ def build_nodes(light: Dome) -> dict[str, Any]:
 
 
 def render_tables(
-    shaders: Mapping[str, tuple[str, Floats, int]], arrays: Mapping[str, NDArray[Any]]
-) -> dict[str, Floats]:
+    shaders: Mapping[str, tuple[str, Floats32, int]], arrays: Mapping[str, NDArray[Any]]
+) -> dict[str, Floats32]:
     """Return the emission (n, 3) of OSL shaders, each of a text, a table (n, 12) and samples; arrays are parameters."""
     pictures = {}
     for name, (osl, table, samples) in shaders.items():
@@ -195,14 +194,14 @@ def write_arrays(oso: str, arrays: Mapping[str, NDArray[Any]]) -> str:
     return insert_arrays(oso, {name: array_text(values) for name, values in arrays.items()})
 
 
-def render_regions(task: FrameTask, boxes: Sequence[engine.Box], samples: int) -> dict[str, Floats]:
+def render_regions(task: FrameTask, boxes: Sequence[engine.Box], samples: int) -> dict[str, Floats32]:
     """Return the pixels of each box, rendered alone, twice, and as part of the whole frame, before and after."""
     scene = BlenderScene(task.scene)
     scene.pose(task.scene.camera, task.pose)
     engine.fill_sample_table(scene.scene)
     pictures = {}
 
-    def render(number: int, samples: int, within: engine.Box | None) -> Floats:
+    def render(number: int, samples: int, within: engine.Box | None) -> Floats32:
         scene.set_controls(task.pose, number, samples)
         return engine.render_passes(scene.scene, samples, number, within)["Combined"].copy()
 
@@ -218,7 +217,7 @@ def render_regions(task: FrameTask, boxes: Sequence[engine.Box], samples: int) -
     return pictures
 
 
-def render_trees(sources: Mapping[str, NodeSource], side: int) -> dict[str, Floats]:
+def render_trees(sources: Mapping[str, NodeSource], side: int) -> dict[str, Floats32]:
     """Return the values that node trees compute (side, side, 3), a pixel for a point, row 0 at y = -1.
 
     The surface is the square from (-1, -1) to (1, 1), seen from straight above.

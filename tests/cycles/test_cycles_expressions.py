@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
-from numpy.typing import NDArray
 from osl_snippets import evaluate
 from warm_blender import BlenderProcess
 
+from lookdev.arrays import Floats
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.osl.inputs import emit_look_up
@@ -24,7 +24,6 @@ from lookdev.material.values import Values
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 
 # Every function and operator; x and y in [-2, 3], z in [0, 1], a third of them whole numbers or halves.
 EXPRESSIONS = [

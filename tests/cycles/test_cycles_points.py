@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from looks import quick_among
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, evaluate, pdf
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_lines, evaluate_numpy
 from lookdev.codegen.points import PointLayer
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm_points")]
 
-Floats = NDArray[np.float64]
 
 COUNT = 10_000
 # The bar everywhere; nothing needs more once both sides start from the same float32 inputs: the formulas lose at most

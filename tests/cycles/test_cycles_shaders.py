@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from osl_snippets import evaluate
 from warm_blender import BlenderCallError, BlenderProcess
 
+from lookdev.arrays import Floats, Floats32, Ints32
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
@@ -27,7 +28,6 @@ from lookdev.material.textures import linear_texture, sample_slopes, sample_text
 
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
 
-Floats = NDArray[np.float64]
 
 _WRAPS = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
 _SAMPLES = (1, 2, 4, 8, 16, 64)
@@ -50,9 +50,9 @@ class Probes:
     values: dict[str, Floats]
     image: Texture
     light: Dome
-    points: NDArray[np.float32]
-    slots: NDArray[np.int32]
-    numbers: NDArray[np.float32]
+    points: Floats32
+    slots: Ints32
+    numbers: Floats32
 
 
 def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -> str:

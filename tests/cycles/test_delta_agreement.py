@@ -9,10 +9,10 @@ import pytest
 from agreement import assert_scene_agreement, compute_live, coverage, estimate_of
 from frames import POSE, render_seeds, replaced, scene_of
 from light_rigs import FACING
-from numpy.typing import NDArray
 from shapes import Sphere
 from stored_references import Arrays, StoredReference
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
@@ -24,7 +24,6 @@ from lookdev.scene import Scene, camera_rays
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 
 SIZE, SAMPLES, SEEDS = 32, 64, 4
 ETA, K = (3.2, 3.1, 2.3), (3.3, 3.3, 3.1)  # about those of chromium

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from frames import RenderScene
 from looks import LOOKS, quick_among
-from numpy.typing import NDArray
 
+from lookdev.arrays import Reals
 from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.metrics import relmse
@@ -36,7 +36,7 @@ ALL = [
 ]
 
 
-def mean(frame: Rendered) -> NDArray[np.floating[Any]]:
+def mean(frame: Rendered) -> Reals:
     return (frame.a + frame.b) / 2
 
 

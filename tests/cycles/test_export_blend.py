@@ -9,10 +9,10 @@ import batches
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from numpy.typing import NDArray
 from scripts import run_script
 from usd_text import textured
 
+from lookdev.arrays import Floats32
 from lookdev.asset import load_asset
 from lookdev.export.blend import export_blend
 from lookdev.plan import turntable_poses
@@ -47,7 +47,7 @@ class Case:
 
     prepared: Prepared
     facts: dict[str, Any]
-    pictures: dict[tuple[str, str, int], NDArray[np.float32]]
+    pictures: dict[tuple[str, str, int], Floats32]
 
     def task(self, look: str, ibl: str, frame: int) -> FrameTask:
         """Return the task of a frame of the timeline."""

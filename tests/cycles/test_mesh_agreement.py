@@ -11,10 +11,10 @@ import pytest
 from agreement import assert_scene_agreement, check_scene, scene_pixels
 from failed_pictures import comparison
 from frames import POSE, render_seeds, replaced, scene_of
-from numpy.typing import NDArray
 from painted import embossed, image, painted, sparkling
 from stored_references import StoredReference
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.asset.tangents import tangents_of
 from lookdev.checks.albedo import check_albedo
@@ -27,7 +27,6 @@ from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 Agree = Callable[..., Finding]
 
 SIZE = 48

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from agreement import scene_pixels
 from frames import render_seeds, scene_of
-from numpy.typing import NDArray
 from warm_blender import BlenderProcess
 
+from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.light import (
     LIGHT_KINDS,
@@ -31,7 +31,6 @@ from lookdev.scene import Camera, Pose
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 
 POSITION, NORMAL = np.array([0.3, -0.2, 0.5]), np.array([0.0, -0.6, 0.8])
 LEFT_HANDED = ((-1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))

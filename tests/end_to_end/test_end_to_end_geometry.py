@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from looks import quick_among
-from numpy.typing import NDArray
 from stage import Stage, difference
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Instance, Mesh, make_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.tangents import tangents_of
@@ -20,7 +20,6 @@ from lookdev.scene import Camera, Pose, camera_rays
 
 pytestmark = pytest.mark.cycles
 
-Floats = NDArray[np.float64]
 
 METAL = {"baseColor": (0.8, 0.5, 0.3), "metallic": 0.7, "roughness": 0.5, "anisotropic": 0.8}
 BRUSHED = Look("brushed", (Layer("Metal", "disney", METAL),))

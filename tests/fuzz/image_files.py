@@ -16,6 +16,8 @@ from damage import Damage, append_noise, flip_bits, replace_by_noise, truncate
 from numpy.typing import NDArray
 from text_changes import NO_FILES
 
+from lookdev.arrays import Floats32
+
 Write = Callable[[Path, random.Random], object]
 
 GRAY = (128 + np.random.default_rng(5).integers(0, 128, (8, 16))) / np.float32(256.0)
@@ -87,7 +89,7 @@ def damaged(write: Write, damage: Damage) -> Write:
     return write_damaged
 
 
-def _texels(*values: float) -> NDArray[np.float32]:
+def _texels(*values: float) -> Floats32:
     pixels = RGB.copy()
     for place, value in enumerate(values):
         pixels[2 + place, 3] = value

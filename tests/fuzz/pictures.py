@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 from cases import Case, Outcome
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
 from lookdev.plan.prepare import plan_job
@@ -37,7 +37,6 @@ outputs = {{ sheet = false, png = false }}
 """
 STUDIO = 'builtin = "studio"'
 
-Picture = NDArray[np.float32]
 """Radiance and alpha (H, W, 4), or an array without pixels where the job is refused."""
 
 REFUSED = np.zeros((0, 0, 4), np.float32)
@@ -58,7 +57,7 @@ class Painter:
 
     def __init__(self, render: Callable[[FrameTask], Rendered]) -> None:
         self._render = render
-        self._right: dict[str, Picture] = {}
+        self._right: dict[str, Floats32] = {}
 
     def compared(self, case: Case, folder: Path, outcome: Outcome, backend: str = "exact") -> Compared:
         """Render a case whose files are in a folder, and what is right for its outcome."""
@@ -79,13 +78,13 @@ class Painter:
             seen.append(f"{name}: {far:.3g} {text}")
         return Compared("", "; ".join(seen), bool(picture.size))
 
-    def picture(self, folder: Path, job: str) -> Picture:
+    def picture(self, folder: Path, job: str) -> Floats32:
         """Return the picture of a job in a folder; `REFUSED` where it is refused."""
         return self._picture(folder, job, "exact", None)[2]
 
     def _picture(
-        self, folder: Path, job: str, backend: str, known: dict[str, Picture] | None
-    ) -> tuple[str, str, Picture]:
+        self, folder: Path, job: str, backend: str, known: dict[str, Floats32] | None
+    ) -> tuple[str, str, Floats32]:
         file = folder / "picture.toml"
         file.write_text(job.replace('"exact"', f'"{backend}"'))
         try:
@@ -101,7 +100,7 @@ class Painter:
         return task.digest, "", picture
 
 
-def difference(one: Picture, other: Picture) -> float:
+def difference(one: Floats32, other: Floats32) -> float:
     """Return the squared difference of two pictures over their squares; infinite where one alone is refused.
 
     It is the larger one of radiance and alpha.

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from numpy.typing import NDArray
 from usd_text import card, shader, translate, variant_set
 
+from lookdev.arrays import Bytes
 from lookdev.errors import AssetError, StageError
 from lookdev.inspect.assets import MOST_LINES, Inspection, inspect_file
 from lookdev.inspect.portrait import group_names
@@ -164,7 +164,7 @@ def test_parts_of_many_share_colours_by_group(paths: list[str], names: list[str]
 def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
     picture = np.full((40, 60, 3), 7, np.uint8)
 
-    def render_legend(title: str, *names: str) -> NDArray[np.uint8]:
+    def render_legend(title: str, *names: str) -> Bytes:
         file = tmp_path / "legend.png"
         write_legend(file, picture, title, [(name, (0.5, 0.0, 0.0)) for name in names], "Raw")
         return np.asarray(oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8))
@@ -178,7 +178,7 @@ def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
     right = 60 + np.flatnonzero(squares[:, 60:].any(axis=0)).max()
     tops = np.flatnonzero(np.diff(squares.any(axis=1).astype(int)) == 1) + 1
 
-    def changed_region(other: NDArray[np.uint8]) -> tuple[int, int, int]:
+    def changed_region(other: Bytes) -> tuple[int, int, int]:
         """Return the first and last row, and the first column, in which pictures differ."""
         rows, columns = np.nonzero((other != pixels).any(axis=-1))
         return rows.min(), rows.max(), columns.min()

@@ -5,11 +5,9 @@
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light import Emitter
-
-Floats = NDArray[np.float64]
 
 
 def of_polygon(corners: Floats, point: Floats, normal: Floats) -> float:

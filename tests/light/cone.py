@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats
 from lookdev.light import LIGHT_KINDS, CodedLight, Emission, LightCode, LightKind
 from lookdev.light.emission import WHITE
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Cone(CodedLight):
         values = {**dict(zip("XYZ", self.axis, strict=True)), "COSINE": self.cosine, "RADIANCE": f"color{self.color}"}
         return LightCode(tuple(f"#define CONE_{name} {value}" for name, value in values.items()))
 
-    def _is_inside(self, direction: Floats) -> NDArray[np.bool_]:
+    def _is_inside(self, direction: Floats) -> Bools:
         return direction @ np.array(self.axis) > self.cosine
 
 

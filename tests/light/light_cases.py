@@ -5,14 +5,12 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from numpy.typing import NDArray
 from sample_density import p_value
 
+from lookdev.arrays import Floats
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
-
-Floats = NDArray[np.float64]
 
 SUN = (2, 11)  # row, column
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.light.dome.files import write_exr
 from lookdev.light.rig import Rig, load_rig
 
@@ -36,7 +36,7 @@ def light(kind: str, attributes: str, schemas: str = "", name: str = "Lamp") -> 
     )
 
 
-def write_image(file: Path, pixels: NDArray[np.float32]) -> Path:
+def write_image(file: Path, pixels: Floats32) -> Path:
     """Write an EXR of R, G, B."""
     write_exr(file, "RGB", pixels.astype(np.float32))
     return file

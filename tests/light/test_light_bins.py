@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light import Dome
 from lookdev.light.dome import bins
-
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Ints
 from lookdev.light.dome.points import hilbert_positions
 from lookdev.light.dome.slots import cut
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def drawn(first: Ints, count: Ints, times: Ints, n: int) -> tuple[Floats, Ints]:

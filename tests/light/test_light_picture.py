@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from looks import quick_among
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light import RectLight, make_environment, prepare_texture
 from lookdev.light.picture import draw_cell, look_up, luminance_tree
-
-Floats = NDArray[np.float64]
 
 
 def textured(picture: Floats, **fields) -> RectLight:

@@ -7,8 +7,8 @@ import OpenEXR
 import pytest
 from light_cases import SUN, Floats, assert_follows, cells, dome, make_tables_small, overcast, sunny
 from looks import quick_among
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32, Ints, Ints32
 from lookdev.cache import Content
 from lookdev.errors import ContentError
 from lookdev.light import Dome, make_environment, prepare_light
@@ -19,8 +19,6 @@ from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, pack_ranges
 from lookdev.light.dome.warp import BilinearWarp, lookup
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
-Ints = NDArray[np.int64]
-
 EACH = 11
 SEVERAL = [(number,) for number in range(len(bins.AXES[::EACH]))]
 
@@ -30,20 +28,20 @@ class Tables:
     """The content of a light's files, and the directions of its points."""
 
     light: Dome
-    points: NDArray[np.float32]
+    points: Floats32
     towards: Floats
-    slots: NDArray[np.int32]
-    numbers: NDArray[np.float32]
+    slots: Ints32
+    numbers: Floats32
     axes: Floats
     """The axes of the bins."""
 
     @property
-    def inverse(self) -> NDArray[np.float32]:
+    def inverse(self) -> Floats32:
         """One over the integral of each bin."""
         return self.numbers[:, 0]
 
 
-def drawn(light: Dome, side: int) -> tuple[NDArray[np.float32], Floats]:
+def drawn(light: Dome, side: int) -> tuple[Floats32, Floats]:
     return draw_points(light.table, BilinearWarp(light.table.mean(axis=-1)), side)
 
 
@@ -53,7 +51,7 @@ def tables_of(light: Dome, side: int) -> Tables:
     return Tables(light, pixels, towards, *cut, bins.AXES)
 
 
-def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
+def decoded(points: Floats32) -> tuple[Floats, Floats, Floats]:
     """Return directions (..., 3), means (...) and radiance (..., 3) of points."""
     azimuth, z, mean, code = np.moveaxis(points.astype(np.float64), -1, 0)
     horizontal = np.sqrt(1.0 - z * z)
@@ -63,7 +61,7 @@ def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
     return towards, mean, 3.0 * mean[..., None] * share
 
 
-def unpacked(slots: NDArray[np.int32]) -> tuple[Ints, Ints, Ints]:
+def unpacked(slots: Ints32) -> tuple[Ints, Ints, Ints]:
     """Return first points, counts of points and counts of equal slots, as `light_sample` does; 0, 0, 0 if empty."""
     first, code = (column.astype(np.int64) for column in ((slots >> 12) & 0xFFFFF, slots & 4095))
     lone = code > MOST_POINTS

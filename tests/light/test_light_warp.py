@@ -2,11 +2,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light.dome.warp import BilinearWarp, lookup
-
-Floats = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS

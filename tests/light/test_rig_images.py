@@ -6,9 +6,9 @@ import numpy as np
 import OpenEXR
 import pytest
 from light_cases import Floats, cells, write_exr
-from numpy.typing import NDArray
 from rig_files import light, rig, write_image
 
+from lookdev.arrays import Floats32
 from lookdev.errors import RigError
 from lookdev.light import make_environment
 from lookdev.light.rig.images import BALLS, ball_point, ball_power, load_light_image, unroll_ball
@@ -24,7 +24,7 @@ def sky(direction: Floats) -> Floats:
     return np.stack([1.5 + x, 1.5 + y, 1.5 + z * z], axis=-1)
 
 
-def ball(kind: str) -> NDArray[np.float32]:
+def ball(kind: str) -> Floats32:
     """Return an image of a ball that shows the sky, black beyond the rim."""
     middle = (np.arange(SIDE) + 0.5) * 2.0 / SIDE - 1.0
     x, y = np.meshgrid(middle, -middle)

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
@@ -128,7 +128,7 @@ def fault_texts(result: BoundLook) -> list[tuple[str, str]]:
     return [(shorten_path(fault.where), fault.what) for fault in result.lost]
 
 
-def rotate_clockwise(v: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+def rotate_clockwise(v: Floats, degrees: float) -> Floats:
     """mx_rotate_vector2 of the MaterialX library: clockwise."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.stack([c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1]], axis=-1)

@@ -18,16 +18,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lookdev.arrays import Floats, Indices
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
 from lookdev.scene.shading import shading_frame
 
-Floats = NDArray[np.float64]
 Pair = tuple[str, str]
 Preset = tuple[str, dict[str, Any]]
 """A model and all of its parameters."""
@@ -151,7 +150,7 @@ def _draw(side: float, view: Floats, rng: np.random.Generator) -> Floats:
     return np.asarray(wi[wi[:, 2] > 0.0] * (1.0, 1.0, side))
 
 
-def _cell(view: Floats, wi: Floats) -> tuple[NDArray[np.intp], Floats]:
+def _cell(view: Floats, wi: Floats) -> tuple[Indices, Floats]:
     """Return the cells (n,) of directions above the horizon, and the density (n,) that `_draw` has there."""
     half = view + wi
     t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2

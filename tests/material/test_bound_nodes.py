@@ -8,8 +8,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from look_files import bound, fault_texts, materialx, rotate_clockwise, shader, write_gray
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
 from lookdev.material.look import Primvar, Texture
 from lookdev.material.points import ImagePoints
@@ -17,8 +17,6 @@ from lookdev.material.textures import image_texels
 from lookdev.material.usd.bound import BoundLook
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.values import Values
-
-Floats = NDArray[np.float64]
 
 ST = np.array([[0.1, 0.2], [0.35, 0.8], [0.6, 0.45], [0.9, 0.95]])
 COLOR = "color3f diffuseColor <- N.out\n"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import (
     Bsdf,
     StackLayer,
@@ -28,8 +28,6 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.values import look_bsdf
 from lookdev.reference.albedo import integrate_albedo, sample_albedo
-
-Floats = NDArray[np.float64]
 
 COUNT = 7
 

@@ -8,8 +8,8 @@ import numpy as np
 from agreement import Arrays, StoredReference, check_frame, comparison, estimate_of, scene_pixels
 from frames import orbit_camera, scene_of
 from light_rigs import RIG_LOOKS, RIGS, grey
-from numpy.typing import NDArray
 
+from lookdev.arrays import Ints
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
 from lookdev.light.link import Link
@@ -102,7 +102,7 @@ def assert_parts_agree(
     return arrays
 
 
-def part_of(scene: Scene, pose: Pose, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
+def part_of(scene: Scene, pose: Pose, pixels: Ints) -> Ints:
     """Return the instance nearest to the surface at the centre of each pixel (P, 2); -1 where there is no surface."""
     meshes = MeshScene(scene.asset, scene.looks)
     hit, hits = meshes.intersect(*camera_rays(scene.camera, pose, scene.film.resolution, *(pixels.T + 0.5)))

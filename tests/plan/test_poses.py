@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.job import JobTurntable
 from lookdev.light.mapping import rotate_z
 from lookdev.plan import turntable_poses
@@ -45,7 +45,7 @@ def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_th
     camera = Camera(40.0, 15.0, (0.1, -0.2, 0.3), 4.0)
     x, y = np.random.default_rng(1).uniform(0.0, (80, 50), (20, 2)).T
 
-    def looked_up(pose: Pose) -> NDArray[np.float64]:
+    def looked_up(pose: Pose) -> Floats:
         return rotate_z(camera_rays(camera, pose, (80, 50), x, y)[1], pose.element - pose.lighting)
 
     seen = unturned(pose, asset=True, light=False)

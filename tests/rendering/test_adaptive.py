@@ -4,14 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats
 from lookdev.metrics import EPSILON, relmse, relmse_of_halves
 from lookdev.rendering import adaptive
 from lookdev.rendering.adaptive import Half, Region, Round, mean_samples, next_round, plan_regions
 from lookdev.scene import Sampling
-
-Floats = NDArray[np.float64]
 
 SIDE = 50  # not a multiple of a tile
 
@@ -58,7 +56,7 @@ def whole(samples: int) -> Round:
     return (region,), (region,)
 
 
-def drift(halves: list[Half], seen: NDArray[np.bool_]) -> float:
+def drift(halves: list[Half], seen: Bools) -> float:
     """Return the mean deviation of pixels from the truth, in standard errors of that mean over frames."""
     means = np.array([(half.color[seen] / TRUTH[seen] - 1.0).mean() for half in halves])
     return float(means.mean() / (means.std(ddof=1) / np.sqrt(len(means))))

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from lookdev.arrays import Floats
 from lookdev.metrics import relmse, relmse_of_halves
 from lookdev.rendering.denoise import denoise_halves
 from lookdev.rendering.oidn import make_denoiser
 
-Floats = NDArray[np.float64]
 SIDE = 96
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.silhouette import hull_points, turning_axis
@@ -16,8 +16,6 @@ from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
 from lookdev.scene.framing import _farthest_point_function, _rotation_about_z
-
-Floats = NDArray[np.float64]
 
 BOX = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 

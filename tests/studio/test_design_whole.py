@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from batches import finish, start
 from design_page import DRESS, DesignPage
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 from served import start_server
 
+from lookdev.arrays import Floats
 from lookdev.asset.builtin import make_sphere
 from lookdev.job import load_job
 from lookdev.output.exr import read_frame, read_layer
@@ -48,7 +48,6 @@ samples = 256
 bounces = 0                  # a ball reflects nothing of itself, and has no shadow on itself: what the page shows
 """
 log = logging.getLogger(__name__)
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture

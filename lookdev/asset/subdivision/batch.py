@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Indices
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
 from lookdev.asset.subdivision.cage import Control, Tags, read_tags
 from lookdev.asset.subdivision.refine import Refined, refine_cage
-from lookdev.asset.subdivision.topology import Index
 from lookdev.errors import AssetError
 
 _BATCH_CORNERS = 1_000_000
@@ -129,7 +129,7 @@ def join_cages(meshes: list[Mesh]) -> Control:
     )
 
 
-def _points_by_mesh(refined: Refined, corner_mesh: Index, count: int) -> tuple[Index, Index, Index]:
+def _points_by_mesh(refined: Refined, corner_mesh: Indices, count: int) -> tuple[Indices, Indices, Indices]:
     """Return the points' order by mesh, each point's position in that order, and the start of each mesh in it.
 
     Points without a face come first.

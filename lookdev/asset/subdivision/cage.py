@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, connect
+from lookdev.asset.subdivision.topology import Level, connect
 from lookdev.errors import AssetError
 
 INFINITE = 10.0
@@ -19,30 +20,30 @@ class Cage:
     """The half-edges of a cage, its manifold points (n,), and its faces (f,) that are not part of the surface."""
 
     level: Level
-    manifold: Flags
-    hidden: Flags
+    manifold: Bools
+    hidden: Bools
 
 
 @dataclass(frozen=True, eq=False)
 class Tags:
     """Crease edges (e, 2) and sharpness (e,), corner points (c,) and sharpness (c,), holes (h,): see `Subdivision`."""
 
-    crease_edges: Index
-    crease_sharpness: Doubles
-    corner_points: Index
-    corner_sharpness: Doubles
-    holes: Index
+    crease_edges: Indices
+    crease_sharpness: Floats
+    corner_points: Indices
+    corner_sharpness: Floats
+    holes: Indices
 
 
 @dataclass(frozen=True, eq=False)
 class Control:
     """A cage: points (n, 3), corners (m,) that index into them, face sizes (f,), tags, and values (m, k) at corners."""
 
-    points: Doubles
-    corners: Index
-    sizes: Index
+    points: Floats
+    corners: Indices
+    sizes: Indices
     tags: Tags
-    values: list[tuple[Interpolation, Doubles]]
+    values: list[tuple[Interpolation, Floats]]
 
 
 def read_tags(mesh: Mesh) -> Tags:
@@ -82,7 +83,7 @@ def read_tags(mesh: Mesh) -> Tags:
     )
 
 
-def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Doubles:
+def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Floats:
     sharpness = np.asarray(values, np.float64)
     if sharpness.shape != (count,):
         raise AssetError(f"{mesh.name}: {count} {tag}s have {sharpness.size} values of sharpness; each needs one")
@@ -126,7 +127,7 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
     return Cage(level, manifold, hidden)
 
 
-def _find_edges(level: Level, pairs: Index) -> Index:
+def _find_edges(level: Level, pairs: Indices) -> Indices:
     """Return the edge (k,) between each pair of points (k, 2), -1 if they share none."""
     count = len(level.point_sharpness)
     keys = np.sort(level.ends, axis=1) @ np.array([count, 1])

@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lookdev.asset.mesh import Asset, Floats, Instance, Mesh
+from lookdev.arrays import Bools, Floats, Floats32, Indices
+from lookdev.asset.mesh import Asset, Instance, Mesh
 from lookdev.asset.normals import next_corners
 from lookdev.asset.subdivision.batch import batches, join_cages
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import complete_normals, limit
 from lookdev.asset.subdivision.refine import mask_rules, refined_values
 from lookdev.asset.subdivision.rules import interpolate
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
+from lookdev.asset.subdivision.topology import Level, first_child, split
 
 TOLERANCE = 0.1
 """Pixels between the limit surface and its facets: not visible in an antialiased silhouette."""
@@ -51,7 +52,7 @@ FINEST_DETAIL = 10
 CORNERS = 8_000_000
 """The most refined corners of an asset, about 2 GB during refinement."""
 
-PixelSize = Callable[[Doubles, Doubles], Doubles]
+PixelSize = Callable[[Floats, Floats], Floats]
 """Function of spheres, centres (k, 3) in world space and radii (k,): metres per pixel (k,) at their nearest point."""
 
 
@@ -77,7 +78,7 @@ def orbit_pixel(position: Sequence[float], pivot: Sequence[float], slope: float)
     offset = np.asarray(position[:2], np.float64) - pivot[:2]
     radius, height = float(np.hypot(*offset)), float(position[2])
 
-    def pixel_size(centers: Doubles, radii: Doubles) -> Doubles:
+    def pixel_size(centers: Floats, radii: Floats) -> Floats:
         from_axis = np.hypot(centers[:, 0] - pivot[0], centers[:, 1] - pivot[1])
         nearest = np.hypot(from_axis - radius, centers[:, 2] - height) - radii
         return np.asarray(slope * np.maximum(nearest, 0.0))
@@ -132,7 +133,7 @@ def refinement_levels(
     return Refinement(tuple(levels), notes)
 
 
-def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelSize) -> Doubles:
+def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelSize) -> Floats:
     """Return metres per pixel in the object space of each mesh: the least over its instances, infinite without one."""
     sizes = np.full(len(meshes), np.inf)
     if not instances:
@@ -150,7 +151,7 @@ def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: P
     return sizes
 
 
-def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, finest: Index) -> Index:
+def _surface_levels(meshes: list[Mesh], pixels: Floats, longest: Floats, finest: Indices) -> Indices:
     """Return the level (k,) of each of several cages with equal rules and without values.
 
     pixels (k,): metres per pixel; longest (k,): the longest allowed edge, in pixels; finest (k,): the highest level.
@@ -196,12 +197,12 @@ def _surface_levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, fines
     required = np.where(is_displaced, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
-    is_visible: Flags = ~cage.hidden[level.faces]
+    is_visible: Bools = ~cage.hidden[level.faces]
     edge_levels = np.ceil(np.minimum(required, finest[mesh_numbers[level.faces]])).astype(np.intp)[is_visible]
     return _level_of_most_edges(mesh_numbers[level.faces][is_visible], edge_levels, length[is_visible], len(meshes))
 
 
-def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
+def _texture_levels(meshes: list[Mesh], pixels: Floats, finest: int) -> Indices:
     """Return the level (k,) at which the UVs of cages with equal rules and level 0 are within `TEXTURE`."""
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
@@ -229,7 +230,7 @@ def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
     return levels
 
 
-def _level_of_most_edges(mesh: Index, edge_levels: Index, length: Doubles, count: int) -> Index:
+def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, count: int) -> Indices:
     """Return the level (k,) that suffices for all but `OUTLIERS` of the length of each mesh's half-edges."""
     counts = int(edge_levels.max(initial=0)) + 1
     total = np.bincount(mesh * counts + edge_levels, length, count * counts).reshape(count, counts)
@@ -240,14 +241,14 @@ def _level_of_most_edges(mesh: Index, edge_levels: Index, length: Doubles, count
     return np.maximum(np.maximum(level, lowest), 0)
 
 
-def _turn_angles(level: Level, normals: Floats, first: Index) -> Doubles:
+def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
     """Return the angle (m,) by which the normal turns along each half-edge: to the edge's middle and on to its end."""
     corner_normals, middle_normals = normals[first].astype(np.float64), normals[first + 1].astype(np.float64)
     halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[level.next] - middle_normals], axis=2)
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * halves, 1.0)).sum(axis=0))
 
 
-def _sharpness_delay(level: Level) -> Doubles:
+def _sharpness_delay(level: Level) -> Floats:
     """Return the number of levels (m,) before the turn at semi-sharp features of a half-edge's ends decreases."""
     edge_sharpness = np.where(np.isfinite(level.edge_sharpness), level.edge_sharpness, 0.0)
     point_sharpness = np.where(np.isfinite(level.point_sharpness), level.point_sharpness, 0.0)

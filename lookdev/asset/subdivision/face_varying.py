@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import FaceVaryingRule
 from lookdev.asset.subdivision.cage import Cage
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Joints, Level, connect
+from lookdev.asset.subdivision.topology import Joints, Level, connect
 
 _DEPENDENT: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus2")
 
 
-def weld(points: Index, values: Doubles, count: int) -> tuple[Index, Index]:
+def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]:
     """Return the number of the value (m,) of each corner, and the point (v,) of each value.
 
     points (m,) < `count` and values (m, k) are those of the corners. Equal values of one point become one value. The
@@ -36,7 +37,7 @@ def weld(points: Index, values: Doubles, count: int) -> tuple[Index, Index]:
     return numbers, np.concatenate([np.arange(count), points[other][first]])
 
 
-def value_level(cage: Cage, values: Index, value_points: Index, rule: FaceVaryingRule) -> Level:
+def value_level(cage: Cage, values: Indices, value_points: Indices, rule: FaceVaryingRule) -> Level:
     """Return the half-edges of values, from their numbers (m,) at corners and their points (v,), as from `weld`."""
     surface = cage.level
     level, joints = connect(values, surface.sizes, len(value_points))
@@ -76,11 +77,11 @@ class _Spans:
     as the semi-sharp edges between them do.
     """
 
-    used: Flags
-    faces: Index
-    fans: Index
-    sharp: Index
-    soft: Doubles
+    used: Bools
+    faces: Indices
+    fans: Indices
+    sharp: Indices
+    soft: Floats
 
 
 def _find_spans(level: Level, joints: Joints, surface: Level) -> _Spans:
@@ -99,7 +100,7 @@ def _find_spans(level: Level, joints: Joints, surface: Level) -> _Spans:
     return _Spans(faces > 0, faces, joints.fans, sharp, soft)
 
 
-def _at_seams(level: Level, surface: Level) -> Flags:
+def _at_seams(level: Level, surface: Level) -> Bools:
     """Return which points (n,) of the surface are ends of a seam."""
     seams = (level.twins < 0) & (surface.twins >= 0)
     seams |= _twisted_seams(level, surface)
@@ -108,7 +109,7 @@ def _at_seams(level: Level, surface: Level) -> Flags:
     return at_seams
 
 
-def _twisted_seams(level: Level, surface: Level) -> Flags:
+def _twisted_seams(level: Level, surface: Level) -> Bools:
     """Return which half-edges (m,) are on edges of three or more faces with different values."""
     first = np.empty(len(surface.ends), np.intp)
     first[surface.edges] = level.edges
@@ -117,14 +118,14 @@ def _twisted_seams(level: Level, surface: Level) -> Flags:
     return differs[surface.edges]
 
 
-def _shares_point(is_marked: Flags, value_points: Index) -> Flags:
+def _shares_point(is_marked: Bools, value_points: Indices) -> Bools:
     """Return which values (v,) have a marked value at their point."""
     points = np.zeros(int(value_points.max()) + 1, bool)
     points[value_points[is_marked]] = True
     return points[value_points]
 
 
-def _dependent_sharpness(spans: _Spans, value_points: Index) -> Doubles:
+def _dependent_sharpness(spans: _Spans, value_points: Indices) -> Floats:
     """Return the sharpness (v,) of values without semi-sharp edges from the other value at their point, else 0."""
     highest = np.zeros(int(value_points.max()) + 1)
     np.maximum.at(highest, value_points, spans.soft)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.asset.mesh import Floats
+from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.normals import area_vectors, dot, flat_normals, normalize_or, sum_by
 from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
+from lookdev.asset.subdivision.topology import Level, first_child, split
 
 # The sine of the angle between two tangents, relative to the ring's size, below which they span no plane: far below the
 # angles in an asset of float32, far above the rounding of float64.
@@ -35,13 +35,13 @@ class Sectors:
     (s,): the `SectorKind` of its masks; of_corner (m,): the sector of each corner, -1 at points that are not selected.
     """
 
-    first: Index
-    size: Index
-    kind: Index
-    of_corner: Index
+    first: Indices
+    size: Indices
+    kind: Indices
+    of_corner: Indices
 
 
-def find_sectors(level: Level, selected: Flags) -> Sectors:
+def find_sectors(level: Level, selected: Bools) -> Sectors:
     """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
     edges = level.sharp_edges(_FINITE)
     corner = np.isinf(level.point_sharpness) | (edges > 2)
@@ -76,7 +76,7 @@ def find_sectors(level: Level, selected: Flags) -> Sectors:
     return Sectors(firsts, sizes, kind, of_corner)
 
 
-def _number_corners(starts: Index, ahead: Index, of_corner: Index, first: int) -> tuple[Index, Flags]:
+def _number_corners(starts: Indices, ahead: Indices, of_corner: Indices, first: int) -> tuple[Indices, Bools]:
     """Write the sector of each corner, numbered from `first`; return the sectors' sizes and which are closed."""
     size, is_closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
     active, half_edges = np.arange(len(starts)), starts
@@ -91,8 +91,8 @@ def _number_corners(starts: Index, ahead: Index, of_corner: Index, first: int) -
 
 
 def limit(
-    level: Level, values: Doubles, rules: Rules, selected: Flags | None = None, has_normals: bool = True
-) -> tuple[Doubles, Floats]:
+    level: Level, values: Floats, rules: Rules, selected: Bools | None = None, has_normals: bool = True
+) -> tuple[Floats, Floats32]:
     """Return the limit (n, k) of values at the selected points (n,), and unit normals (m, 3) of their corners.
 
     With `has_normals` the first three values are a position. Normals are zero at points that are not selected and where
@@ -118,7 +118,7 @@ def limit(
     return limits, normals
 
 
-def complete_normals(level: Level, positions: Doubles, normals: Floats) -> None:
+def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None:
     """Replace zero normals (m, 3) by the area-weighted mean normal of the sector's faces, of unit length."""
     missing = ~normals.any(axis=1)
     if not missing.any():
@@ -134,28 +134,28 @@ def complete_normals(level: Level, positions: Doubles, normals: Floats) -> None:
     normals[corners[ring_corners]] = normalize_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 
-def _faces_around(level: Level, points: Flags) -> Flags:
+def _faces_around(level: Level, points: Bools) -> Bools:
     """Return which faces (f,) have one of the marked points (n,)."""
     faces = np.zeros(len(level.sizes), bool)
     faces[level.faces[points[level.points]]] = True
     return faces
 
 
-def _patch_normals(level: Level, values: Doubles) -> Floats:
+def _patch_normals(level: Level, values: Floats) -> Floats32:
     """Return the unit cross product of the two edges of each corner (m, 3); zero where they are parallel."""
     position = values[level.points, :3]
     ahead, back = position[level.next] - position, position[level.previous] - position
     return _direction(np.cross(ahead, back), np.maximum(dot(ahead, ahead), dot(back, back))[:, 0])
 
 
-def _direction(cross: Doubles, reach: Doubles) -> Floats:
+def _direction(cross: Floats, reach: Floats) -> Floats32:
     """Normalise cross products (s, 3); those within the rounding of edges of squared length `reach` become zero."""
     unit = normalize_or(cross, np.zeros(3))
     unit[dot(cross, cross)[:, 0] <= (_NO_PLANE * reach) ** 2] = 0.0
     return unit.astype(np.float32)
 
 
-def _semi_sharp(level: Level) -> Flags:
+def _semi_sharp(level: Level) -> Bools:
     """Return which points (n,) have finite sharpness, or an edge of finite sharpness."""
     is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
     is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
@@ -163,8 +163,8 @@ def _semi_sharp(level: Level) -> Flags:
 
 
 def _apply_masks(
-    level: Level, values: Doubles, rules: Rules, selected: Flags, has_normals: bool
-) -> tuple[Doubles, Floats]:
+    level: Level, values: Floats, rules: Rules, selected: Bools, has_normals: bool
+) -> tuple[Floats, Floats32]:
     """Return `limit` of points without semi-sharp features: apply each sector's masks to its ring."""
     limits, sectors = values.copy(), find_sectors(level, selected)
     # The last normal is that of corners at points that are not selected, whose sector is -1.
@@ -184,13 +184,13 @@ def _apply_masks(
     return limits, normals[sectors.of_corner] if has_normals else normals[:0]
 
 
-def _ring_sums(level: Level, values: Doubles, half: Index, masks: Masks) -> tuple[Doubles, Doubles]:
+def _ring_sums(level: Level, values: Floats, half: Indices, masks: Masks) -> tuple[Floats, Floats]:
     """Return the masked sums (r, s, k) of sectors (s,) that begin at `half`, and their longest edge squared (s,)."""
     size = masks.faces.shape[1]
     center = values[level.points[half]]
     rows, reach = masks.own[:, None, None] * center, np.zeros(len(half))
 
-    def add(weights: Doubles, ring: Doubles) -> None:
+    def add(weights: Floats, ring: Floats) -> None:
         for row in np.flatnonzero(weights):
             rows[row] += weights[row] * ring
 

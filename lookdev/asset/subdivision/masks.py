@@ -17,8 +17,8 @@ from functools import cache
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.asset.subdivision.rules import Rules, smooth_weights
-from lookdev.asset.subdivision.topology import Doubles
 
 _LARGEST_DART = 64
 """The most faces around a dart whose sharp edge counts: with more, masks differ by less than 1e-3 of the ring."""
@@ -42,9 +42,9 @@ class Masks:
     has one edge less, and the last weight is 0; faces (r, size): of the opposite points of its quads.
     """
 
-    own: Doubles
-    edges: Doubles
-    faces: Doubles
+    own: Floats
+    edges: Floats
+    faces: Floats
 
     def position(self) -> Masks:
         """Return the first row only, which is the limit position."""
@@ -76,7 +76,7 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
     return Masks(*(np.where(np.abs(weights) < 1e-15, 0.0, weights) for weights in (point, edges, faces)))
 
 
-def _cross_tangent(size: int, rules: Rules) -> tuple[float, Doubles, Doubles]:
+def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     """Return the weights of the tangent away from a crease: of the point, the edges and the faces.
 
     They are the left eigenvector of the largest eigenvalue that is symmetric about the middle of the sector. Over the
@@ -96,7 +96,7 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Doubles, Doubles]:
     return float((8.0 * eigenvalue - 4.0) * end - inward), edges, faces
 
 
-def _dart_weights(size: int, rules: Rules, along: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+def _dart_weights(size: int, rules: Rules, along: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the weights of the position and of the tangent along the sharp edge: (2,), (2, size), (2, size).
 
     The sharp edge is the first; both rows are symmetric about it. The tangent across the edge is that of a smooth
@@ -120,7 +120,7 @@ def _dart_weights(size: int, rules: Rules, along: Doubles) -> tuple[Doubles, Dou
     return rows[:, 0], rows[:, 1 : size + 1], faces
 
 
-def _ring_matrix(size: int, rules: Rules) -> Doubles:
+def _ring_matrix(size: int, rules: Rules) -> Floats:
     """Return the refinement matrix of a smooth point, the points at its edges and, for quads, the opposite points."""
     identity, following = np.eye(size), np.roll(np.eye(size), 1, axis=1)
     point_weight, ring = smooth_weights(np.array([size]), rules)

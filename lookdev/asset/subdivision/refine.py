@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.asset.mesh import Floats, Subdivision
+from lookdev.arrays import Bools, Floats, Floats32, Indices
+from lookdev.asset.mesh import Subdivision
 from lookdev.asset.normals import area_vectors, flat_normals
 from lookdev.asset.subdivision.cage import Cage, Control, build_cage
 from lookdev.asset.subdivision.face_varying import value_level, weld
 from lookdev.asset.subdivision.limit import complete_normals, limit
 from lookdev.asset.subdivision.rules import Rules, interpolate
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, parent_faces, split, split_corners
+from lookdev.asset.subdivision.topology import Level, parent_faces, split, split_corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +24,12 @@ class Refined:
     origin (f,) is the cage's face from which each face comes. `values` has the order of the cage's values.
     """
 
-    points: Floats
-    corners: Index
-    sizes: Index
-    origin: Index
-    normals: Floats
-    values: list[Floats]
+    points: Floats32
+    corners: Indices
+    sizes: Indices
+    origin: Indices
+    normals: Floats32
+    values: list[Floats32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +37,11 @@ class _Stack:
     """Values (n, k) that share half-edges; `columns` are the numbers and the widths of the values in it."""
 
     level: Level
-    values: Doubles
+    values: Floats
     columns: list[tuple[int, int]]
     linear_boundary: bool = False
 
-    def with_values(self, number: int, values: Doubles) -> _Stack:
+    def with_values(self, number: int, values: Floats) -> _Stack:
         """Return the stack with more columns."""
         columns = [*self.columns, (number, values.shape[1])]
         return replace(self, values=np.hstack([self.values, values]), columns=columns)
@@ -85,7 +86,7 @@ def refine_cage(control: Control, subdivision: Subdivision, level: int) -> Refin
     return _visible_faces(cage, half_edges, values[:, :3], normals, origin, at_corners)
 
 
-def refined_values(control: Control, subdivision: Subdivision) -> tuple[Flags, list[Floats]]:
+def refined_values(control: Control, subdivision: Subdivision) -> tuple[Bools, list[Floats32]]:
     """Return the visible faces (f,) of a cage, and the values of `refine_cage` at level 1, of hidden faces too.
 
     Values that are constant over a face are empty.
@@ -103,11 +104,11 @@ def refined_values(control: Control, subdivision: Subdivision) -> tuple[Flags, l
 
 def _group_values(
     control: Control, cage: Cage, rules: Rules, subdivision: Subdivision
-) -> tuple[_Stack, list[_Stack], dict[int, Doubles]]:
+) -> tuple[_Stack, list[_Stack], dict[int, Floats]]:
     """Group values by their refinement: with the points, by half-edges of their own, or linearly over each face."""
     count, rule = len(control.points), subdivision.face_varying
     surface, others = _Stack(cage.level, control.points, [(-1, 3)]), dict[bytes, _Stack]()
-    linear: dict[int, Doubles] = {}
+    linear: dict[int, Floats] = {}
     for number, (interpolation, values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
             continue
@@ -131,14 +132,14 @@ def _group_values(
     return surface, list(others.values()), linear
 
 
-def _values_by_number(numbers: Index, values: Doubles, count: int) -> Doubles:
+def _values_by_number(numbers: Indices, values: Floats, count: int) -> Floats:
     """Return the values (count, k) by number, from those (m, k) at corners; corners of one number share a value."""
     shared = np.zeros((count, values.shape[1]))
     shared[numbers] = values
     return shared
 
 
-def _refine_stack(stack: _Stack, rules: Rules, level: int) -> tuple[Level, Doubles]:
+def _refine_stack(stack: _Stack, rules: Rules, level: int) -> tuple[Level, Floats]:
     """Return the half-edges and the limit of a stack after `level` refinements."""
     half_edges, values = stack.level, stack.values
     for _ in range(level):
@@ -150,7 +151,7 @@ def _refine_stack(stack: _Stack, rules: Rules, level: int) -> tuple[Level, Doubl
     return half_edges, limit(half_edges, values, rules, has_normals=False)[0]
 
 
-def _assign_columns(level: Level, values: Doubles, columns: list[tuple[int, int]], at_corners: list[Any]) -> None:
+def _assign_columns(level: Level, values: Floats, columns: list[tuple[int, int]], at_corners: list[Any]) -> None:
     """Write the columns of a stack, at the corners, to `at_corners` by their numbers."""
     start = 0
     for number, width in columns:
@@ -159,7 +160,7 @@ def _assign_columns(level: Level, values: Doubles, columns: list[tuple[int, int]
         start += width
 
 
-def _polygon_normals(level: Level, points: Doubles, rules: Rules) -> Floats:
+def _polygon_normals(level: Level, points: Floats, rules: Rules) -> Floats32:
     """Return the normals (m, 3) of the cage's own polygons."""
     if rules.scheme == "bilinear":
         return flat_normals(area_vectors(points[level.points], level.sizes), level.sizes).astype(np.float32)
@@ -169,11 +170,11 @@ def _polygon_normals(level: Level, points: Doubles, rules: Rules) -> Floats:
 
 
 def _visible_faces(
-    cage: Cage, level: Level, points: Doubles, normals: Floats, origin: Index, values: list[Floats]
+    cage: Cage, level: Level, points: Floats, normals: Floats32, origin: Indices, values: list[Floats32]
 ) -> Refined:
     """Return the refined faces except those that come from hidden faces."""
     is_visible = ~cage.hidden[origin]
-    corners: Flags | slice = slice(None) if is_visible.all() else is_visible[level.faces]
+    corners: Bools | slice = slice(None) if is_visible.all() else is_visible[level.faces]
     return Refined(
         points=points.astype(np.float32),
         corners=level.points[corners],

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Scheme
 from lookdev.asset.normals import face_starts
-from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level
+from lookdev.asset.subdivision.topology import Level
 
 _TRIANGLE_WEIGHT = 0.470
 """The weight of a triangle's centroid in an edge's point with the triangle rule `smooth`, instead of 1/4."""
@@ -35,7 +36,7 @@ class Rules:
         return self.scheme == "loop"
 
 
-def interpolate(level: Level, values: Doubles, rules: Rules) -> Doubles:
+def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
     """Return the values (n', k) at the points of the next level from those (n, k) at the points of this level."""
     ends = values[level.ends[:, 0]], values[level.ends[:, 1]]
     edge_points = 0.5 * (ends[0] + ends[1])
@@ -50,12 +51,12 @@ def interpolate(level: Level, values: Doubles, rules: Rules) -> Doubles:
     return np.concatenate([_refine_points(level, values, around, rules), edge_points, means])
 
 
-def group_sums(groups: Index, values: Doubles, count: int) -> Doubles:
+def group_sums(groups: Indices, values: Floats, count: int) -> Floats:
     """Return the sum (count, k) of the values (m, k) of each group (m,)."""
     return np.stack([np.bincount(groups, column, count) for column in values.T], axis=-1)
 
 
-def _soft_edges(level: Level) -> tuple[Index, Index, Doubles]:
+def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
     """Return the edges (k,) of sharpness below 1, a half-edge of each (k,), and their sharpness (k, 1)."""
     edges = np.flatnonzero(level.edge_sharpness < 1.0)
     half = np.zeros(len(level.ends), np.intp)
@@ -63,7 +64,7 @@ def _soft_edges(level: Level) -> tuple[Index, Index, Doubles]:
     return edges, half[edges], level.edge_sharpness[edges, None]
 
 
-def _smooth_edges(level: Level, means: Doubles, edge_points: Doubles, rules: Rules) -> None:
+def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules) -> None:
     """Overwrite the points of edges of sharpness below 1 in `edge_points`, which has the edges' middles.
 
     Catmull and Clark 1978: the mean of the ends and of both faces' centroids.
@@ -78,7 +79,7 @@ def _smooth_edges(level: Level, means: Doubles, edge_points: Doubles, rules: Rul
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
-def _smooth_loop_edges(level: Level, values: Doubles, edge_points: Doubles) -> None:
+def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> None:
     """Overwrite the points of edges of sharpness below 1. Loop 1987: 3/8 of the ends, 1/8 of the opposite points."""
     edges, half, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]
@@ -87,7 +88,7 @@ def _smooth_loop_edges(level: Level, values: Doubles, edge_points: Doubles) -> N
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
-def _refine_points(level: Level, values: Doubles, around: Doubles, rules: Rules) -> Doubles:
+def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -> Floats:
     """Return the new values of the old points. `around` (m, k) are the terms of the corners in a smooth point's sum."""
     is_corner, is_crease = _corners_and_creases(level, 0.0)
     stays_corner, becomes_crease = _corners_and_creases(level, 1.0)
@@ -96,7 +97,7 @@ def _refine_points(level: Level, values: Doubles, around: Doubles, rules: Rules)
     crease = share * is_crease + (1.0 - share) * becomes_crease
     smooth = 1.0 - corner - crease
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
-    result: Doubles = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
+    result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
     result += (smooth * ring_weight)[:, None] * group_sums(level.points, around, len(values))
     # The two edges of a crease: the sharp ones, or, at a point that becomes a crease, those that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
@@ -108,14 +109,14 @@ def _refine_points(level: Level, values: Doubles, around: Doubles, rules: Rules)
     return result
 
 
-def _corners_and_creases(level: Level, above: float) -> tuple[Flags, Flags]:
+def _corners_and_creases(level: Level, above: float) -> tuple[Bools, Bools]:
     """Return which points (n,) are corners and which lie on creases, counting features sharper than `above`."""
     edges = level.sharp_edges(above)
     corner = (level.point_sharpness > above) | (edges > 2)
     return corner, (edges == 2) & ~corner
 
 
-def _transition_weights(level: Level) -> Doubles:
+def _transition_weights(level: Level) -> Floats:
     """Return the weight (n,) of a point's mask if its next one differs: the mean sharpness that falls to zero."""
     is_fading_edge = (level.edge_sharpness > 0.0) & (level.edge_sharpness <= 1.0)
     ends, sharpness = level.ends[is_fading_edge].ravel(), np.repeat(level.edge_sharpness[is_fading_edge], 2)
@@ -125,7 +126,7 @@ def _transition_weights(level: Level) -> Doubles:
     return np.asarray(total / np.maximum(np.bincount(ends, minlength=count) + is_fading_point, 1))
 
 
-def smooth_weights(valence: NDArray[Any], rules: Rules) -> tuple[Doubles, Doubles]:
+def smooth_weights(valence: NDArray[Any], rules: Rules) -> tuple[Floats, Floats]:
     """Return the weights (n,) of a smooth point itself and of each term of its ring, from its valence (n,)."""
     n = np.maximum(valence, 1).astype(np.float64)
     if rules.scheme == "loop":

@@ -13,11 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import face_starts, next_corners
-
-Doubles = NDArray[np.float64]
-Index = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,41 +26,41 @@ class Level:
     0 is smooth; infinite at boundaries and where the surface is not manifold.
     """
 
-    sizes: Index
-    points: Index
-    edges: Index
-    twins: Index
-    ends: Index
-    edge_sharpness: Doubles
-    point_sharpness: Doubles
+    sizes: Indices
+    points: Indices
+    edges: Indices
+    twins: Indices
+    ends: Indices
+    edge_sharpness: Floats
+    point_sharpness: Floats
 
     @cached_property
-    def next(self) -> Index:
+    def next(self) -> Indices:
         """The next half-edge (m,) around the face."""
         return next_corners(self.sizes)
 
     @cached_property
-    def previous(self) -> Index:
+    def previous(self) -> Indices:
         """The previous half-edge (m,) around the face."""
         previous = np.empty_like(self.next)
         previous[self.next] = np.arange(len(previous))
         return previous
 
     @cached_property
-    def faces(self) -> Index:
+    def faces(self) -> Indices:
         """The face (m,) of each half-edge."""
         return np.repeat(np.arange(len(self.sizes)), self.sizes)
 
     @cached_property
-    def boundary(self) -> Flags:
+    def boundary(self) -> Bools:
         """Whether each edge (e,) has exactly one face."""
         return np.asarray(np.bincount(self.edges, minlength=len(self.ends)) == 1)
 
-    def sharp_edges(self, above: float) -> Index:
+    def sharp_edges(self, above: float) -> Indices:
         """Return the number of edges sharper than `above` at each point (n,)."""
         return np.bincount(self.ends[self.edge_sharpness > above].ravel(), minlength=len(self.point_sharpness))
 
-    def extract(self, faces: Flags) -> tuple[Level, Index, Index]:
+    def extract(self, faces: Bools) -> tuple[Level, Indices, Indices]:
         """Extract the marked faces (f,); also return the indices of their corners and points in this level.
 
         Edges at which they are cut off become infinitely sharp.
@@ -89,17 +86,17 @@ class Joints:
     manifold. A manifold point has one fan.
     """
 
-    twisted: Flags
-    fans: Index
+    twisted: Bools
+    fans: Indices
 
-    def manifold_points(self, ends: Index) -> Flags:
+    def manifold_points(self, ends: Indices) -> Bools:
         """Return which points (n,) have one fan and no twisted edge."""
         manifold = self.fans <= 1
         manifold[ends[self.twisted]] = False
         return manifold
 
 
-def connect(points: Index, sizes: Index, count: int) -> tuple[Level, Joints]:
+def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Joints]:
     """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their joints.
 
     Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
@@ -132,7 +129,7 @@ def connect(points: Index, sizes: Index, count: int) -> tuple[Level, Joints]:
     return level, Joints(is_twisted, _fans(level))
 
 
-def _fans(level: Level) -> Index:
+def _fans(level: Level) -> Indices:
     """Return the number of fans (n,) around each point: sets of faces that twins connect at the point."""
     # These imports take half of a program's start-up time, and few files need them.
     from scipy.sparse import coo_array
@@ -196,12 +193,12 @@ def split(level: Level, triangles: bool) -> Level:
     )
 
 
-def first_child(corners: Index, triangles: bool) -> Index:
+def first_child(corners: Indices, triangles: bool) -> Indices:
     """Return the first half-edge of the child at each corner (k,)."""
     return 3 * (corners + corners // 3) if triangles else 4 * corners
 
 
-def parent_faces(level: Level, triangles: bool) -> Index:
+def parent_faces(level: Level, triangles: bool) -> Indices:
     """Return the face of `level` from which each face of the next level comes."""
     return np.repeat(np.arange(len(level.sizes)), 4) if triangles else level.faces
 
@@ -217,7 +214,7 @@ def split_corners(level: Level, values: NDArray[Any], triangles: bool) -> NDArra
     return np.asarray(stacked.reshape(-1, *values.shape[1:]))
 
 
-def next_sharpness(sharpness: Doubles) -> Doubles:
+def next_sharpness(sharpness: Floats) -> Floats:
     """Return the sharpness at the next level."""
     return np.maximum(sharpness - 1.0, 0.0)
 

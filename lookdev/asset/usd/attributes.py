@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, Vt
 
+from lookdev.arrays import Floats
 from lookdev.asset.faces import index_rule
 from lookdev.asset.mesh import Interpolation
 from lookdev.asset.shape import LARGEST
@@ -127,7 +128,7 @@ def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> t
     return tuple(value)
 
 
-def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> NDArray[np.float64]:
+def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
     """Return a matrix (4, 4) for row vectors; raises AssetError if the value is not a bounded matrix."""
     value = prim.GetAttribute(name).Get(time)
     if not isinstance(value, Gf.Matrix4d):

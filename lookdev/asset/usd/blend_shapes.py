@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdSkel
 
-from lookdev.asset.shape import Doubles, Index
+from lookdev.arrays import Floats, Indices
 from lookdev.asset.usd.attributes import read_array
 from lookdev.errors import AssetError
 
@@ -26,19 +26,19 @@ class Offsets:
     """Offsets of a blend shape for the points `indices` (k,), None for all, and for their normals: (k, 3) or (0, 3)."""
 
     path: str
-    indices: Index | None
-    points: Doubles
-    normals: Doubles
+    indices: Indices | None
+    points: Floats
+    normals: Floats
 
-    def offset_points(self, points: Doubles) -> Doubles:
+    def offset_points(self, points: Floats) -> Floats:
         """Return points (n, 3) with the offsets added."""
         return self._add(points, self.points)
 
-    def offset_normals(self, normals: Doubles) -> Doubles:
+    def offset_normals(self, normals: Floats) -> Floats:
         """Return normals (n, 3), one for each point, with the offsets added; they are not unit."""
         return self._add(normals, self.normals)
 
-    def _add(self, values: Doubles, offsets: Doubles) -> Doubles:
+    def _add(self, values: Floats, offsets: Floats) -> Floats:
         if len(offsets) == 0:
             return values
         indices = np.arange(len(values)) if self.indices is None else self.indices
@@ -71,7 +71,7 @@ def blend_offsets(
         weight = weights.get(name, 0.0)
         if weight == 0.0 or not shape.GetPrim().IsActive():
             continue
-        offsets_by_weight: dict[float, tuple[Doubles, Doubles]] = {
+        offsets_by_weight: dict[float, tuple[Floats, Floats]] = {
             0.0: (np.zeros((0, 3)), np.zeros((0, 3))),
             1.0: _read_offsets(shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()),
         }
@@ -95,7 +95,7 @@ def blend_offsets(
         yield Offsets(str(target), indices if len(indices) else None, points, normals)
 
 
-def _read_offsets(points: Any, normals: Any) -> tuple[Doubles, Doubles]:
+def _read_offsets(points: Any, normals: Any) -> tuple[Floats, Floats]:
     """Return the values (k, 3) of two attributes, (0, 3) for one that is not authored."""
     point_offsets, normal_offsets = (
         read_array(attribute.GetPrim(), attribute.GetName(), _DEFAULT_TIME, np.float64, (3,))
@@ -111,7 +111,7 @@ def _read_offsets(points: Any, normals: Any) -> tuple[Doubles, Doubles]:
     return point_offsets, normal_offsets
 
 
-def _interpolate_offsets(before: Doubles, after: Doubles, fraction: float, path: str) -> Doubles:
+def _interpolate_offsets(before: Floats, after: Floats, fraction: float, path: str) -> Floats:
     """Interpolate linearly between the offsets of two shapes; a shape without offsets counts as zero."""
     if len(before) and len(after) and len(before) != len(after):
         raise AssetError(f"{path}: its shapes have {len(before)} and {len(after)} offsets; they must agree")

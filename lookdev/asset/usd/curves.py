@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import UsdGeom
 
+from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
-from lookdev.asset.shape import Attribute, Doubles, Index, Shape
+from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
 from lookdev.asset.tubes import Rings, ribbons, tubes
 from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
@@ -37,7 +37,7 @@ _COINCIDENT = 1e-6  # relative distance up to which points of float32 coincide
 
 
 def curve_shape(
-    prim: Any, time: Any, unit: float, attributes: Sequence[Attribute] = (), points: Doubles | None = None
+    prim: Any, time: Any, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
 ) -> Shape:
     """Return the curves of a prim at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
@@ -90,8 +90,8 @@ def curve_shape(
 
 
 def point_shape(
-    prim: Any, time: Any, unit: float, error: float = 1e-4, points: Doubles | None = None
-) -> tuple[Shape, Doubles]:
+    prim: Any, time: Any, unit: float, error: float = 1e-4, points: Floats | None = None
+) -> tuple[Shape, Floats]:
     """Return a sphere in metres for UsdGeom.Points, and its placements: matrices (k, 4, 4) for row vectors.
 
     The sphere has the radius of one unit of the stage. The matrices map it to the prim's space in that unit, as those
@@ -122,33 +122,33 @@ class _Samples:
     """Samples (r,) of curves: their segments, t in the segments, and the result of `Splines.at` for them."""
 
     splines: Splines
-    segments: Index
-    t: Doubles
-    index: Index
-    weights: Doubles
-    rates: Doubles
+    segments: Indices
+    t: Floats
+    index: Indices
+    weights: Floats
+    rates: Floats
 
     @classmethod
-    def evaluate(cls, splines: Splines, chords: Index) -> _Samples:
+    def evaluate(cls, splines: Splines, chords: Indices) -> _Samples:
         """Return samples that divide each segment (s,) into the given number of chords (s,), in equal steps of t."""
         segments = np.repeat(np.arange(len(chords)), chords + 1)
         t = (np.arange(len(segments)) - starts_of(chords + 1)[segments]) / chords[segments]
         return cls(splines, segments, t, *splines.at(segments, t))
 
     @property
-    def curves(self) -> Index:
+    def curves(self) -> Indices:
         counts = self.splines.segment_counts
         return np.repeat(np.arange(len(counts)), counts)[self.segments]
 
-    def vertices(self, values: Doubles) -> Doubles:
+    def vertices(self, values: Floats) -> Floats:
         """Return the values (r, c) at the samples from those of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.weights, self.splines.with_phantoms(values)[self.index]))
 
-    def slopes(self, values: Doubles) -> Doubles:
+    def slopes(self, values: Floats) -> Floats:
         """Return the derivatives by t (r, c) at the samples from the values of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.rates, self.splines.with_phantoms(values)[self.index]))
 
-    def interpolate(self, attribute: Attribute, label: str) -> Doubles:
+    def interpolate(self, attribute: Attribute, label: str) -> Floats:
         """Return the values (r, c) of an attribute at the samples; raises AssetError for a wrong number of values."""
         count, interpolation = len(attribute.values), attribute.interpolation
         values = np.asarray(attribute.values, np.float64).reshape(count, -1)
@@ -162,7 +162,7 @@ class _Samples:
             raise AssetError(f"{label} has {count} values; interpolation '{interpolation}' of curves needs {expected}")
         return values[self.curves] if interpolation == "uniform" else self.vertices(values)
 
-    def _interpolate_varying(self, values: Doubles, label: str) -> Doubles:
+    def _interpolate_varying(self, values: Floats, label: str) -> Floats:
         splines, curves = self.splines, self.curves
         number = self.segments - starts_of(splines.segment_counts)[curves]
         counts = splines.segment_counts + (not splines.periodic)
@@ -180,7 +180,7 @@ class _Samples:
         t = self.t[:, None]
         return np.asarray((1.0 - t) * values[first + number] + t * values[first + following])
 
-    def mesh_attribute(self, attribute: Attribute, label: str, samples: Index, curves: Index) -> Attribute:
+    def mesh_attribute(self, attribute: Attribute, label: str, samples: Indices, curves: Indices) -> Attribute:
         """Return an attribute of the mesh, from the sample of each point (n,) and the curve of each face (f,)."""
         values, interpolation = self.interpolate(attribute, label), attribute.interpolation
         if len(attribute.values) == 1:
@@ -192,7 +192,7 @@ class _Samples:
 
 
 def _sample_curves(
-    splines: Splines, points: Doubles, widths: Attribute, path: str, ribbon: bool
+    splines: Splines, points: Floats, widths: Attribute, path: str, ribbon: bool
 ) -> tuple[_Samples, int]:
     """Return samples, denser where the curves or their radii bend, and the number of sides of a tube."""
     probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
@@ -211,14 +211,14 @@ def _sample_curves(
     return _Samples.evaluate(splines, np.maximum(np.floor(reduction * chords), 1.0).astype(np.intp)), sides
 
 
-def _has_extent(segments: Index, positions: Doubles, radii: Doubles) -> NDArray[np.bool_]:
+def _has_extent(segments: Indices, positions: Floats, radii: Floats) -> Bools:
     """Return which samples (r,) belong to segments that have a length and a width."""
     starts = np.flatnonzero(np.diff(segments, prepend=-1))
     has_extent = (_path_lengths(positions, starts) > 0.0) & (np.maximum.reduceat(radii, starts) > 0.0)
     return np.asarray(has_extent[segments])
 
 
-def _path_lengths(positions: Doubles, starts: Index) -> Doubles:
+def _path_lengths(positions: Floats, starts: Indices) -> Floats:
     """Return the length of each path through positions (r, 3), which starts at `starts` and ends at the next start."""
     steps = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1]), axis=1)
     steps[starts] = 0.0
@@ -226,8 +226,8 @@ def _path_lengths(positions: Doubles, starts: Index) -> Doubles:
 
 
 def _rings(
-    samples: _Samples, is_used: NDArray[np.bool_], positions: Doubles, radii: Doubles, slopes: Doubles
-) -> tuple[Rings, Index]:
+    samples: _Samples, is_used: Bools, positions: Floats, radii: Floats, slopes: Floats
+) -> tuple[Rings, Indices]:
     """Return rings at the used samples, and the number of the spline of each of their curves."""
     positions, radii, slopes, t = positions[is_used], radii[is_used], slopes[is_used], samples.t[is_used]
     _, pieces = np.unique(samples.segments[is_used], return_inverse=True)
@@ -247,7 +247,7 @@ def _rings(
     return Rings(positions, directions, radii, pieces, curves, is_closed | samples.splines.periodic), numbers
 
 
-def _splines(prim: Any, time: Any, counts: Index) -> Splines:
+def _splines(prim: Any, time: Any, counts: Indices) -> Splines:
     path = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
         orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from pxr import Usd
 
-from lookdev.asset.shape import Doubles, Shape
+from lookdev.arrays import Floats
+from lookdev.asset.shape import Shape
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
 from lookdev.asset.usd.primitives import (
@@ -42,7 +43,7 @@ class Surface:
 
     shape: Shape
     subsets: tuple[str, ...] = ()
-    copies: Doubles | None = None
+    copies: Floats | None = None
 
 
 class GprimReader:
@@ -106,7 +107,7 @@ class GprimReader:
             shape = replace(shape, normals=deformed.normals(shape.normals, shape.face_points))
         return Surface(shape, subsets)
 
-    def copies(self, prim: Usd.Prim, surface: Surface) -> Doubles | None:
+    def copies(self, prim: Usd.Prim, surface: Surface) -> Floats | None:
         """Return the placements (k, 4, 4) of a gprim's surface in its space, as in `Surface.copies`."""
         scale = self._shared_scale(prim)
         return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]

@@ -7,8 +7,9 @@ from typing import Any, get_args
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
-from lookdev.asset.mesh import BoundaryRule, FaceVaryingRule, Floats, Ints, Scheme, Subdivision, TriangleRule
-from lookdev.asset.shape import Doubles, Index, Shape
+from lookdev.arrays import Floats, Floats32, Indices, Ints32
+from lookdev.asset.mesh import BoundaryRule, FaceVaryingRule, Scheme, Subdivision, TriangleRule
+from lookdev.asset.shape import Shape
 from lookdev.asset.usd.attributes import check_range, read_array, read_token
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.errors import AssetError
@@ -20,7 +21,7 @@ _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices",
 
 
 def mesh_shape(
-    prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Doubles | None = None
+    prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Floats | None = None
 ) -> tuple[Shape, tuple[str, ...]]:
     """Return a mesh and the names of its GeomSubsets: part n of the shape is subset n, part 0 all other faces.
 
@@ -75,7 +76,7 @@ def _read_subdivision(
     return Subdivision(scheme, **rules)
 
 
-def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints32, Floats32]:
     """Return the edges (e, 2) of all creases, which are chains of points, and the sharpness (e,) of each edge."""
     indices = read_array(prim, "creaseIndices", time, np.intp)
     lengths = read_array(prim, "creaseLengths", time, np.intp)
@@ -103,7 +104,7 @@ def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple
     return edges.astype(np.int32), sharpness
 
 
-def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints32, Floats32]:
     indices, sharpness = (
         read_array(prim, "cornerIndices", time, np.intp),
         _read_sharpness(prim, "cornerSharpnesses", time),
@@ -117,14 +118,14 @@ def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple
     return indices.astype(np.int32), sharpness
 
 
-def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
+def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats32:
     values = read_array(prim, name, time, np.float32, bounded=False)  # inf is the largest sharpness
     if np.isnan(values).any():
         raise AssetError(f"{prim.GetPath()}: {name}[{int(np.argmax(np.isnan(values)))}] is not a number")
     return np.clip(values, 0.0, UsdGeom.Mesh.SHARPNESS_INFINITE)
 
 
-def _read_parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Index | None]:
+def _read_parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Indices | None]:
     """Return the names of the subsets with material bindings, and the number of each face's subset, from 1, or 0."""
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.GetAllChildrenNames() else []
     if not subsets:

@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from lookdev.asset.shape import Attribute, Doubles, Index, Shape
+from lookdev.arrays import Floats, Indices
+from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.usd.attributes import read_number, read_token
 
 _AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # positions by which the coordinates of a surface about z are rolled
@@ -91,7 +92,7 @@ def primitive_key(prim: Any, time: Any) -> tuple[Any, ...]:
     return type_name, axis, *(read_number(prim, name, time, 0.0) for name in _BUILDERS[type_name][1])
 
 
-def allotted_errors(radii: Doubles) -> Doubles:
+def allotted_errors(radii: Floats) -> Floats:
     """Return the relative error of each distinct curved surface of an asset, from their radii (k,) > 0 in world space.
 
     It is 1e-4. For more than about eighty surfaces the absolute error is the same for all, so that together they have
@@ -114,11 +115,11 @@ def _segment_count(error: float) -> int:
 class _Surface:
     """A mesh: points (n, 3), face_sizes (f,); face_points (m,), normals (m, 3) and st (m, 2) of the corners."""
 
-    points: Doubles
-    face_sizes: Index
-    face_points: Index
-    normals: Doubles
-    st: Doubles
+    points: Floats
+    face_sizes: Indices
+    face_points: Indices
+    normals: Floats
+    st: Floats
 
     @classmethod
     def empty(cls) -> _Surface:
@@ -143,7 +144,7 @@ def _make_plane(axis: str, segments: int, width: float, length: float) -> _Surfa
     return _make_rectangles(u[None], v[None], np.zeros((1, 3)))
 
 
-def _make_rectangles(u: Doubles, v: Doubles, centers: Doubles) -> _Surface:
+def _make_rectangles(u: Floats, v: Floats, centers: Floats) -> _Surface:
     """Return rectangles from vectors of half their sides (f, 3) and their centres (f, 3)."""
     st = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     s, t = (2.0 * st - 1.0).T[..., None]
@@ -160,9 +161,9 @@ class _Piece:
     v (k,) is a texture coordinate, None for a cap, which is mapped as a disc.
     """
 
-    points: Doubles
-    normals: Doubles
-    v: Doubles | None = None
+    points: Floats
+    normals: Floats
+    v: Floats | None = None
 
 
 def _make_frustum(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
@@ -217,7 +218,7 @@ def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
     azimuth = angle[np.arange(len(radius)) - np.repeat(starts, counts)]
     points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.repeat(rings[:, 1], counts)], axis=-1)
 
-    corners: list[list[Doubles]] = []
+    corners: list[list[Floats]] = []
     first = 0
     for piece in pieces:
         # Axes: strip between two rings, column, corner (lower, lower, upper, upper).

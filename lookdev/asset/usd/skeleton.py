@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdSkel
 
-from lookdev.asset.shape import Doubles
+from lookdev.arrays import Floats
 from lookdev.asset.usd.attributes import read_array, read_texts
 from lookdev.errors import AssetError
 from lookdev.stage import relationship_targets
@@ -22,7 +22,7 @@ class Pose:
     """The names of a skeleton's joints, and transforms (j, 4, 4) for row vectors from the bind pose to the pose."""
 
     names: tuple[str, ...]
-    transforms: Doubles
+    transforms: Floats
 
 
 class Skeletons:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
+from lookdev.arrays import Floats, Indices
 from lookdev.asset.normals import normalize_or
-from lookdev.asset.shape import Attribute, Doubles, Index
+from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
 from lookdev.asset.usd.skeleton import Pose, Skeletons
@@ -39,13 +40,13 @@ class _Influences:
     the gprim's space to that of the skeleton's bind pose.
     """
 
-    transforms: Doubles
-    indices: Index
-    weights: Doubles
-    bind: Doubles
+    transforms: Floats
+    indices: Indices
+    weights: Floats
+    bind: Floats
     method: str
 
-    def for_points(self, points: Index) -> tuple[Vt.IntArray, Vt.FloatArray, int]:
+    def for_points(self, points: Indices) -> tuple[Vt.IntArray, Vt.FloatArray, int]:
         """Return USD's arguments for points (m,), given by number: joint indices, weights and k."""
         rows = points if len(self.indices) > 1 else np.zeros_like(points)
         indices, weights = self.indices[rows].astype(np.int32), self.weights[rows].astype(np.float32)
@@ -69,12 +70,12 @@ class DeformedGprim:
     Instances with equal keys have equal points.
     """
 
-    points: Doubles
+    points: Floats
     space: Usd.Prim
     key: tuple[str, ...]
     _binding: _Binding
 
-    def normals(self, normals: Attribute, face_points: Index) -> Attribute | None:
+    def normals(self, normals: Attribute, face_points: Indices) -> Attribute | None:
         """Return authored normals, deformed with the points; None unless there is one for each point or corner.
 
         `face_points` (m,) are the points at a mesh's corners. As in USD, blend shapes do not change `faceVarying`
@@ -128,7 +129,7 @@ class Skinning:
         binding = self._binding(prim)
         return () if binding is None else binding.key
 
-    def deform(self, prim: Usd.Prim, rest: Doubles | None = None) -> DeformedGprim | None:
+    def deform(self, prim: Usd.Prim, rest: Floats | None = None) -> DeformedGprim | None:
         """Return the deformed gprim, or None if nothing deforms it.
 
         `rest` (n, 3) are points in the gprim's space and the stage's unit, by default those of the file. A gprim
@@ -259,7 +260,7 @@ def _read_influences(path: str, properties: dict[str, Any], pose: Pose, time: Us
     return _Influences(transforms, indices.reshape(-1, size), weights.reshape(-1, size), bind, method)
 
 
-def _skin_points(points: Doubles, influences: _Influences, path: str) -> Doubles:
+def _skin_points(points: Floats, influences: _Influences, path: str) -> Floats:
     if len(influences.indices) not in (1, len(points)):
         raise AssetError(f"{path}: has joints for {len(influences.indices)} points, but {len(points)} points")
     positions = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
@@ -269,7 +270,7 @@ def _skin_points(points: Doubles, influences: _Influences, path: str) -> Doubles
     return np.asarray(positions, np.float64).reshape(-1, 3)
 
 
-def _inverse_transposes(matrices: Doubles) -> Doubles:
+def _inverse_transposes(matrices: Floats) -> Floats:
     """Return the matrices (..., 3, 3) for normals of matrices (..., 4, 4) for row vectors, singular ones too."""
     x, y, z = np.moveaxis(matrices[..., :3, :3], -2, 0)
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from lookdev.asset.shape import Doubles
+from lookdev.arrays import Floats
 from lookdev.asset.usd.attributes import checked_array, read_array
 
 
-def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Doubles | None:
+def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
     """Return the points (n, 3) of a point-based prim at a time; None if it has no velocities.
 
     Velocities that do not fit the points of the sample before have no effect; USD warns about them. Raises AssetError

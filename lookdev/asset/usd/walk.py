@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from lookdev.asset.shape import LARGEST, Doubles
+from lookdev.arrays import Floats
+from lookdev.asset.shape import LARGEST
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token
 from lookdev.asset.usd.velocities import sample_time
 from lookdev.errors import AssetError
@@ -43,12 +44,12 @@ class PlacedGprim:
     """
 
     prim: Usd.Prim
-    transforms: Doubles
+    transforms: Floats
     origin: Usd.Prim | None
-    placed: Doubles
+    placed: Floats
 
 
-def is_affine(matrices: Doubles) -> Any:
+def is_affine(matrices: Floats) -> Any:
     """Return which matrices (..., 4, 4) for row vectors are bounded and affine: with 0 0 0 1 as last column."""
     is_bounded = (np.abs(matrices) <= LARGEST).all(axis=(-2, -1))
     return is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1)
@@ -99,7 +100,7 @@ class Walk:
         """Yield the visible gprims at and below a path; raises AssetError if an instancer contradicts itself."""
         yield from self._walk(self._stage.GetPrimAtPath(path), _SCENE, None, np.eye(4)[None], ())
 
-    def place_in_space(self, gprim: PlacedGprim, space: Usd.Prim, copies: Doubles | None = None) -> PlacedGprim:
+    def place_in_space(self, gprim: PlacedGprim, space: Usd.Prim, copies: Floats | None = None) -> PlacedGprim:
         """Return a gprim placed by the transform of the prim `space`, and by `copies` (k, 4, 4) in that space.
 
         Raises
@@ -123,7 +124,7 @@ class Walk:
         root: Usd.Prim,
         predicate: Any,
         origin: Usd.Prim | None,
-        placed: Doubles,
+        placed: Floats,
         outer_instancers: tuple[Sdf.Path, ...],
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below `root`.
@@ -172,7 +173,7 @@ class Walk:
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
                 self.missing_operations.setdefault(quote(name), []).append(prim)
 
-    def _matrix(self, prim: Usd.Prim, origin: Usd.Prim | None) -> Doubles:
+    def _matrix(self, prim: Usd.Prim, origin: Usd.Prim | None) -> Floats:
         """Return the matrix (4, 4) from a prim to `origin` or the stage; raises AssetError if USD cannot compute it."""
         try:
             if origin is None:
@@ -183,7 +184,7 @@ class Walk:
             raise AssetError(f"{path}: USD cannot compute the transform: {error_words(error)}") from error
 
     def _walk_instancer(
-        self, instancer: UsdGeom.PointInstancer, transforms: Doubles, outer_instancers: tuple[Sdf.Path, ...]
+        self, instancer: UsdGeom.PointInstancer, transforms: Floats, outer_instancers: tuple[Sdf.Path, ...]
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims of a point instancer's prototypes, with a placement for every visible instance."""
         path = instancer.GetPath()
@@ -225,7 +226,7 @@ class Walk:
             placements = self._place_copies(copies, transforms, path, f"instances of {target}")
             yield from self._walk(prototype, _PROTOTYPE, prototype, placements, (*outer_instancers, path))
 
-    def _place_copies(self, copies: Doubles, transforms: Doubles, path: Sdf.Path, noun: str) -> Doubles:
+    def _place_copies(self, copies: Floats, transforms: Floats, path: Sdf.Path, noun: str) -> Floats:
         """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of the spaces of transforms (j, 4, 4)."""
         count = len(copies) * len(transforms)
         self._placement_count += count

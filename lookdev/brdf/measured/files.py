@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.brdf.measured.grids import Anisotropic, Floats, Grid, Isotropic
+from lookdev.arrays import Floats
+from lookdev.brdf.measured.grids import Anisotropic, Grid, Isotropic
 from lookdev.errors import ModelError
 
 MERL_SIZE = (90, 90, 180)
@@ -103,13 +103,13 @@ def _read_samples(file: Path, dtype: np.dtype[Any], offset: int, shape: tuple[in
     return np.moveaxis(np.maximum(stored, 0.0), 0, -1).copy()
 
 
-def write_merl(file: Path, f: NDArray[np.float64]) -> None:
+def write_merl(file: Path, f: Floats) -> None:
     """Write samples (90, 90, 180, 3), in 1/sr, as a MERL binary."""
     stored = np.moveaxis(f / MERL_SCALES, -1, 0).astype("<f8")
     file.write_bytes(np.array(MERL_SIZE, "<i4").tobytes() + stored.tobytes())
 
 
-def write_anisotropic(file: Path, f: NDArray[np.float64], *, half: bool = False) -> None:
+def write_anisotropic(file: Path, f: Floats, *, half: bool = False) -> None:
     """Write samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, as a file of Ngan et al."""
     head = np.array([*f.shape[:4], 0, 0, 1, 0, 0, int(half), 3, 0, 0, 0, 0, 0], "<i4")
     file.write_bytes(head.tobytes() + np.moveaxis(f, -1, 0).astype("<f4").tobytes())

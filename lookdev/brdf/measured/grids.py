@@ -24,7 +24,6 @@ from lookdev.brdf.lobes import Directions
 from lookdev.brdf.table import Table, look_up
 from lookdev.brdf.vectors import TINY, Array, dot, scale
 
-Floats = NDArray[np.float64]
 Corner: TypeAlias = tuple[Array, Any]
 """The index of a sample, and its weight, (...)."""
 

@@ -22,10 +22,10 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, Floats, Grid, arc_tangent
+from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, Grid, arc_tangent
 from lookdev.brdf.microfacet import sample_cosine
 from lookdev.brdf.mixture import BELOW_ONE
 from lookdev.brdf.table import Table, look_up
@@ -238,7 +238,7 @@ def _evaluate_views(grid: Grid, views: Sequence[Floats], wm: Floats) -> tuple[Fl
     return f, weight
 
 
-def _cumulative(shares: NDArray[np.float64]) -> Floats:
+def _cumulative(shares: Floats) -> Floats:
     """Return the cumulative distribution (n, cells + 1) of rows of shares; uniform for a row of zeros."""
     total = shares.sum(axis=-1, keepdims=True)
     even = np.where(total > 0.0, shares / np.where(total > 0.0, total, 1.0), 1.0 / shares.shape[-1])

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.measured.files import MERL_SIZE, write_anisotropic, write_merl
-from lookdev.brdf.measured.grids import HALF_PI, Floats, Isotropic
+from lookdev.brdf.measured.grids import HALF_PI, Isotropic
 from lookdev.brdf.mixture import evaluate
 from lookdev.brdf.vectors import normalize
 

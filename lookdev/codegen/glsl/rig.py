@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.codegen.glsl.functions import function_text
 from lookdev.codegen.program.lamps import (
     Functions,
@@ -97,10 +97,10 @@ class RigFunctions:
     """
 
     text: str
-    numbers: NDArray[np.float32]
+    numbers: Floats32
     domes: tuple[Dome | None, ...]
     pictures: tuple[RectLight, ...] = ()
-    tables: NDArray[np.float32] | None = None
+    tables: Floats32 | None = None
     split: bool = False
     plain: bool = True
 

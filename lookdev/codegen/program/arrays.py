@@ -14,8 +14,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table, look_up
@@ -24,8 +24,6 @@ from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
-
-Floats = NDArray[np.float64]
 
 PART = 4096
 """Pairs of directions at once: an array of 4096 numbers has 32 KiB, so that a program's arrays stay in a cache."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from lookdev.build.scenes import job_scenes
@@ -25,8 +24,6 @@ from lookdev.material.library.constants import check_writable, write_changed
 from lookdev.material.library.edit import check_suffix
 from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _PAGE_PIXELS = 1 << 18
 _PAGE_SAMPLES = 1 << 19

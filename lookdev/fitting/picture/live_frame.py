@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError, WorkerError, nearest_hint
 from lookdev.fitting.picture import Unknown
 from lookdev.job import Job, JobTurntable
@@ -27,8 +27,6 @@ from lookdev.rendering.slopes import SlopeTask, live_inputs
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import Worker, last_line
 from lookdev.scene import Pose, Scene
-
-Floats = NDArray[np.float64]
 
 BACKEND = "mitsuba"
 

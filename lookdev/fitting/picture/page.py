@@ -10,14 +10,12 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Bools, Bytes, Floats
 from lookdev.cache import atomic_path
 from lookdev.fitting.picture.search import Found, Point
 from lookdev.output.color import VIEWS
 from lookdev.output.display import to_display
-
-Floats = NDArray[np.float64]
 
 _MOST_NOISE = 4.0
 """Standard errors at which the colour scale of differences ends."""
@@ -58,7 +56,7 @@ class Pictures:
     after: Floats
     noise_before: Floats
     noise_after: Floats
-    used: NDArray[np.bool_]
+    used: Bools
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,7 @@ def _warnings(result: Found) -> Iterator[str]:
         yield "Another start ended elsewhere at about the same loss: the result may be one of several."
 
 
-def _figure(caption: str, pixels: NDArray[np.uint8]) -> str:
+def _figure(caption: str, pixels: Bytes) -> str:
     from matplotlib.image import imsave
 
     stream = BytesIO()
@@ -168,7 +166,7 @@ def _replace_non_finite(picture: Floats) -> Floats:
     return np.where(np.isfinite(picture), picture, 0.0)
 
 
-def _color_difference(difference: Floats, used: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _color_difference(difference: Floats, used: Bools) -> Bytes:
     from matplotlib import colormaps
 
     codes = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * difference / _MOST_NOISE, 0.0, 1.0))[..., :3]

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.images import open_image, whole_image
-
-Floats = NDArray[np.float64]
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """x and y of red, green, blue and white, which an EXR without ``chromaticities`` has."""

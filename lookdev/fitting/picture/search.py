@@ -13,17 +13,15 @@ from dataclasses import dataclass, field
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky, eigh, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture.target import Target
 from lookdev.fitting.picture.unknowns import Unknown
-
-Floats = NDArray[np.float64]
 
 Render = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
 """Function of the values of the look's unknowns by name, whether to derive, the samples and the seeds.

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture.photo import Photo
-
-Floats = NDArray[np.float64]
 
 _RELATIVE = 0.02
 """The least error of a pixel, relative to its brightness: it keeps few pixels from outweighing all others."""

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
 from lookdev.material import Look
 from lookdev.material.change import Constant, constant_named
-
-Floats = NDArray[np.float64]
 
 _LOGARITHMIC_END = 100.0
 """Numbers whose slider ends here or higher, such as exponents, are searched as the logarithm of 1 plus them."""

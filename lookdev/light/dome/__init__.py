@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Ints32
 from lookdev.cache import Content, cached_files, load_cached_files
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
@@ -33,8 +33,6 @@ from lookdev.light.dome.warp import BilinearWarp, lookup_towards
 from lookdev.light.emission import WHITE, Color, Emission
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.space import Space
-
-Floats = NDArray[np.float64]
 
 TABLE_VERSION = 4
 """Part of the digest. Raise it with any change to the content of the tables."""
@@ -174,7 +172,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     def write_radiance() -> tuple[Content, ...]:
         return (Content.written(".exr", lambda path: write_exr(path, "RGB", env.radiance)),)
 
-    def write_table(table: NDArray[np.int32] | NDArray[np.float32]) -> Content:
+    def write_table(table: Ints32 | Floats32) -> Content:
         data = io.BytesIO()
         np.save(data, table)
         return Content.holding(data.getvalue(), ".npy")

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.images import check_size, open_image, whole_image
 from lookdev.space import Space, to_space
@@ -24,7 +25,6 @@ from lookdev.space import Space, to_space
 if TYPE_CHECKING:
     import OpenImageIO as oiio
 
-Floats = NDArray[np.float32]
 
 BUILTIN_LIGHTS: tuple[str, ...] = (
     "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white",
@@ -64,7 +64,7 @@ class EnvironmentMap:
     """
 
     name: str
-    radiance: Floats
+    radiance: Floats32
     repairs: Repairs
     digest: str
     where: str
@@ -90,9 +90,7 @@ def check_exposed(peak: float, exposure: float, where: str) -> None:
         )
 
 
-def map_in_space(
-    radiance: NDArray[np.float64], color: tuple[float, float, float], digest: str, space: Space
-) -> EnvironmentMap:
+def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: str, space: Space) -> EnvironmentMap:
     """Return a map (H, W, 3) of linear Rec.709 times a colour, in a space; its digest is that of the arguments."""
     name = hashlib.sha256(f"{digest} {color!r} {space}".encode()).hexdigest()
     pixels = to_space(radiance * np.array(color), space).astype(np.float32)
@@ -132,7 +130,7 @@ def builtin_file(name: str) -> Path:
     raise EnvironmentMapError(f"built-in light '{name}' comes with Blender's bpy wheel: {where}")
 
 
-def read_pixels(file: Path) -> Floats:
+def read_pixels(file: Path) -> Floats32:
     """Read R, G, B (or Y alone, for a grey map) from the first part that has them."""
     kinds = {".exr": "openexr", ".hdr": "hdr"}
     if file.suffix.lower() not in kinds:
@@ -160,7 +158,7 @@ def _color_channels(names: Sequence[str]) -> tuple[str, ...]:
     return ("Y", "Y", "Y") if "Y" in names and "RY" not in names else ()
 
 
-def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) -> Floats:
+def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) -> Floats32:
     spec = image.spec()
     if (spec.x, spec.y, spec.width, spec.height) != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
         raise EnvironmentMapError(f"{file}: data and display window differ; save the map uncropped")
@@ -171,7 +169,7 @@ def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) 
     return pixels if order == list(range(pixels.shape[-1])) else np.ascontiguousarray(pixels[..., order])
 
 
-def _orient(pixels: Floats, file: Path) -> Floats:
+def _orient(pixels: Floats32, file: Path) -> Floats32:
     """Return an image with rows from the top and columns from the left; an HDR may be flipped or transposed."""
     if file.suffix.lower() != ".hdr":
         return pixels
@@ -202,13 +200,13 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
     return environment
 
 
-def _digest(radiance: Floats) -> str:
+def _digest(radiance: Floats32) -> str:
     digest = hashlib.sha256(repr(radiance.shape).encode())
     digest.update(radiance.data)
     return digest.hexdigest()
 
 
-def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
+def _repair(pixels: Floats32, where: str) -> tuple[Floats32, Repairs]:
     if 0.0 <= pixels.min() <= pixels.max() < np.inf:  # false if a value is NaN
         return np.ascontiguousarray(pixels), Repairs()
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0.0
@@ -216,17 +214,17 @@ def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
     finite = np.isfinite(pixels)
     if not finite.any():
         raise EnvironmentMapError(f"{where}: no finite value in the whole map; export it again as float or half EXR")
-    radiance: Floats = np.where(negative, np.float32(0.0), pixels)
+    radiance: Floats32 = np.where(negative, np.float32(0.0), pixels)
     radiance[infinite] = np.max(pixels, where=finite, initial=0.0)
     if nan.any():
         radiance[nan] = _neighbour_mean(radiance, nan)[nan]
     return np.ascontiguousarray(radiance), repairs
 
 
-def _neighbour_mean(radiance: Floats, nan: NDArray[np.bool_]) -> Floats:
+def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
     """Return the mean of the 3 x 3 texels around each that are not NaN, periodic in u and clamped in v."""
 
-    def sum_of_neighbours(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sum_of_neighbours(values: Floats) -> Floats:
         # SciPy is imported here for the reason that `lookdev.metrics` states.
         from scipy.ndimage import convolve1d
 

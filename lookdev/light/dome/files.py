@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cache import from_memory
 from lookdev.errors import EnvironmentMapError
 
 _TILE_SIDE = 4096
 
 
-def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compressed: bool = True) -> None:
+def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool = True) -> None:
     """Write an image (H, W, C) as an EXR of a single tile.
 
     Blender 4.5 evaluates texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64. A
@@ -30,7 +30,7 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compres
         exr.write(name)
 
 
-def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
+def read_exr(path: Path, channels: str) -> Floats32:
     """Read an image (H, W, C) of some channels; raise EnvironmentMapError if that fails."""
     try:
         with OpenEXR.File(str(path), separate_channels=True) as exr:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.base import Light
@@ -21,8 +21,6 @@ from lookdev.light.dome import Dome, example_dome
 from lookdev.light.emission import Emission, check_number, smooth_step
 from lookdev.light.placement import Axes, Vector, vector
 from lookdev.space import Space
-
-Floats = NDArray[np.float64]
 
 _VERSION = 1
 

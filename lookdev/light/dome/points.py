@@ -12,12 +12,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.light.dome.warp import BilinearWarp, coordinates_to_directions, lookup
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SIDE = 1024
 """The side of the grid of random numbers, and of the file; the number of points, N, is its square."""
@@ -30,7 +27,7 @@ SOBOL_SEED = 20120808
 _PART = 2**15  # points drawn at once
 
 
-def draw_points(table: Floats, warp: BilinearWarp, side: int) -> tuple[NDArray[np.float32], Floats]:
+def draw_points(table: Floats, warp: BilinearWarp, side: int) -> tuple[Floats32, Floats]:
     """Return ``side^2`` random points of a map: the pixels (side^2, 4) of the file, and the unit directions.
 
     Parameters

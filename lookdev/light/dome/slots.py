@@ -20,12 +20,9 @@ from __future__ import annotations
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Ints, Ints32
 from lookdev.light.dome import bins
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SLOTS = 2**12
 """The number of slots of each bin, M."""
@@ -41,7 +38,7 @@ _MOST_TIMES = 2**CODE_BITS - MOST_POINTS
 _FEW_POINTS = 2300
 
 
-def cut_slots(directions: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
     """Cut the curve of the points into the slots of each bin; return the content of both files.
 
     Parameters
@@ -74,7 +71,7 @@ def cut_slots(directions: Floats, integral: float) -> tuple[NDArray[np.int32], N
     return slots, numbers
 
 
-def pack_ranges(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
+def pack_ranges(first: Ints, count: Ints, times: Ints) -> Ints32:
     """Pack ranges of `cut` into integers: 20 bits for the first point, 12 for a code.
 
     A code up to `MOST_POINTS` is the count of points. A greater code stands for a single point that fills
@@ -86,7 +83,7 @@ def pack_ranges(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
     return np.where(repetition < _MOST_TIMES, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
 
 
-def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
+def cut(values: Floats | Floats32, number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
     """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
 
     Values below `least` count as `least`, which limits the length of a range. A range ends where the values are zero

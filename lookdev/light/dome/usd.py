@@ -6,16 +6,14 @@ from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.light.base import Light, LightKind
 from lookdev.light.dome import Dome, example_dome, prepare_light
 from lookdev.light.dome.environment import EnvironmentMap, load_environment
 from lookdev.light.dome.local import LocalDome, example_local_dome
 from lookdev.light.placement import checked_axes
 from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
-
-Floats = NDArray[np.float64]
 
 DOME_Y: Floats = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 DOME_Z: Floats = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

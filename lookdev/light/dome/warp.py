@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lookdev.arrays import Floats, Ints
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _NEWTON = 3  # steps; the first guess neglects the curvature of the sine over a row, a step squares the relative error
 

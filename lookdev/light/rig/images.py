@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32
 from lookdev.cache import Content, cached_files
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import open_image, whole_image
@@ -24,8 +24,6 @@ from lookdev.light.dome.usd import BALLS
 from lookdev.light.mapping import uv_to_direction
 from lookdev.light.picture import look_up
 from lookdev.stage.colorspaces import to_linear_rec709
-
-Floats = NDArray[np.float64]
 
 LINEAR = (".exr", ".hdr")
 """Suffixes of files with linear values; other files are sRGB unless a colour space is stated."""
@@ -142,7 +140,7 @@ def ball_point(direction: Floats, kind: str) -> Floats:
     return np.stack([scale * x, scale * y], axis=-1)
 
 
-def ball_power(radiance: NDArray[np.float32], kind: str) -> float:
+def ball_power(radiance: Floats32, kind: str) -> float:
     """Return the integral of the mean channel of a ball (N, N, 3) over the sphere."""
     count = len(radiance)
     middles = (np.arange(count) + 0.5) * 2.0 / count - 1.0
@@ -155,7 +153,7 @@ def ball_power(radiance: NDArray[np.float32], kind: str) -> float:
     return float((radiance.mean(axis=-1, dtype=np.float64) * solid).sum())
 
 
-def _power(radiance: NDArray[np.float32]) -> float:
+def _power(radiance: Floats32) -> float:
     rows = len(radiance)
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
     return float((radiance.mean(axis=(1, 2), dtype=np.float64) * -np.diff(edges)).sum() * 2.0 * np.pi)

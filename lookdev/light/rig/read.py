@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom, Vt
 
+from lookdev.arrays import Floats
 from lookdev.errors import Fault, RigError
 from lookdev.light.base import Light
 from lookdev.light.dome.environment import GREATEST_PEAK, LEAST_PEAK
@@ -24,8 +24,6 @@ from lookdev.light.rig.report import RigReport
 from lookdev.light.usd import LightShape, PlacedPrim
 from lookdev.stage import Composed, Composition, compose, error_words, quote, units, usd_errors_as_faults
 from lookdev.stage.units import Z_UP
-
-Floats = NDArray[np.float64]
 
 _SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
 _FARTHEST = 1e15  # units of the stage, in a matrix

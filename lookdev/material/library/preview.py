@@ -15,9 +15,9 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.brdf.parameters import add_followers, expand_tokens
 from lookdev.errors import Fault, LookError
@@ -26,8 +26,6 @@ from lookdev.material.look import Layer, Primvar, Texture
 from lookdev.material.textures import image_slopes, image_texels
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import Values, presence
-
-Value = NDArray[np.float64]
 
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
@@ -44,30 +42,30 @@ class _Grid:
     Each point has another view, from the distribution of views over the image of a sphere.
     """
 
-    st: Value = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
+    st: Floats = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
 
-    def uv(self, name: str) -> Value:
+    def uv(self, name: str) -> Floats:
         return self.st
 
-    def texels(self, texture: Texture) -> Value:
+    def texels(self, texture: Texture) -> Floats:
         return image_texels(texture, self.st)
 
-    def slopes(self, height: Texture) -> Value:
+    def slopes(self, height: Texture) -> Floats:
         return image_slopes(height, self.st)
 
-    def primvar(self, primvar: Primvar) -> Value:
+    def primvar(self, primvar: Primvar) -> Floats:
         return np.asarray(primvar.fallback, np.float64)
 
-    def handedness(self) -> Value:
+    def handedness(self) -> Floats:
         return np.ones(())
 
-    def view(self) -> Value:
+    def view(self) -> Floats:
         # Squared cosines are uniform over the disc. 387 / 1024 is near the golden section: they are even over st too.
-        squares: Value = (np.arange(1024) * 387 % 1024 + 0.5) / 1024
+        squares: Floats = (np.arange(1024) * 387 % 1024 + 0.5) / 1024
         return np.asarray(np.sqrt(squares).reshape(32, 32))
 
 
-def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:
+def preview_values(layers: Sequence[Layer]) -> dict[str, Floats]:
     """Return the inputs of the UsdPreviewSurface that approximates a stack, base first: floats () and colours (3,)."""
     values = _map_layer(layers[0])
     values["opacity"] = values["opacity"] * _coverage(layers[0])
@@ -163,7 +161,7 @@ def _mean_parameters(layer: Layer) -> dict[str, Any]:
     return means | model.tokens({name: value for name, value in inputs.items() if isinstance(value, str)})
 
 
-def _map_layer(layer: Layer) -> dict[str, Value]:
+def _map_layer(layer: Layer) -> dict[str, Floats]:
     """Return the inputs of the UsdPreviewSurface that approximates one layer."""
     parameters, preview = _mean_parameters(layer), MODELS[layer.model].preview
     same = {name: parameters[parameter] for name, parameter in preview.same.items()}
@@ -172,17 +170,17 @@ def _map_layer(layer: Layer) -> dict[str, Value]:
     return _DEFAULTS | same | derived
 
 
-def _mean_value(value: Any, parameter: Parameter) -> Value:
+def _mean_value(value: Any, parameter: Parameter) -> Floats:
     values = np.asarray(Values(_Grid()).of(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
 
-def _ior_of_f0(f0: Value) -> Value:
+def _ior_of_f0(f0: Floats) -> Floats:
     root = sqrt(min(float(f0), _LARGEST_F0))
     return np.asarray((1.0 + root) / (1.0 - root))
 
 
-def _tint_by_coat(beneath: Mapping[str, Value], coat: Mapping[str, Value]) -> dict[str, Any]:
+def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Any]:
     return {
         **beneath,
         "diffuseColor": beneath["diffuseColor"] * coat["diffuseColor"],

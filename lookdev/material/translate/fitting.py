@@ -22,10 +22,11 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
+from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import ONE, disney_lobe
 from lookdev.material.translate.lobes import DATA, WHITE_EDGE
 

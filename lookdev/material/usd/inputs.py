@@ -6,9 +6,9 @@ from math import cos, inf, radians, sin
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
 from lookdev.errors import ModelError, TextureError, nearest_hint
 from lookdev.material.definitions import USD_TYPES
@@ -329,7 +329,7 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> t
         path = f"{source.path}.inputs:in"
 
 
-def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> NDArray[np.float64]:
+def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> Floats:
     """Return UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
     (x, y), (dx, dy), c, s = scale, translation, cos(radians(rotation)), sin(radians(rotation))
     return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])

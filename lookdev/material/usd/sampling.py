@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf
 
+from lookdev.arrays import Floats
 from lookdev.errors import Fault, TextureError
 from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap
 from lookdev.material.textures import image_header, resolve_texture, udim_tiles
@@ -191,18 +191,16 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     return cos(radians(degrees)), sin(radians(degrees))
 
 
-def _check_nonzero(node: Node, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def _check_nonzero(node: Node, scale: Floats) -> Floats:
     if not np.all(np.abs(scale) > 1e-18):
         raise NotCarriedError("has a scale of 0, which divides the texture coordinates")
     return scale
 
 
-def _placement_matrix(
-    pivot: NDArray[np.float64], scale: NDArray[np.float64], degrees: float, offset: NDArray[np.float64], order: str
-) -> NDArray[np.float64]:
+def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floats, order: str) -> Floats:
     """Return the matrix (3, 3) of place2d."""
 
-    def shift(translation: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shift(translation: Floats) -> Floats:
         return np.array([[1.0, 0.0, translation[0]], [0.0, 1.0, translation[1]], [0.0, 0.0, 1.0]])
 
     c, s = _cos_sin(-degrees)
@@ -215,7 +213,7 @@ def _placement_matrix(
     return np.asarray(shift(pivot - offset) @ rotation @ scaling @ shift(-pivot))
 
 
-def _transform_coordinates(node: Node, name: str, matrix: NDArray[np.float64]) -> Term:
+def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
     attribute = node.attribute(name)
     term = node.reader.read_term(attribute, 2) if attribute else None
     if term is None:
@@ -236,11 +234,11 @@ def _transform_coordinates(node: Node, name: str, matrix: NDArray[np.float64]) -
     return node.terms.join_channels(*rows)
 
 
-def _to_square_matrix(transform: Transform) -> NDArray[np.float64]:
+def _to_square_matrix(transform: Transform) -> Floats:
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
 
 
-def _to_transform(matrix: NDArray[np.float64]) -> Transform:
+def _to_transform(matrix: Floats) -> Transform:
     a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
     return a, b, c, d, e, f
 
@@ -269,7 +267,7 @@ def _read_address_mode(node: Node, name: str) -> _WrapMode:
     return _ADDRESS_MODES[node.read_text(name, "periodic", list(_ADDRESS_MODES))]
 
 
-def _read_image_node(node: Node, matrix: NDArray[np.float64], wraps: list[_WrapMode], width: int = 0) -> Term:
+def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> Term:
     """Return the value of an image node of MaterialX; `matrix` transforms its texture coordinates."""
     width = width or node.width
     file = _read_file(node, "default", width)

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
+from lookdev.arrays import Bytes
 from lookdev.cache import atomic_path, file_digest, from_memory
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
-from lookdev.output.display import Pixels as Shown
 from lookdev.output.display import composite, to_display
 from lookdev.output.frame_name import FrameName
 from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
@@ -268,7 +268,7 @@ def _turns(reel: Reel) -> str:
     return "lighting" if len(element) == 1 and len(lighting) > 1 else "element"
 
 
-def _sprites(pictures: Sequence[Path], columns: int) -> Shown:
+def _sprites(pictures: Sequence[Path], columns: int) -> Bytes:
     """Return small pictures in rows, black where there is none; a cell has the size of the first."""
     small = [_shrunk(picture) for picture in pictures]
     height, width = small[0].shape[:2]
@@ -280,7 +280,7 @@ def _sprites(pictures: Sequence[Path], columns: int) -> Shown:
     return page
 
 
-def _shrunk(picture: Path) -> Shown:
+def _shrunk(picture: Path) -> Bytes:
     image = oiio.ImageBuf(str(picture))
     spec = image.spec()
     scale = min(1.0, THUMBNAIL / max(spec.width, spec.height))
@@ -291,7 +291,7 @@ def _shrunk(picture: Path) -> Shown:
     return np.asarray(small.get_pixels(oiio.UINT8), np.uint8)
 
 
-def _write_jpeg(path: Path, pixels: Shown) -> None:
+def _write_jpeg(path: Path, pixels: Bytes) -> None:
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     spec.attribute("Compression", f"jpeg:{_QUALITY}")

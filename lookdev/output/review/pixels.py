@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cache import atomic_path
 from lookdev.metrics import pooled_error
 from lookdev.output.display import laid_over
 from lookdev.output.exr import read_layer, read_shown, space_of
 from lookdev.space import REC709, error_in_rec709
-
-Floats = NDArray[np.float32]
 
 PLANES = "RGBAE"
 """Of a script: colour, alpha, and the standard error of the colour where it is known."""
@@ -30,9 +28,9 @@ _LARGEST = float(np.finfo(np.float16).max)
 class Pixels:
     """Premultiplied linear Rec.709 (H, W, 3), alpha (H, W), and the error of the colour (H, W); None: not known."""
 
-    beauty: Floats
-    alpha: Floats
-    error: Floats | None
+    beauty: Floats32
+    alpha: Floats32
+    error: Floats32 | None
 
 
 def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
@@ -49,7 +47,7 @@ def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
     return Pixels(_rounded(beauty), _rounded(alpha), None if error is None else _rounded(error))
 
 
-def _error(frame: Path) -> Floats | None:
+def _error(frame: Path) -> Floats32 | None:
     """Return the pooled error of a frame that was read, (H, W), in linear Rec.709; None where it is not known."""
     error, space = read_layer(frame, "error"), space_of(frame)
     if error is None:
@@ -72,6 +70,6 @@ def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
         temporary.write_text(f"review.put({json.dumps(name)}, {json.dumps(entry)});\n", encoding="ascii")
 
 
-def _rounded(values: Floats) -> Floats:
+def _rounded(values: Floats32) -> Floats32:
     """Return the half floats nearest to values, those beyond their range at its end."""
     return np.clip(values, -_LARGEST, _LARGEST).astype(np.float16).astype(np.float32)

@@ -15,9 +15,8 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from lookdev.arrays import Floats
 
 PATCHES: dict[str, tuple[float, float, float]] = {
     "dark skin": (37.54, 14.37, 14.92),

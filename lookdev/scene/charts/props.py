@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import Literal, Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.errors import AssetError
@@ -27,7 +27,6 @@ from lookdev.scene.linking import link_lights
 from lookdev.scene.scene import Film, Scene
 from lookdev.space import REC709, Space
 
-Floats = NDArray[np.float64]
 Place = Literal["bottom", "top", "left", "right"]
 
 PLACES: tuple[Place, ...] = ("bottom", "top", "left", "right")

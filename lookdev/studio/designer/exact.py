@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.errors import LookdevError, RenderError, WorkerError
 from lookdev.metrics import relmse_of_halves
 from lookdev.rendering.backends import BACKENDS
@@ -28,8 +29,6 @@ from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 from lookdev.studio.talk import Cancelled, Ticket
-
-Floats = NDArray[np.float64]
 
 LONGEST_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""

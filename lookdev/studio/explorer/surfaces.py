@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Model, StackLayer
 from lookdev.brdf.vectors import are_equal
 from lookdev.codegen.program.arrays import Compiled, compile_layers
@@ -20,7 +21,7 @@ from lookdev.errors import LookdevError
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.plotting import Options, Subject, kind_named, read_subject
-from lookdev.plotting.angles import Floats, Values
+from lookdev.plotting.angles import Values
 from lookdev.plotting.subject import LOOK, read_parameters, split_label
 from lookdev.studio.roots import Roots
 

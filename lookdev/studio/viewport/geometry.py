@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32, Records
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -47,8 +48,8 @@ class Corners:
     the last vertex of a triangle has the triangle's number, which shaders of WebGL cannot read in another way.
     """
 
-    texels: NDArray[np.float32]
-    vertices: NDArray[np.void]
+    texels: Floats32
+    vertices: Records
     indices: NDArray[np.uint32]
     stride: int
     ranges: tuple[Range, ...]
@@ -123,7 +124,7 @@ def corners_of(
     return Corners(texels, vertices, indices, stride, ranges, locations, len(corner_texels), hierarchy.nodes)
 
 
-def _number_vertices(positions: NDArray[np.float32]) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
+def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     """Return vertices and indices of triangles (t, 3, 3), in which the last vertex of a triangle has its number.
 
     A vertex has the number of one triangle. A triangle whose three vertices have numbers of other triangles gets a new

@@ -13,10 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
-Ints = NDArray[np.int64]
+from lookdev.arrays import Floats32, Ints
 
 MOST_TEXELS_EACH = 5
 """Most texels for a triangle: three for itself, and two nodes."""
@@ -40,8 +38,8 @@ class _Tree:
     construction made the nodes from ``steps[k]`` up to, without, ``steps[k + 1]``. The last node is the root.
     """
 
-    low: Floats
-    high: Floats
+    low: Floats32
+    high: Floats32
     children: Ints
     steps: list[int]
 
@@ -65,11 +63,11 @@ class Hierarchy:
     a leaf. float32 has all these numbers exactly, up to 2^24.
     """
 
-    texels: Floats
+    texels: Floats32
     nodes: int
 
     @classmethod
-    def of(cls, corners: Floats, slots: Floats) -> Hierarchy:
+    def of(cls, corners: Floats32, slots: Floats32) -> Hierarchy:
         """Return the hierarchy of one or more triangles (t, 3, 3), whose slots are (t,)."""
         tree = _cluster_boxes(corners)
         order, indices, sizes, first = _lay_out(tree)
@@ -98,7 +96,7 @@ class Hierarchy:
         return cls(texels, nodes)
 
 
-def _cluster_boxes(corners: Floats) -> _Tree:
+def _cluster_boxes(corners: Floats32) -> _Tree:
     """Build the tree of triangles (t, 3, 3): each step joins mutual nearest neighbours, by the joint area."""
     count = len(corners)
     low, high = np.empty((2, 3, 2 * count - 1), np.float32)
@@ -163,13 +161,13 @@ def _lay_out(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
     return order, indices, sizes, first
 
 
-def _area(low: Floats, high: Floats) -> Floats:
+def _area(low: Floats32, high: Floats32) -> Floats32:
     """Return half the area (n,) of boxes (3, n)."""
     x, y, z = high - low
     return np.asarray(x * y + y * z + z * x)
 
 
-def _curve(positions: Floats) -> Ints:
+def _curve(positions: Floats32) -> Ints:
     """Return the numbers (n,) of positions (3, n) along the Morton curve."""
     low = positions.min(axis=1, keepdims=True)
     extent = max(float((positions - low).max()), np.finfo(np.float32).tiny)

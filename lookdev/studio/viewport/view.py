@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
@@ -129,7 +130,7 @@ def view_scene(
     return SceneView(data, buffers.content)
 
 
-def light_rows(scene: Scene) -> NDArray[np.float32]:
+def light_rows(scene: Scene) -> Floats32:
     """Return the numbers of a scene's lights: the beginning of the texture ``rig_numbers``.
 
     A change of a light's radiance changes these numbers, and no shader.
@@ -203,7 +204,7 @@ def _dome(dome: Dome) -> Mapping[str, NDArray[Any]]:
     }
 
 
-def _colors(file: Content) -> NDArray[np.float32]:
+def _colors(file: Content) -> Floats32:
     """Return an image of R, G, B as texels of four channels."""
     colors = read_exr(file.path, "RGB")
     return np.concatenate([colors, np.zeros_like(colors[..., :1])], axis=-1)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.subdivision.batch import join_cages
 from lookdev.asset.subdivision.cage import build_cage
@@ -45,7 +45,7 @@ def with_rules(mesh: Mesh, **rules: Any) -> Mesh:
     return replace(mesh, subdivision=replace(mesh.subdivision, **rules))
 
 
-def cage_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def cage_corners(mesh: Mesh, refine: Any, level: int) -> tuple[Indices, Indices]:
     """Return the corners of a cage that are shown, and the corner that each has become in the refined mesh.
 
     A face's children come in the order of its corners, each from its own corner on; of triangles a fourth follows.
@@ -61,7 +61,7 @@ def cage_corners(mesh: Mesh, refine: Any, level: int) -> tuple[NDArray[np.intp],
     return corners, children
 
 
-def limits(mesh: Mesh, level: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def limits(mesh: Mesh, level: int) -> tuple[Floats, Floats32]:
     """Return limit positions and normals (m, 3) at all corners, normals zero where there is no tangent plane."""
     assert mesh.subdivision is not None
     control, rules = join_cages([mesh]), mask_rules(mesh.subdivision)
@@ -77,14 +77,14 @@ CUBE_FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 
 CUBE_TRIANGLES = [[face[i] for i in three] for face in CUBE_FACES for three in ((0, 1, 2), (0, 2, 3))]
 
 
-def bend(points: Any, amount: float = 0.3) -> NDArray[np.float64]:
+def bend(points: Any, amount: float = 0.3) -> Floats:
     """Return points moved by a few waves, so that nothing is symmetric."""
     p = np.asarray(points, np.float64)
     phase = np.arange(len(p))[:, None] * [1.7, 2.3, 3.1] + [0.4, 1.1, 2.0]
     return np.asarray(p + amount * np.sin(phase))
 
 
-def lattice(columns: int, rows: int) -> tuple[NDArray[np.float64], list[list[int]]]:
+def lattice(columns: int, rows: int) -> tuple[Floats, list[list[int]]]:
     """Return points and quads of a plane grid of unit squares, facing up."""
     points = np.array([[i, j, 0.0] for i in range(columns + 1) for j in range(rows + 1)])
     faces = [[a := i * (rows + 1) + j, a + rows + 1, a + rows + 2, a + 1] for i in range(columns) for j in range(rows)]
@@ -113,7 +113,7 @@ def _grid(columns: int = 3, rows: int = 3, **rules: Any) -> Mesh:
     return cage(bend(points), faces, **rules)
 
 
-def _mixed() -> tuple[NDArray[np.float64], list[list[int]]]:
+def _mixed() -> tuple[Floats, list[list[int]]]:
     """Return a patch of a pentagon, triangles and quads around a triangle."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 0], [1, -2, 0], [3, 1, 0], [-1, 1, 0], [3, -1, 0], [2, 3, 0], [0, 3, 0]]
     return bend(points), [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [3, 6, 1], [6, 4, 1], [2, 4, 7], [2, 7, 8, 5]]

@@ -19,8 +19,8 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf import StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions
@@ -29,7 +29,6 @@ from lookdev.brdf.parameters import complete
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.material.translate import TRANSLATIONS, translate_layer
 
-Floats = NDArray[np.float64]
 Fresnel = Callable[[Floats], Floats]
 """From cosines (n,) to reflectances (n, 3)."""
 

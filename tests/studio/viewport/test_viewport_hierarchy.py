@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.studio.viewport.geometry import corners_of
 from lookdev.studio.viewport.hierarchy import FIRST_BITS, Hierarchy
-
-Floats = NDArray[np.float64]
 
 
 def walk(hierarchy: Hierarchy, start: Floats, w: Floats) -> tuple[list[int], int]:

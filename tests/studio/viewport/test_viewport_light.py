@@ -14,9 +14,9 @@ from chromium import serve_files
 from design_page import CELLS
 from light_rigs import RIGS, row_of_three
 from looks import LOOKS, quick_among
-from numpy.typing import NDArray
 from viewport_page import STATIC, ViewportPage
 
+from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
 from lookdev.build.scenes import job_scenes
@@ -39,7 +39,6 @@ MATT = (Layer("Layer", "lambert", {"reflectance": (0.7, 0.5, 0.3)}),)
 LAMPS = [name for name, kind in LIGHT_KINDS.items() if kind.type.shapes]
 MOST = 0.120
 """Largest time from a slider to the first changed frame at 512 x 512, in seconds, in software, on two free cores."""
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

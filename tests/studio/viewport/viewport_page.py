@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from chromium import Page
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats32
 from lookdev.studio.viewport import SceneView
 
 STATIC = Path(str(files("lookdev") / "studio" / "viewport" / "static"))
@@ -41,7 +41,7 @@ class ViewportPage(Page):
         (self._folder / "scene.json").write_text(json.dumps(view.data), encoding="utf-8")
         self.js("await show(); await viewport.changed()")
 
-    def accumulate(self, count: int) -> NDArray[np.float32]:
+    def accumulate(self, count: int) -> Floats32:
         """Return the means (H, W, 4) of this number of samples."""
         data = b""
         while not data:  # in calls that are shorter than what the driver waits for

@@ -1,0 +1,17 @@
+"""The types of arrays, named by their elements.
+
+Shapes are in the docstrings of the functions that take them: the type checker does not know them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Reals = NDArray[np.float32] | NDArray[np.float64]
+Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Records = NDArray[np.void]  # with named fields
