@@ -231,7 +231,9 @@ PARTS_OF_LIGHT = (("diffuse", "specular", "clearcoat", "transmission"), ("direct
 COATED = Look("coated", (Layer("paint", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
 
 
-@pytest.mark.parametrize("changes", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
+@pytest.mark.parametrize(
+    "changes", [pytest.param({}, marks=pytest.mark.proof), {"error": 2e-3, "samples": 256}], ids=["samples", "error"]
+)
 def test_parts_of_the_light_sum_up_to_it(changes: dict[str, float], worker: Worker) -> None:
     options = {"samples": 64, "bounces": 2} | changes
     frame = render_task(worker, task_of(balls(), ("lobes", "direct"), ball=COATED, others=COATED, **options))
