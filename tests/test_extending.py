@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,17 +17,24 @@ PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 SECTIONS = {text.partition("\n")[0]: text for text in PAGE.split("\n## ")[1:]}
 LIMITS = {
     "A model": 2,
+    "A parameter": 1,
     "A lobe's stand-in": 1,
     "A job option": 3,
     "A light": 3,
     "A lamp": 2,
     "A backend": 2,
-    "An output": 3,
-    "A command": 2,
+    "A node of MaterialX": 1,
+    "An output": 2,
+    "The names of frames": 1,
+    "A command": 1,
 }
 """The largest number of files that a recipe may touch."""
 
+ALONE = "The names of frames"
+"""The recipe that has a copy of its own, since it changes what others show."""
+
 IN_CYCLES = "# in Cycles\n"
+HEAVY_IN_CYCLES = ("A light", "A lamp", "A model", "A parameter")
 NEW_FILE = re.compile(r"(?:#|//) (lookdev/\S+)\n")
 
 
@@ -105,15 +112,16 @@ class Checkout:
         return folder
 
 
-@pytest.fixture(scope="module")
-def checkout(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
-    folder = tmp_path_factory.mktemp("checkout")
-    shutil.copytree(
-        ROOT / "lookdev", folder / "lookdev"
-    )  # with what is compiled, but for the files that recipes change
-    for title in LIMITS:
+def copy_with_recipes(folder: Path, titles: Iterable[str]) -> Checkout:
+    shutil.copytree(ROOT / "lookdev", folder / "lookdev")  # with what is compiled, but for files that recipes change
+    for title in titles:
         apply_recipe(title, folder)
     return Checkout(folder)
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
+    return copy_with_recipes(tmp_path_factory.mktemp("checkout"), [title for title in LIMITS if title != ALONE])
 
 
 def test_a_recipe_lists_its_files_and_they_are_few() -> None:
@@ -131,8 +139,8 @@ def test_a_recipe_lists_its_files_and_they_are_few() -> None:
 @pytest.mark.parametrize(
     "title",
     quick_among(
-        [(title,) for title in LIMITS],
-        [(t,) for t in LIMITS if t not in ("A backend", "A light", "A lamp", "An output")],
+        [(title,) for title in LIMITS if title != ALONE],
+        [(title,) for title in ("A model", "A lobe's stand-in", "A job option", "A command")],
     ),
 )
 def test_a_recipe_works(title: str, checkout: Checkout) -> None:
@@ -143,9 +151,16 @@ def test_a_recipe_works(title: str, checkout: Checkout) -> None:
 @pytest.mark.parametrize(
     "title",
     # In the default tier a kind of light that is not shipped renders in light/test_light_kind.py.
-    ["A job option", *(pytest.param(title, marks=pytest.mark.proof) for title in ("A light", "A lamp", "A model"))],
+    ["A job option", *(pytest.param(title, marks=pytest.mark.proof) for title in HEAVY_IN_CYCLES)],
 )
 def test_a_recipe_works_in_cycles(title: str, checkout: Checkout) -> None:
     in_cycles = {title for title in LIMITS if IN_CYCLES in SECTIONS[title]}
-    assert in_cycles == {"A job option", "A light", "A lamp", "A model"}
+    assert in_cycles == {"A job option", ALONE, *HEAVY_IN_CYCLES}
     checkout.run(checkout.try_recipe(title), title, in_cycles=True)
+
+
+@pytest.mark.proof
+@pytest.mark.cycles
+def test_frames_have_other_names(tmp_path: Path) -> None:
+    checkout = copy_with_recipes(tmp_path, [ALONE])
+    checkout.run(checkout.try_recipe(ALONE), ALONE, in_cycles=True)
