@@ -110,7 +110,7 @@ def test_a_look_without_material_wears_what_the_asset_binds(tmp_path: Path) -> N
     text = MINIMAL.replace('builtin = "sphere"', USD).replace('material = "paint.usda"\n', "")
     assert parse(text, tmp_path).look[0].material is None
     reported = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), tmp_path)
-    said = ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
+    said = ("has no meaning without 'material'", "a look without 'material' has what the asset binds")
     assert reported == {f"look[0].{key}": said for key in ("prim", "parts")}
 
 
