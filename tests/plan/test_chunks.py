@@ -9,7 +9,7 @@ import pytest
 from lookdev.codegen import PrincipledSource, Source
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
-from lookdev.plan.costs import estimate, filled
+from lookdev.plan.costs import estimate, frame_costs
 from lookdev.rendering.task import SceneTask
 
 
@@ -95,9 +95,9 @@ def test_parts_for_fewer_machines_fall_in_rounds() -> None:
 def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(scene: SceneTask) -> None:
     other = replace(scene, sampling=replace(scene.sampling, samples=4 * scene.sampling.samples))
     frames = [scene, scene, other]
-    assert filled(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
-    assert filled(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
-    assert filled(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))
+    assert frame_costs(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
+    assert frame_costs(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
+    assert frame_costs(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))
 
 
 def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) -> None:
@@ -130,4 +130,4 @@ def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) ->
 
 
 def test_a_frame_s_own_time_is_its_cost_and_its_scene_s_mean_that_of_the_others(scene: SceneTask) -> None:
-    assert filled([scene] * 3, [2.0, None, 4.0]) == [2.0, 3.0, 4.0]
+    assert frame_costs([scene] * 3, [2.0, None, 4.0]) == [2.0, 3.0, 4.0]

@@ -7,7 +7,7 @@ from lookdev.arrays import Floats
 from lookdev.job import JobTurntable
 from lookdev.light.mapping import rotate_z
 from lookdev.plan import turntable_poses
-from lookdev.plan.poses import unturned
+from lookdev.plan.poses import canonical_pose
 from lookdev.scene import Camera, Pose, camera_rays
 
 
@@ -48,7 +48,7 @@ def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_th
     def looked_up(pose: Pose) -> Floats:
         return rotate_z(camera_rays(camera, pose, (80, 50), x, y)[1], pose.element - pose.lighting)
 
-    seen = unturned(pose, asset=True, light=False)
+    seen = canonical_pose(pose, asset=True, light=False)
     assert seen == Pose(0.0, pose.lighting)
     np.testing.assert_allclose(looked_up(seen), looked_up(pose), atol=1e-14)
     other = Pose(0.0, pose.lighting + 1.0)
@@ -57,5 +57,5 @@ def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_th
 
 def test_what_did_not_turn_as_seen_stands_at_0() -> None:
     pose = Pose(72.0, 310.0)
-    seen = [unturned(pose, asset=asset, light=light) for asset in (False, True) for light in (False, True)]
+    seen = [canonical_pose(pose, asset=asset, light=light) for asset in (False, True) for light in (False, True)]
     assert seen == [pose, Pose(72.0, 0.0), Pose(0.0, 310.0), Pose(0.0, 0.0)]
