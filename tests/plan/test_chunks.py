@@ -14,12 +14,12 @@ from lookdev.rendering.task import SceneTask
 
 
 def cost(scenes: list[int], costs: Costs, first: int, end: int) -> float:
-    """Return what a part costs that renders frames in their order."""
+    """Return the cost of a part with the frames `first` to before `end`."""
     changes = sum(number == first or scenes[number] != scenes[number - 1] for number in range(first, end))
     return sum(costs.frames[first:end]) + changes * costs.scene
 
 
-def most(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
+def largest_cost(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
     return max(cost(scenes, costs, first, end) for first, end in pairwise((0, *ends)))
 
 
@@ -34,12 +34,12 @@ NO_DIVISIONS = ["0", "-1", "8@9", "8@0", "8@", "eight", "100001", "8 "]
 
 
 @pytest.mark.parametrize(
-    ("parse", "text", "said"),
+    ("parse", "text", "message"),
     [(Chunk.parse, text, "is no chunk: 2/8 is the second of eight") for text in NO_CHUNKS]
     + [(Division.parse, text, "is no number of chunks: 8 are eight of like cost") for text in NO_DIVISIONS],
 )
-def test_other_text_is_refused(parse: Callable[[str], object], text: str, said: str) -> None:
-    with pytest.raises(LookdevError, match=said):
+def test_other_text_is_refused(parse: Callable[[str], object], text: str, message: str) -> None:
+    with pytest.raises(LookdevError, match=message):
         parse(text)
 
 
@@ -51,9 +51,9 @@ def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
     count = rng.randint(1, 4)
     ends = split(scenes, costs, Division(count))
     assert (len(ends), ends[-1]) == (count, len(scenes))
-    every = combinations_with_replacement(range(len(scenes) + 1), count - 1)
-    best = min(most(scenes, costs, (*inner, len(scenes))) for inner in every)
-    assert most(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
+    divisions = combinations_with_replacement(range(len(scenes) + 1), count - 1)
+    best = min(largest_cost(scenes, costs, (*inner, len(scenes))) for inner in divisions)
+    assert largest_cost(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
 
 
 @pytest.mark.parametrize("division", ["1", "2@1", "3"])

@@ -275,8 +275,8 @@ def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: S
     source = BACKENDS[backend].generate(
         one_look, SourceSetting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image)
     )
-    found = skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look)
-    assert found == ["light from behind (nothing transmits)", "1 texture (reaches no pixel)"]
+    skips = skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look)
+    assert skips == ["light from behind (nothing transmits)", "1 texture (reaches no pixel)"]
 
 
 def test_frames_are_counted_by_pose(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
