@@ -41,8 +41,8 @@ class Division:
         count, machines = (int(group) if group is not None else -1 for group in match.groups()) if match else (0, 0)
         if not (1 <= count <= MOST_CHUNKS and (machines == -1 or 1 <= machines <= count)):
             raise LookdevError(
-                f"'{text[:40]}' is no number of chunks: 8 are eight of like cost, 48@8 are 48 for eight machines, the "
-                f"last ones small; at most {MOST_CHUNKS}, and no fewer than machines"
+                f"'{text[:40]}' is not a number of chunks: 8 are eight of equal cost, 48@8 are 48 for eight machines, "
+                f"the last ones small; at most {MOST_CHUNKS}, and no fewer than machines"
             )
         return cls(count, 0 if machines in (-1, count) else machines)
 
@@ -74,8 +74,8 @@ class Chunk:
             if 1 <= number <= division.count:
                 return cls(number, division)
         raise LookdevError(
-            f"'{text[:40]}' is no chunk: 2/8 is the second of eight, 1/8 the first, of at most {MOST_CHUNKS}; 2/48@8 "
-            "is the second of 48 for eight machines"
+            f"'{text[:40]}' is not a chunk: 2/8 is the second of eight, 1/8 the first, of at most {MOST_CHUNKS}; "
+            "2/48@8 is the second of 48 for eight machines"
         )
 
     def __str__(self) -> str:

@@ -35,8 +35,8 @@ NO_DIVISIONS = ["0", "-1", "8@9", "8@0", "8@", "eight", "100001", "8 "]
 
 @pytest.mark.parametrize(
     ("parse", "text", "message"),
-    [(Chunk.parse, text, "is no chunk: 2/8 is the second of eight") for text in NO_CHUNKS]
-    + [(Division.parse, text, "is no number of chunks: 8 are eight of like cost") for text in NO_DIVISIONS],
+    [(Chunk.parse, text, "is not a chunk: 2/8 is the second of eight") for text in NO_CHUNKS]
+    + [(Division.parse, text, "is not a number of chunks: 8 are eight of equal cost") for text in NO_DIVISIONS],
 )
 def test_other_text_is_refused(parse: Callable[[str], object], text: str, message: str) -> None:
     with pytest.raises(LookdevError, match=message):
