@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import Table, wrong
+from lookdev.job.keys import Table, key_error
 from lookdev.scene.charts import FOLDER, Strip
 from lookdev.scene.charts.props import Place
 
@@ -20,18 +20,18 @@ class JobCharts(Table):
 
     place: Place = Field(default="bottom", description="The edge of the frame that they stand along.")
     size: Annotated[float, Field(ge=0.02, le=_LARGEST)] = Field(
-        default=0.12, description="The part of the frame's height, or at its sides of its width, that they take."
+        default=0.12, description="The share of the frame's height that they take; at its left or right, of its width."
     )
 
     def strip(self, resolution: tuple[int, int]) -> Strip:
-        """Return the strip of a frame that shows them."""
+        """Return the strip of a frame that the props take."""
         return Strip(self.place, self.size, resolution)
 
     def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
-        """Raise the fault of a job, by its resolution, backend and names of looks."""
-        what, hint = self.strip(resolution).misfit()
-        if what:
-            raise wrong(what, hint)
+        """Raise the error of a job whose resolution, backend or names of looks rule the props out."""
+        problem, hint = self.strip(resolution).misfit()
+        if problem:
+            raise key_error(problem, hint)
         check_feature("charts", backend, self)
         if FOLDER in {name.casefold() for name in looks}:
-            raise wrong(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")
+            raise key_error(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")

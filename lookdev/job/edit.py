@@ -1,8 +1,8 @@
-"""Editing what parts wear, in the text of a job: all that is not edited stays to the letter, comments too.
+"""Edits of the materials that a job assigns to parts, in the job's text: everything else stays as it is, comments too.
 
-A job is a list of tables, so an edit is one of lines: those of ``[[look]]`` and its ``[[look.assign]]`` are found, and
-TOML Kit edits the keys of one table in its own layout. Where the looks or the assigns are inline, it edits all of them.
-What results must be the data that the edit is meant to make, or nothing is returned.
+A job is a list of tables. An edit finds the lines of ``[[look]]`` and of its ``[[look.assign]]``, and TOML Kit edits
+the keys of one table in the layout of that table. Where the looks or the assigns are inline, it edits all of them. The
+result is parsed and compared with the data that the edit should make: a result with other data is an error.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _Data = dict[str, Any]
 
 @dataclass(frozen=True)
 class Wear:
-    """A material of the job: its path as the job has it, its prim where that is named, and its variants."""
+    """A material that a job assigns: its path as in the job, its prim if the job names one, and its variants."""
 
     material: str
     prim: str | None = None
@@ -33,96 +33,105 @@ class Wear:
 
     @property
     def keys(self) -> _Data:
-        """The keys of a table that wears it."""
+        """The keys, with values, of a table that assigns the material."""
         prim = {"prim": self.prim} if self.prim else {}
         return {"material": self.material, **prim, **({"variants": dict(self.variants)} if self.variants else {})}
 
 
-_WORN = ("material", "prim", "variants")
+_MATERIAL_KEYS = ("material", "prim", "variants")
 
 
-def assign(text: str, look: int, prims: Sequence[str], worn: Wear, covering: int | None = None) -> str:
-    """Return a job's text in which prims wear a material in a look, which is numbered as in the file.
+def assign(text: str, look: int, prims: Sequence[str], material: Wear, covering: int | None = None) -> str:
+    """Return a job's text in which a look assigns a material to prims; `look` is its index in the file.
 
-    An `assign` of these prims takes the material. Otherwise there is a new one before `covering`, the number of the
-    `assign` that covers a part of them now, else after all; the prims are taken out of others that name them.
+    `covering` is the index of the `assign` that covers a part of the prims now, or None. If an `assign` has exactly
+    these prims, and `covering` is its index or None, it takes the material. Otherwise the prims are removed from the
+    assigns that name them, and a new `assign` is inserted before the one at `covering`, or at the end.
     """
 
-    def edited(assigns: list[_Data]) -> list[tuple[int | None, _Data]]:
-        same = next((n for n, each in enumerate(assigns) if set(each["prims"]) == set(prims)), None)
+    def edit_assigns(assigns: list[_Data]) -> list[tuple[int | None, _Data]]:
+        same = next((number for number, table in enumerate(assigns) if set(table["prims"]) == set(prims)), None)
         if same is not None and covering in (None, same):
-            kept = {key: value for key, value in assigns[same].items() if key not in _WORN}
-            return [(n, {**kept, **worn.keys} if n == same else each) for n, each in enumerate(assigns)]
-        place = len(assigns) if covering is None else covering
-        rest = [*_without(assigns, prims)]
-        new: tuple[int | None, _Data] = (None, {"prims": list(prims), **worn.keys})
+            other_keys = {key: value for key, value in assigns[same].items() if key not in _MATERIAL_KEYS}
+            edited = {**other_keys, **material.keys}
+            return [(number, edited if number == same else table) for number, table in enumerate(assigns)]
+        position = len(assigns) if covering is None else covering
+        remaining = [*_remove_prims(assigns, prims)]
+        inserted: tuple[int | None, _Data] = (None, {"prims": list(prims), **material.keys})
         return [
-            *(each for each in rest if each[0] is not None and each[0] < place),
-            new,
-            *(each for each in rest if each[0] is not None and each[0] >= place),
+            *(entry for entry in remaining if entry[0] is not None and entry[0] < position),
+            inserted,
+            *(entry for entry in remaining if entry[0] is not None and entry[0] >= position),
         ]
 
-    return _edited(text, look, {}, edited)
+    return _edit_look(text, look, {}, edit_assigns)
 
 
-def wear_all(text: str, look: int, worn: Wear) -> str:
-    """Return a job's text whose look wears a material wherever nothing is assigned."""
-    return _edited(text, look, worn.keys, lambda assigns: [*enumerate(assigns)])
+def wear_all(text: str, look: int, material: Wear) -> str:
+    """Return a job's text in which a look has a material for every part that nothing is assigned to."""
+    return _edit_look(text, look, material.keys, lambda assigns: [*enumerate(assigns)])
 
 
 def unassign(text: str, look: int, prims: Iterable[str]) -> str:
-    """Return a job's text without prims in the assigns of a look; an assign without any is removed."""
-    taken = list(prims)
-    return _edited(text, look, {}, lambda assigns: [*_without(assigns, taken)])
+    """Return a job's text in which no assign of a look names the prims; an assign without prims is removed."""
+    removed = list(prims)
+    return _edit_look(text, look, {}, lambda assigns: [*_remove_prims(assigns, removed)])
 
 
-def _without(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int | None, _Data]]:
-    for number, each in enumerate(assigns):
-        left = [prim for prim in each["prims"] if prim not in prims]
-        if left:
-            yield number, each if left == each["prims"] else {**each, "prims": left}
+def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int | None, _Data]]:
+    """Yield the assigns that still have prims when `prims` are removed, with their indices."""
+    for number, table in enumerate(assigns):
+        remaining = [prim for prim in table["prims"] if prim not in prims]
+        if remaining:
+            yield number, table if remaining == table["prims"] else {**table, "prims": remaining}
 
 
-def _edited(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], list[tuple[int | None, _Data]]]) -> str:
-    """Return the text of a job with another `assign` of a look, each with the number that it had, and other `keys`."""
+def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], list[tuple[int | None, _Data]]]) -> str:
+    """Return the text of a job with other assigns of a look, and other `keys` of its material.
+
+    `edit` returns the new assigns with their indices in the file; a new assign has the index None.
+    """
     if "\r\n" in text:
-        return _edited(text.replace("\r\n", "\n"), look, keys, edit).replace("\n", "\r\n")
+        return _edit_look(text.replace("\r\n", "\n"), look, keys, edit).replace("\n", "\r\n")
     data = tomllib.loads(text)
     looks = data.get("look")
     if not isinstance(looks, list) or not 0 <= look < len(looks):
         raise LookdevError(f"the job has no look of number {look}")
     assigns = edit(copy.deepcopy(looks[look].get("assign", [])))
-    wanted = copy.deepcopy(data)
-    wanted["look"][look] = _worn(wanted["look"][look], keys, [each for _, each in assigns])
+    expected = copy.deepcopy(data)
+    expected["look"][look] = _updated_look(expected["look"][look], keys, [table for _, table in assigns])
     lines = _lines(text)
     blocks = _blocks(lines)
     try:
         if not any(block.keys == ("look",) and block.listed for block in blocks):
-            made = _inline(text, look, keys, assigns)
+            result = _edit_inline(text, look, keys, assigns)
         else:
-            made = _in_blocks(lines, blocks, look, keys, assigns)
-        found = tomllib.loads(made)
+            result = _edit_blocks(lines, blocks, look, keys, assigns)
+        result_data = tomllib.loads(result)
     except (TOMLKitError, tomllib.TOMLDecodeError, KeyError, IndexError, TypeError) as error:
-        raise LookdevError(_HAND) from error
-    if found != wanted:
-        raise LookdevError(_HAND)
-    return made
+        raise LookdevError(_UNSUPPORTED_LAYOUT) from error
+    if result_data != expected:
+        raise LookdevError(_UNSUPPORTED_LAYOUT)
+    return result
 
 
-_HAND = "the layout of the job's [[look]] is not one that is edited here: edit the job as text, and load it"
+_UNSUPPORTED_LAYOUT = (
+    "the layout of the job's [[look]] is not one that is edited here: edit the job as text, and load it"
+)
 
 
-def _worn(table: _Data, keys: _Data, assigns: list[_Data]) -> _Data:
-    """Return a look with other keys of its material and other assigns."""
-    kept = {key: value for key, value in table.items() if not (keys and key in _WORN) and key != "assign"}
-    return {**kept, **keys, **({"assign": assigns} if assigns else {})}
+def _updated_look(table: _Data, keys: _Data, assigns: list[_Data]) -> _Data:
+    """Return the table of a look with other assigns, and, unless `keys` is empty, other keys of its material."""
+    unchanged = {key: value for key, value in table.items() if not (keys and key in _MATERIAL_KEYS) and key != "assign"}
+    return {**unchanged, **keys, **({"assign": assigns} if assigns else {})}
 
 
 @dataclass
 class _Block:
-    """A table of the file: its header's keys, and whether it is one of a list; lines `start` to before `end`.
+    """A table of the file: the keys of its header, and whether the header is that of an array of tables.
 
-    `start` is that of the header, `above` that of the comments directly above it, `end` is after its last statement.
+    Its lines are `start`, the header, to `end`, exclusive, which follows its last statement. `above` is the first line
+    of the comments directly above the header.
     """
 
     keys: tuple[str, ...]
@@ -133,185 +142,191 @@ class _Block:
 
 
 def _lines(text: str) -> list[str]:
+    """Return the lines of a text, with their ends."""
     return re.findall(r"[^\n]*\n|[^\n]+$", text)
 
 
 def _blocks(lines: Sequence[str]) -> list[_Block]:
     """Return the tables of a text; a statement of several lines is read as a whole."""
     blocks: list[_Block] = []
-    at, above = 0, 0
-    while at < len(lines):
-        bare = lines[at].strip()
-        if not bare:
-            at += 1
-            above = at
-        elif bare.startswith("#"):
-            at += 1
-        elif bare.startswith("["):
-            keys, inner = [], tomllib.loads(lines[at])
+    line, above = 0, 0
+    while line < len(lines):
+        stripped = lines[line].strip()
+        if not stripped:
+            line += 1
+            above = line
+        elif stripped.startswith("#"):
+            line += 1
+        elif stripped.startswith("["):
+            keys, inner = [], tomllib.loads(lines[line])
             listed = False
             while inner:
                 ((key, value),) = inner.items()
                 keys.append(key)
                 listed = isinstance(value, list)
                 inner = value[0] if listed else value
-            blocks.append(_Block(tuple(keys), listed, above, at, at + 1))
-            at += 1
-            above = at
+            blocks.append(_Block(tuple(keys), listed, above, line, line + 1))
+            line += 1
+            above = line
         else:
-            at = _after(lines, at)
-            above = at
+            line = _statement_end(lines, line)
+            above = line
             if blocks:
-                blocks[-1].end = at
+                blocks[-1].end = line
     return blocks
 
 
-def _after(lines: Sequence[str], start: int) -> int:
+def _statement_end(lines: Sequence[str], start: int) -> int:
+    """Return the line after the statement that begins at line `start`."""
     for end in range(start + 1, len(lines) + 1):
         try:
             tomllib.loads("".join(lines[start:end]))
         except tomllib.TOMLDecodeError:
             continue
         return end
-    raise LookdevError(_HAND)
+    raise LookdevError(_UNSUPPORTED_LAYOUT)
 
 
-def _in_blocks(
+def _edit_blocks(
     lines: list[str], blocks: list[_Block], look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]
 ) -> str:
-    """Return the lines of a job whose looks have headers of their own."""
-    firsts = [n for n, block in enumerate(blocks) if block.keys == ("look",) and block.listed]
-    own = blocks[firsts[look]]
-    after = blocks[firsts[look] + 1 : firsts[look + 1] if look + 1 < len(firsts) else len(blocks)]
-    tables = [block for block in after if block.keys == ("look", "assign") and block.listed]
-    last = own
-    for block in after:  # what belongs to an assign, as [look.assign.variants], ends with it
+    """Return the text of a job whose looks have ``[[look]]`` headers, with other assigns and `keys` of a look."""
+    look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.listed]
+    look_block = blocks[look_blocks[look]]
+    following = blocks[look_blocks[look] + 1 : look_blocks[look + 1] if look + 1 < len(look_blocks) else len(blocks)]
+    assign_blocks = [block for block in following if block.keys == ("look", "assign") and block.listed]
+    last = look_block
+    for block in following:  # a subtable of an assign, such as [look.assign.variants], belongs to the assign's block
         if block.keys[:1] != ("look",):
             continue
         if block.keys[:2] == ("look", "assign") and not block.listed:
-            [each for each in tables if each.start < block.start][-1].end = block.end
+            [parent for parent in assign_blocks if parent.start < block.start][-1].end = block.end
         last = block if block.end > last.end else last
-    edits: list[tuple[int, int, str]] = []  # lines that others replace
-    body = "".join(lines[own.start + 1 : own.end])
+    edits: list[tuple[int, int, str]] = []  # first line, line after the last, and the text that replaces them
+    body = "".join(lines[look_block.start + 1 : look_block.end])
     document = tomlkit.parse(body)
-    had = [n for n, _ in assigns if n is not None]
+    retained = [number for number, _ in assigns if number is not None]
     if "assign" in document:
-        _set_inline(document, assigns)
+        _set_inline_assigns(document, assigns)
     else:
-        for place, block in enumerate(tables):
-            if place not in had:
+        for number, block in enumerate(assign_blocks):
+            if number not in retained:
                 blank = block.end < len(lines) and not lines[block.end].strip() and not lines[block.start - 1].strip()
                 edits.append((block.start, block.end + blank, ""))
-        for number, table in assigns:
-            if number is not None:
-                block = tables[number]
-                edits.append((block.start + 1, block.end, _table(lines[block.start + 1 : block.end], table)))
-        edits += _new_blocks(lines, tables, last, assigns)
+        for index, table in assigns:
+            if index is not None:
+                block = assign_blocks[index]
+                edits.append((block.start + 1, block.end, _edit_assign(lines[block.start + 1 : block.end], table)))
+        edits += _new_blocks(lines, assign_blocks, last, assigns)
     if keys:
-        _set_worn(document, keys)
-    if (made := document.as_string()) != body:
-        edits.append((own.start + 1, own.end, made))
-    # An insertion at the line at which a removal starts comes first.
-    for start, end, made in sorted(edits, key=lambda each: (each[0], each[1]), reverse=True):
-        lines[start:end] = [_ended(made)] if made else []
+        _set_material(document, keys)
+    if (edited_body := document.as_string()) != body:
+        edits.append((look_block.start + 1, look_block.end, edited_body))
+    # Edits are applied from the last line to the first. At one line, a removal is applied before an insertion.
+    for start, end, replacement in sorted(edits, key=lambda edit: (edit[0], edit[1]), reverse=True):
+        lines[start:end] = [_end_line(replacement)] if replacement else []
     return "".join(lines)
 
 
 def _new_blocks(
-    lines: Sequence[str], tables: Sequence[_Block], last: _Block, assigns: Sequence[tuple[int | None, _Data]]
+    lines: Sequence[str], blocks: Sequence[_Block], last: _Block, assigns: Sequence[tuple[int | None, _Data]]
 ) -> Iterable[tuple[int, int, str]]:
-    for place, (number, table) in enumerate(assigns):
+    """Yield the edits that insert the new assigns: before the next assign that the file has, else after `last`."""
+    for position, (number, table) in enumerate(assigns):
         if number is not None:
             continue
-        written = "[[look.assign]]\n" + "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
-        later = next((n for n, _ in assigns[place + 1 :] if n is not None), None)
+        block = "[[look.assign]]\n" + "".join(f"{key} = {_format_value(value)}\n" for key, value in table.items())
+        later = next((number for number, _ in assigns[position + 1 :] if number is not None), None)
         if later is not None:
-            yield tables[later].above, tables[later].above, f"{written}\n"
+            yield blocks[later].above, blocks[later].above, f"{block}\n"
         else:
             end = last.end
             gap = "" if lines[end - 1].endswith("\n") else "\n"
-            yield end, end, f"{gap}\n{written}"
+            yield end, end, f"{gap}\n{block}"
 
 
-def _table(lines: Sequence[str], table: _Data) -> str:
-    """Return the lines of an assign with other values, in its own layout."""
+def _edit_assign(lines: Sequence[str], table: _Data) -> str:
+    """Return the lines of an assign with the values of `table`, in the layout of the lines."""
     body = "".join(lines)
-    # The tables of an assign, as [look.assign.variants], are those of a document that is the assign.
+    # Parsed alone, the assign is the root: its subtables, such as [look.assign.variants], become [variants].
     document = tomlkit.parse(re.sub(r"(?m)^(\s*\[)look\s*\.\s*assign\s*\.\s*", r"\1", body))
     if document.unwrap() == table:
         return body
-    _set(document, table)
+    _set_values(document, table)
     return re.sub(r"(?m)^(\s*\[)(?=[^\[\n]*\]\s*(#.*)?$)", r"\1look.assign.", document.as_string())
 
 
-def _inline(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
+def _edit_inline(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
+    """Return the text of a job whose looks are inline tables, with other assigns and `keys` of a look."""
     document = tomlkit.parse(text)
     table = document["look"][look]
     if keys:
-        _set_worn(table, keys)
-    _set_inline(table, assigns)
+        _set_material(table, keys)
+    _set_inline_assigns(table, assigns)
     return document.as_string()
 
 
-def _set_inline(table: Any, assigns: Sequence[tuple[int | None, _Data]]) -> None:
-    """Give a table other assigns in an array."""
+def _set_inline_assigns(table: Any, assigns: Sequence[tuple[int | None, _Data]]) -> None:
+    """Replace the assigns of a look, which are an array of inline tables."""
     if not assigns:
         table.pop("assign", None)
         return
     if "assign" not in table:
         table["assign"] = tomlkit.array()
     array = table["assign"]
-    had = [number for number, _ in assigns if number is not None]
-    for gone in sorted({*range(len(array))} - {*had}, reverse=True):
-        del array[gone]
-    for place, (number, values) in enumerate(assigns):
+    retained = [number for number, _ in assigns if number is not None]
+    for removed in sorted({*range(len(array))} - {*retained}, reverse=True):
+        del array[removed]
+    for position, (number, values) in enumerate(assigns):
         if number is None:
-            array.insert(place, _item(values))
+            array.insert(position, _toml_item(values))
         else:
-            _set(array[place], values)
+            _set_values(array[position], values)
 
 
-def _set_worn(table: Any, keys: _Data) -> None:
-    for key in _WORN:
+def _set_material(table: Any, keys: _Data) -> None:
+    """Replace the keys of the material of a look."""
+    for key in _MATERIAL_KEYS:
         if key in table and key not in keys:
             del table[key]
     for key, value in keys.items():
         if key not in table or table[key] != value:
-            table[key] = _item(value)
+            table[key] = _toml_item(value)
 
 
-def _set(table: Any, values: _Data) -> None:
-    for key in [each for each in table if each not in values]:
+def _set_values(table: Any, values: _Data) -> None:
+    """Replace the values of an assign; its list of prims is edited in place where removals suffice."""
+    for key in [key for key in table if key not in values]:
         del table[key]
     for key, value in values.items():
         if key in table and table[key] == value:
             continue
         if key == "prims" and key in table:
             array = table[key]
-            for number in reversed(range(len(array))):
-                if array[number] not in value:
-                    del array[number]
+            for index in reversed(range(len(array))):
+                if array[index] not in value:
+                    del array[index]
             if list(array) == value:
                 continue
-        table[key] = _item(value)
+        table[key] = _toml_item(value)
 
 
-def _item(value: Any) -> Any:
-    return tomlkit.value(_value(value))
+def _toml_item(value: Any) -> Any:
+    return tomlkit.value(_format_value(value))
 
 
-def _value(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Return a value of an assign as TOML."""
     if isinstance(value, dict):
-        return f"{{ {', '.join(f'{_key(key)} = {_value(each)}' for key, each in value.items())} }}"
+        return f"{{ {', '.join(f'{_format_key(key)} = {_format_value(item)}' for key, item in value.items())} }}"
     if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(_format_value, value))}]"
     return json.dumps(value, ensure_ascii=False)
 
 
-def _key(key: str) -> str:
+def _format_key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
 
 
-def _ended(text: str) -> str:
+def _end_line(text: str) -> str:
     return text if text.endswith("\n") else f"{text}\n"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from lookdev.job.keys import wrong
+from lookdev.job.keys import key_error
 from lookdev.rendering.backends import BACKENDS, Backend, job_backends
 
 
@@ -17,11 +17,11 @@ class BackendFeature:
     Attributes
     ----------
     available
-        Returns whether a backend has it, for a value of the job.
+        Returns whether a backend supports a value of the job.
     problem
-        Returns the message about a backend without it, after the backend's name.
+        Returns the message about a backend that does not, which follows the backend's name.
     hint
-        Returns what would be right besides another backend.
+        Returns what would be right with the same backend.
     """
 
     available: Callable[[Backend, Any], bool]
@@ -29,11 +29,11 @@ class BackendFeature:
     hint: Callable[[Backend], tuple[str, ...]] = lambda backend: ()
 
 
-def _quoted(names: Any) -> str:
+def _quote_names(names: Any) -> str:
     return " or ".join(f'"{name}"' for name in names)
 
 
-def _without(backend: Backend, passes: Any) -> str:
+def _missing_passes(backend: Backend, passes: Any) -> str:
     return " and no ".join(name for name in passes if name not in backend.passes)
 
 
@@ -41,7 +41,7 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
     "device": BackendFeature(
         lambda backend, device: device in backend.devices,
         lambda backend, device: f"cannot run on '{device}': it is {backend.help}",
-        lambda backend: (f"device = {_quoted(backend.devices)}",),
+        lambda backend: (f"device = {_quote_names(backend.devices)}",),
     ),
     "directions": BackendFeature(
         lambda backend, count: backend.directions,
@@ -57,7 +57,7 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
     ),
     "passes": BackendFeature(
         lambda backend, passes: set(passes) <= set(backend.passes),
-        lambda backend, passes: f"makes no {_without(backend, passes)}; it makes {', '.join(backend.passes)}",
+        lambda backend, passes: f"makes no {_missing_passes(backend, passes)}; it makes {', '.join(backend.passes)}",
     ),
     "charts": BackendFeature(
         lambda backend, charts: backend.apart,
@@ -72,13 +72,13 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
 
 
 def check_feature(name: str, backend_name: str, value: Any) -> None:
-    """Raise the fault of a value of the job that its backend does not support.
+    """Raise the error of a value of the job that its backend does not support.
 
-    A backend that does not exist is a fault of its own, and has none here.
+    A backend that does not exist raises nothing here: the key of the backend reports it.
     """
     feature, backend = BACKEND_FEATURES[name], BACKENDS.get(backend_name)
     if backend is None or feature.available(backend, value):
         return
     others = [name for name, other in job_backends().items() if feature.available(other, value)]
-    hints = (*feature.hint(backend), *([f"backend = {_quoted(others)}"] if others else []))
-    raise wrong(f"backend '{backend.name}' {feature.problem(backend, value)}", ", or ".join(hints))
+    hints = (*feature.hint(backend), *([f"backend = {_quote_names(others)}"] if others else []))
+    raise key_error(f"backend '{backend.name}' {feature.problem(backend, value)}", ", or ".join(hints))

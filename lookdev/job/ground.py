@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, wrong
+from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, key_error
 
-_UNCAUGHT = ("lobes", "direct", "lights", "cryptomatte")
-"""Passes that sum up to the beauty, or to its alpha, which a catcher takes light and coverage away from."""
+_SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
+"""The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
 
 
 class JobGround(Table):
@@ -39,20 +39,20 @@ class JobGround(Table):
 
     @field_validator("prim", "variants")
     @classmethod
-    def _key_of_a_material(cls, value: object, info: ValidationInfo) -> object:
+    def _require_material(cls, value: object, info: ValidationInfo) -> object:
         if info.data.get("material", ...) is None:
-            raise wrong("has no meaning without 'material'", "it chooses among what a file has")
+            raise key_error("has no meaning without 'material'", "it chooses among what a file has")
         return value
 
     def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
-        """Raise the fault of a job, by what its [render] has."""
+        """Raise the error of a job whose [render] rules the ground out."""
         check_feature("ground", backend, self.kind)
         if self.kind != "catcher":
             return
         if denoise != "off":
-            raise wrong("the alpha of a shadow catcher is not denoised", 'denoise = "off", or kind = "plane"')
-        if uncaught := [name for name in passes if name in _UNCAUGHT]:
-            raise wrong(
-                f"a shadow catcher has no {' and no '.join(uncaught)}, which sum up to a frame with all of the ground",
+            raise key_error("the alpha of a shadow catcher is not denoised", 'denoise = "off", or kind = "plane"')
+        if excluded := [name for name in passes if name in _SUMMING_PASSES]:
+            raise key_error(
+                f"a shadow catcher has no {' and no '.join(excluded)}, which sum up to a frame with all of the ground",
                 'passes without them, or kind = "plane"',
             )

@@ -31,7 +31,7 @@ from lookdev.output.color import BUILT_IN, SHIPPED
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 
-# Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
+# Names become folders and file names: they have no separator, and no leading dot, which marks temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
 PRIM_PATH = r"^(/[^/\s]+)+$"
 PATTERNS: dict[str, str] = {
@@ -41,27 +41,27 @@ PATTERNS: dict[str, str] = {
 """The hint for a string that does not match a pattern."""
 
 
-def wrong(what: str, hint: str = "") -> PydanticCustomError:
-    """Return the fault of a key, to be raised by its validator."""
-    return PydanticCustomError("lookdev", "{what}", {"what": what, "hint": hint})
+def key_error(problem: str, hint: str = "") -> PydanticCustomError:
+    """Return the error that the validator of a key raises; `hint` states what would be right."""
+    return PydanticCustomError("lookdev", "{problem}", {"problem": problem, "hint": hint})
 
 
 @dataclass(frozen=True)
 class _OneOf:
-    """The annotation of a name in a registry; the registry is read with each job."""
+    """The annotation of a name in a registry; each job reads the registry anew."""
 
     names: Callable[[], Iterable[str]]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self._known, handler(source))
+        return core_schema.no_info_after_validator_function(self._validate_name, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return handler(schema) | {"enum": list(self.names())}
 
-    def _known(self, name: str) -> str:
-        known = list(self.names())
-        if name not in known:
-            raise wrong(f"unknown value '{name}'", nearest_hint(name, known))
+    def _validate_name(self, name: str) -> str:
+        names = list(self.names())
+        if name not in names:
+            raise key_error(f"unknown value '{name}'", nearest_hint(name, names))
         return name
 
 
@@ -77,57 +77,60 @@ PassName = Annotated[str, _OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
 Device = Annotated[str, _OneOf(_devices)]
 
 
-def _resolve(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
+def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
+    """Return a path of the job, absolute, after path mapping; a relative path is relative to the job file."""
     if not isinstance(value, str) or not value or "\0" in value:
-        raise wrong("should be a path in quotes")
+        raise key_error("should be a path in quotes")
     return Path(os.path.normpath(info.context["file"].parent / mapped(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
-    """Return the config of ``$OCIO``, whose path is relative to the working folder, else the one that ships."""
-    given = os.environ.get("OCIO") or SHIPPED
-    return given if _is_name_of_config(given) else str(Path(given).absolute())
+    """Return the OpenColorIO config of ``$OCIO``, relative to the working folder, or the one that ships."""
+    config = os.environ.get("OCIO") or SHIPPED
+    return config if _is_config_name(config) else str(Path(config).absolute())
 
 
-def _is_name_of_config(value: str) -> bool:
+def _is_config_name(value: str) -> bool:
     return value == SHIPPED or value.startswith(BUILT_IN)
 
 
-def _config(value: object, info: ValidationInfo[dict[str, Any]]) -> object:
-    if not isinstance(value, str) or _is_name_of_config(value):
+def _resolve_config(value: object, info: ValidationInfo[dict[str, Any]]) -> object:
+    if not isinstance(value, str) or _is_config_name(value):
         return value
-    return str(_resolve(value, info))
+    return str(_resolve_path(value, info))
 
 
-def _readable(*suffixes: str) -> AfterValidator:
+def _readable_file(*suffixes: str) -> AfterValidator:
+    """Return the validator of a readable file with one of the suffixes."""
+
     def check(path: Path) -> Path:
         if path.suffix.lower() not in suffixes:
-            raise wrong(f"'{path.name}' is of no known kind", f"known: {', '.join(suffixes)}")
+            raise key_error(f"'{path.name}' is of no known kind", f"known: {', '.join(suffixes)}")
         if not (os.access(path, os.R_OK) and path.is_file()):
-            raise wrong(f"no readable file {path}", "paths are relative to the job file")
+            raise key_error(f"no readable file {path}", "paths are relative to the job file")
         return path
 
     return AfterValidator(check)
 
 
-def folder(path: Path) -> Path:
-    """Return the path of a folder, which may not exist yet; a file in its place is a fault."""
+def check_folder(path: Path) -> Path:
+    """Return the path of a folder, which may not exist yet; a file at the path or above it is an error."""
     try:
-        nearest = next(place for place in (path, *path.parents) if place.exists())
-    except OSError as error:  # of names that no file system takes
-        raise wrong(f"cannot be a folder: {error.strerror}") from None
+        nearest = next(ancestor for ancestor in (path, *path.parents) if ancestor.exists())
+    except OSError as error:  # the file system refuses the name
+        raise key_error(f"cannot be a folder: {error.strerror}") from None
     if not nearest.is_dir():
-        raise wrong(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
+        raise key_error(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
     return path
 
 
-JobPath = Annotated[Path, BeforeValidator(_resolve)]
+JobPath = Annotated[Path, BeforeValidator(_resolve_path)]
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MATERIAL_SUFFIXES = (*USD_SUFFIXES, ".mtlx")
-UsdFile = Annotated[JobPath, _readable(*USD_SUFFIXES)]
-MaterialFile = Annotated[JobPath, _readable(*MATERIAL_SUFFIXES)]
-IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
-OcioConfig = Annotated[str, Field(min_length=1), BeforeValidator(_config)]
+UsdFile = Annotated[JobPath, _readable_file(*USD_SUFFIXES)]
+MaterialFile = Annotated[JobPath, _readable_file(*MATERIAL_SUFFIXES)]
+IblFile = Annotated[JobPath, _readable_file(".exr", ".hdr")]
+OcioConfig = Annotated[str, Field(min_length=1), BeforeValidator(_resolve_config)]
 PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
@@ -154,12 +157,12 @@ class Table(BaseModel):
 
 
 def instead_of(other: str) -> AfterValidator:
-    """Return the rule that either a key or an earlier one is given."""
+    """Return the validator of a key that a table has exactly if it lacks the earlier key `other`."""
 
     def check(value: str | None, info: ValidationInfo) -> str | None:
-        # A faulty key is absent from info.data, and counts as given.
+        # A faulty key is absent from info.data; the table counts as having it.
         if (value is None) == (info.data.get(other, ...) is None):
-            raise wrong(f"give exactly one of '{other}' and '{info.field_name}'")
+            raise key_error(f"give exactly one of '{other}' and '{info.field_name}'")
         return value
 
     return AfterValidator(check)

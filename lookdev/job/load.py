@@ -1,4 +1,4 @@
-"""Job file to `Job`, or every fault in it with its place."""
+"""Reads a job file as a `Job`, or raises every fault in it with its key."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from lookdev.job.mapping import PathRules
 from lookdev.job.schema import LISTS, Job
 from lookdev.text import TextError, has_text_path, parse_toml, read_text
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]  # ("ibl", 1, "exposure")
 
 _LARGEST = 1 << 20  # bytes of a job file
 
 
 def load_job(path: Path, rules: PathRules = ()) -> Job:
-    """Read a job file, TOML; paths in it are relative to its folder, and absolute in the job.
+    """Read a job file, which is TOML; paths in it are relative to its folder, and absolute in the job.
 
-    `rules` state where the files of another machine are on this one.
+    `rules` map paths of another machine to paths of this one.
 
     Raises
     ------
     JobError
-        With every fault of the file: its key, what is wrong, and the nearest known key of an unknown one.
+        It has every fault of the file: the key, what is wrong, and for an unknown key the nearest known one.
     """
     if not has_text_path(path.absolute()):
         raise JobError([Fault(str(path.absolute()), "", "its path is not UTF-8", "rename it, or its folder")])
@@ -45,18 +45,18 @@ def load_job(path: Path, rules: PathRules = ()) -> Job:
 
 
 def parse_job(text: str, path: Path, rules: PathRules = ()) -> Job:
-    """Read a job from `text` as the content of the file `path`; errors as `load_job`."""
+    """Read a job from `text`, the content of the file `path`; raises as `load_job`."""
     try:
-        data = _frozen(parse_toml(text, path))
+        data = _lists_to_tuples(parse_toml(text, path))
     except TextError as error:
         hint = "a job is TOML; 'lookdev inspect' lists what a USD file has" if path.suffix.startswith(".usd") else ""
         raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None
-    faults = [*_duplicate_names(data, str(path)), *_bound_to_a_builtin(data, str(path))]
+    faults = [*_duplicate_name_faults(data, str(path)), *_builtin_asset_faults(data, str(path))]
     try:
         job = Job.model_validate(data, context={"file": path.absolute(), "rules": rules})
     except ValidationError as error:
         details = error.errors(include_url=False)
-        faults += [_fault(detail, data, str(path)) for detail in details if not _is_echo(detail)]
+        faults += [_fault_of_detail(detail, data, str(path)) for detail in details if not _is_consequence(detail)]
     if faults:
         raise JobError(faults)
     return job
@@ -67,35 +67,35 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Job.model_json_schema()}
 
 
-def _frozen(value: Any) -> Any:
-    """Turn TOML arrays into tuples, the only sequence that a strict model accepts."""
+def _lists_to_tuples(value: Any) -> Any:
+    """Return a value with its TOML arrays as tuples, the only sequence that a strict model accepts."""
     if isinstance(value, list):
-        return tuple(_frozen(item) for item in value)
+        return tuple(_lists_to_tuples(item) for item in value)
     if isinstance(value, dict):
-        return {key: _frozen(item) for key, item in value.items()}
+        return {key: _lists_to_tuples(item) for key, item in value.items()}
     return value
 
 
-def _duplicate_names(data: dict[str, Any], file: str) -> Iterator[Fault]:
+def _duplicate_name_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
+    """Yield a fault for each name that another table of its group of lists has."""
     for keys in LISTS:
-        seen: dict[str, str] = {}
+        first_tables: dict[str, str] = {}
         for key in keys:
             tables = data.get(key)
             for index, table in enumerate(tables if isinstance(tables, tuple) else ()):
                 name = table.get("name", table.get("kind")) if isinstance(table, dict) else None
                 if not isinstance(name, str):
                     continue
-                place = f"{key}[{index}]"
-                # Names become files: "Gold" and "gold" are one folder on many file systems.
-                first = seen.setdefault(name.casefold(), place)
-                if first != place:
-                    yield Fault(
-                        file, f"{place}.name", f"'{name}' is already the name of {first}", "give each its own name"
-                    )
+                table_key = f"{key}[{index}]"
+                # Names become folders: "Gold" and "gold" are one folder on many file systems.
+                first = first_tables.setdefault(name.casefold(), table_key)
+                if first != table_key:
+                    problem = f"'{name}' is already the name of {first}"
+                    yield Fault(file, f"{table_key}.name", problem, "give each its own name")
 
 
-def _bound_to_a_builtin(data: dict[str, Any], file: str) -> Iterator[Fault]:
-    """Yield faults of looks that need an asset from a file, in a job with a built-in one."""
+def _builtin_asset_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
+    """Yield the faults of looks that need an asset from a file, if the job has a built-in asset."""
     asset, looks = data.get("asset"), data.get("look")
     if not (isinstance(asset, dict) and "builtin" in asset and isinstance(looks, tuple)):
         return
@@ -103,76 +103,77 @@ def _bound_to_a_builtin(data: dict[str, Any], file: str) -> Iterator[Fault]:
         if isinstance(look, dict) and not ("material" in look or "assign" in look):
             yield Fault(file, f"look[{index}].material", "is missing", "nothing is bound to a built-in asset")
         if isinstance(look, dict) and "layer" in look:
-            what = "has no meaning with a built-in asset"
-            yield Fault(file, f"look[{index}].layer", what, "a layer is composed over 'usd' of [asset]")
+            problem = "has no meaning with a built-in asset"
+            yield Fault(file, f"look[{index}].layer", problem, "a layer is composed over 'usd' of [asset]")
 
 
-def _is_echo(detail: ErrorDetails) -> bool:
-    """Return whether a fault follows from another: a default of a faulty key, a list too short without faulty items."""
+def _is_consequence(detail: ErrorDetails) -> bool:
+    """Return whether another fault causes this one: the default depends on a faulty key, or a list has faulty items."""
     return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
 
 
-def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
-    place = _place(detail["loc"], data)
-    key = str(place[-1]) if place else ""
+def _fault_of_detail(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
+    """Return the fault of an error of pydantic, in the words of job files."""
+    key_path = _key_path(detail["loc"], data)
+    key = str(key_path[-1]) if key_path else ""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     hint = str(context.get("hint", ""))
     match kind:
         case "lookdev":
-            what = detail["msg"]
+            problem = detail["msg"]
         case "extra_forbidden":
-            what, hint = "unknown key", nearest_hint(key, list(_fields(place[:-1])))
+            problem, hint = "unknown key", nearest_hint(key, list(_table_fields(key_path[:-1])))
         case "missing":
-            field = _fields(place[:-1]).get(key)  # none for a number of a list
-            what, hint = "is missing", (field and field.description) or ""
+            field = _table_fields(key_path[:-1]).get(key)  # None for a number in a list
+            problem, hint = "is missing", (field and field.description) or ""
         case "model_type":
-            what, hint = "should be a table", f"write [{key}]" if len(place) == 1 else ""
+            problem, hint = "should be a table", f"write [{key}]" if len(key_path) == 1 else ""
         case "tuple_type":
-            what = "should be a list"
-            tables = ".".join(part for part in place if isinstance(part, str))
-            hint = f"write [[{tables}]]" if isinstance(value, dict) else f"write {key} = [{_shown(value)}]"
+            problem = "should be a list"
+            tables = ".".join(part for part in key_path if isinstance(part, str))
+            hint = f"write [[{tables}]]" if isinstance(value, dict) else f"write {key} = [{_format_value(value)}]"
         case "too_short" | "too_long":
             bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
-            what = f"should have {bound} entries, not {context['actual_length']}"
+            problem = f"should have {bound} entries, not {context['actual_length']}"
         case "string_pattern_mismatch":
-            what, hint = f"'{value}' is not allowed here", PATTERNS[context["pattern"]]
+            problem, hint = f"'{value}' is not allowed here", PATTERNS[context["pattern"]]
         case "literal_error" if isinstance(value, str):
-            what = f"unknown value '{value}'"
+            problem = f"unknown value '{value}'"
             hint = nearest_hint(value, re.findall(r"'([^']*)'", context["expected"]))
         case _:
             message = detail["msg"].removeprefix("Input ")
-            what = f"{message[0].lower()}{message[1:]}, not {_shown(value)}"
-    return Fault(file, _dotted(place), what, hint)
+            problem = f"{message[0].lower()}{message[1:]}, not {_format_value(value)}"
+    return Fault(file, _format_key_path(key_path), problem, hint)
 
 
-def _shown(value: object) -> str:
-    """Return a value as it is in the file, shortened."""
+def _format_value(value: object) -> str:
+    """Return a value as the file has it, shortened to 40 characters."""
     text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _place(loc: Place, data: Any) -> Place:
-    """Remove the tags of unions, which are not keys of the file, from a pydantic location."""
-    place: list[str | int] = []
-    for part in loc:
+def _key_path(location: KeyPath, data: Any) -> KeyPath:
+    """Return a location of pydantic without the tags of unions, which are not keys of the file."""
+    key_path: list[str | int] = []
+    for part in location:
         if isinstance(data, dict | None) and isinstance(part, str):
-            data = data and data.get(part)  # None in a table that is not in the file
+            data = data and data.get(part)  # None if the table is not in the file
         elif isinstance(data, tuple) and isinstance(part, int):
             data = data[part] if part < len(data) else None
         else:
             continue
-        place.append(part)
-    return tuple(place)
+        key_path.append(part)
+    return tuple(key_path)
 
 
-def _dotted(place: Place) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).removeprefix(".")
+def _format_key_path(key_path: KeyPath) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key_path).removeprefix(".")
 
 
-def _fields(place: Place) -> dict[str, FieldInfo]:
-    """Return the fields of the table at a place; a list of numbers has none."""
+def _table_fields(key_path: KeyPath) -> dict[str, FieldInfo]:
+    """Return the fields of the table at `key_path`; a list of numbers has none."""
     model: Any = Job
-    for part in place:
+    for part in key_path:
         if isinstance(part, str):
             annotation = model.model_fields[part].annotation
             model = get_args(annotation)[0] if get_args(annotation) else annotation

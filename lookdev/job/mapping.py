@@ -1,4 +1,4 @@
-"""Path mapping: where files of the machine that wrote a job are on this one, by rules of Open Job Description.
+"""Path mapping, by rules of Open Job Description: from paths of the machine that wrote a job to paths of this one.
 
 - "How Jobs Are Run", Open Job Description, section Path Mapping (schema pathmapping-1.0)
 """
@@ -18,48 +18,50 @@ _FORMATS: dict[str, type[PurePath]] = {"POSIX": PurePosixPath, "WINDOWS": PureWi
 
 @dataclass(frozen=True)
 class PathRule:
-    """Paths in `source`, a folder of another machine, are in `target` here."""
+    """A rule: files in `source`, a folder of another machine, are in `target` on this one."""
 
     source: PurePath
     target: Path
 
-    def mapped(self, path: str) -> Path | None:
-        """Return where a path is; None where the rule is not about it."""
-        given = type(self.source)(path)
-        return self.target / given.relative_to(self.source) if given.is_relative_to(self.source) else None
+    def map_path(self, path: str) -> Path | None:
+        """Return the path on this machine; None if `path` is not in the source folder."""
+        source_path = type(self.source)(path)
+        if not source_path.is_relative_to(self.source):
+            return None
+        return self.target / source_path.relative_to(self.source)
 
 
 PathRules = Sequence[PathRule]
 
 
 def read_rules(file: Path) -> tuple[PathRule, ...]:
-    """Read the rules of a session, the longest source first, as they apply; raises JobError."""
+    """Read the rules of a session in the order in which they apply, the longest source first; raises JobError."""
     try:
         data = parse_json(read_text(file), file)
     except TextError as error:
         raise JobError(error.faults) from None
-    rules: Any
+    entries: Any
     match data:
         case {"version": "pathmapping-1.0", **rest}:
-            rules = rest.get("path_mapping_rules", [])
+            entries = rest.get("path_mapping_rules", [])
         case {} if not data:  # of a session without rules
-            rules = []
+            entries = []
         case _:
             raise JobError([Fault(str(file), "version", "is not 'pathmapping-1.0'", "name a file of OpenJD's rules")])
-    found = [_rule(file, number, rule) for number, rule in enumerate(rules)]
-    return tuple(sorted(found, key=lambda rule: -len(rule.source.parts)))
+    rules = [_parse_rule(file, number, entry) for number, entry in enumerate(entries)]
+    return tuple(sorted(rules, key=lambda rule: -len(rule.source.parts)))
 
 
-def _rule(file: Path, number: int, rule: Any) -> PathRule:
-    match rule:
+def _parse_rule(file: Path, number: int, entry: Any) -> PathRule:
+    match entry:
         case {"source_path_format": form, "source_path": str(source), "destination_path": str(target)} if (
             form in _FORMATS
         ):
             return PathRule(_FORMATS[form](source), Path(target))
-    what = "needs source_path_format (POSIX or WINDOWS), source_path and destination_path"
-    raise JobError([Fault(str(file), f"path_mapping_rules[{number}]", what)])
+    problem = "needs source_path_format (POSIX or WINDOWS), source_path and destination_path"
+    raise JobError([Fault(str(file), f"path_mapping_rules[{number}]", problem)])
 
 
 def mapped(path: str, rules: PathRules) -> str:
-    """Return where a path of a job is on this machine: by the first rule about it, else where it says."""
-    return next((str(place) for rule in rules if (place := rule.mapped(path)) is not None), path)
+    """Return the path on this machine of a path of a job: by the first rule that has it, or unchanged."""
+    return next((str(target) for rule in rules if (target := rule.map_path(path)) is not None), path)

@@ -1,4 +1,4 @@
-"""The tables of a job about its asset, and about what the asset's parts wear."""
+"""The tables of a job about its asset, and about the looks of the asset's parts."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from lookdev.job.keys import (
     TimeCode,
     UsdFile,
     instead_of,
-    wrong,
+    key_error,
 )
 
 _Variants = dict[Text, Text]
 
 
 class JobAsset(Table):
-    """What is turned: a USD file or a built-in asset."""
+    """The asset: a USD file or a built-in asset."""
 
     usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
     builtin: Annotated[BuiltinAsset | None, instead_of("usd")] = Field(
@@ -56,19 +56,19 @@ class JobAsset(Table):
 
     @field_validator("prim", "variants", "time", "purposes", "subdivision", "missing")
     @classmethod
-    def _key_of_a_file(cls, value: object, info: ValidationInfo) -> object:
+    def _require_usd(cls, value: object, info: ValidationInfo) -> object:
         if info.data.get("builtin") is not None:
-            raise wrong("has no meaning with a built-in asset", f"'{info.field_name}' goes with 'usd'")
+            raise key_error("has no meaning with a built-in asset", f"'{info.field_name}' goes with 'usd'")
         return value
 
     @field_validator("variants")
     @classmethod
-    def _one_of_each(cls, value: dict[str, str]) -> dict[str, str]:
-        return _without_star(value)
+    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
+        return _check_variants(value)
 
 
 class JobAssign(Table):
-    """What some parts of the asset wear."""
+    """A material, and the parts of the asset that it is assigned to."""
 
     prims: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
         description="Prims of the asset, with all that is below them: paths, globs ('/Car/Body*'), "
@@ -84,12 +84,12 @@ class JobAssign(Table):
 
     @field_validator("variants")
     @classmethod
-    def _one_of_each(cls, value: dict[str, str]) -> dict[str, str]:
-        return _without_star(value)
+    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
+        return _check_variants(value)
 
 
 class JobLook(Table):
-    """One look: what each part of the asset wears."""
+    """One look: the materials of the asset's parts."""
 
     name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
     material: MaterialFile | None = Field(
@@ -108,24 +108,27 @@ class JobLook(Table):
     )
     parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Prims, as those of 'assign', that 'material' covers; the rest wear what the asset binds; "
+        description="Prims, as those of 'assign', that 'material' covers; other parts have what the asset binds; "
         "default: all.",
     )
     layer: UsdFile | None = Field(
         default=None, description="A USD layer that is composed over the asset, with bindings, materials, variants."
     )
-    assign: tuple[JobAssign, ...] = Field(default=(), description="Materials of some parts; the first that fits.")
+    assign: tuple[JobAssign, ...] = Field(
+        default=(), description="Materials of some parts; the first entry that names a part counts."
+    )
 
     @field_validator("prim", "parts")
     @classmethod
-    def _key_of_a_material(cls, value: object, info: ValidationInfo) -> object:
+    def _require_material(cls, value: object, info: ValidationInfo) -> object:
         if info.data.get("material", ...) is None:
-            raise wrong("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
+            raise key_error("has no meaning without 'material'", "a look without 'material' has what the asset binds")
         return value
 
 
-def _without_star(variants: dict[str, str]) -> dict[str, str]:
+def _check_variants(variants: dict[str, str]) -> dict[str, str]:
+    """Return variants, none of which is '*'."""
     for name, choice in variants.items():
         if choice == "*":
-            raise wrong(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
+            raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
     return variants

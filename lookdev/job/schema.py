@@ -1,7 +1,7 @@
 """The schema of a job file: strict, frozen models with a hard range for every number.
 
-A rule of two keys is in the later key's validator, which has the earlier ones in `info.data`, so that it is reported
-with every other fault. For the same reason `lookdev.job.load` checks in the raw tables that names are unique.
+A rule of two keys is in the validator of the later key, which has the earlier ones in `info.data`: so its fault is
+reported with all others. For the same reason `lookdev.job.load` checks in the raw tables that names are unique.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from lookdev.job.keys import (
     PrimPath,
     Table,
     UsdFile,
-    folder,
+    check_folder,
     instead_of,
-    wrong,
+    key_error,
 )
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
@@ -49,7 +49,7 @@ from lookdev.space import REC709, Space
 DEFAULT_FOCAL_LENGTH = 50.0
 
 MOST_FRAMES = 250_000
-"""Files of frames of a job: planning so many takes 1.1 GB and half a minute, or 1.6 GB if all are of other scenes."""
+"""The most frame files of a job: to plan them takes 1.1 GB and half a minute, or 1.6 GB if no two are of one scene."""
 
 
 _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
@@ -100,7 +100,7 @@ class JobTurntable(Table):
 
 
 class JobCamera(Table):
-    """A camera that frames the turned asset, or one of a USD file."""
+    """A camera that frames the asset throughout its turn, or a camera of a USD file."""
 
     usd: PrimPath | None = Field(
         default=None,
@@ -135,30 +135,30 @@ class JobCamera(Table):
 
     @field_validator("file")
     @classmethod
-    def _file_of_a_camera(cls, value: Path, info: ValidationInfo) -> Path:
+    def _require_usd(cls, value: Path, info: ValidationInfo) -> Path:
         if info.data.get("usd", ...) is None:
-            raise wrong("has no meaning without 'usd'", "usd = '/Cameras/shot'")
+            raise key_error("has no meaning without 'usd'", "usd = '/Cameras/shot'")
         return value
 
     @field_validator("fov", "focal_length", "sensor_width", "elevation", "azimuth", "fill", "margin", "framing")
     @classmethod
-    def _framed_or_of_a_file(cls, value: object, info: ValidationInfo) -> object:
+    def _reject_beside_usd(cls, value: object, info: ValidationInfo) -> object:
         if info.data.get("usd") is not None:
-            raise wrong("has no meaning beside 'usd'", "the camera of the file decides it")
+            raise key_error("has no meaning beside 'usd'", "the camera of the file decides it")
         return value
 
     @field_validator("focal_length", "sensor_width")
     @classmethod
-    def _lens_or_angle(cls, value: float, info: ValidationInfo) -> float:
+    def _reject_beside_fov(cls, value: float, info: ValidationInfo) -> float:
         if info.data.get("fov", ...) is not None:
-            raise wrong("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
+            raise key_error("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
         return value
 
     @field_validator("margin")
     @classmethod
-    def _sphere_or_silhouette(cls, value: float, info: ValidationInfo) -> float:
+    def _reject_beside_fill(cls, value: float, info: ValidationInfo) -> float:
         if info.data.get("fill", ...) is not None:
-            raise wrong("has no meaning beside 'fill'", "give either 'fill' or 'margin'")
+            raise key_error("has no meaning beside 'fill'", "give either 'fill' or 'margin'")
         return value
 
     @property
@@ -219,7 +219,7 @@ class JobRender(Table):
     passes: tuple[PassName, ...] = Field(
         default=(),
         description="Further layers of the EXR: "
-        + "; ".join(f"{e.name}: {e.help}" for e in PASSES.values())
+        + "; ".join(f"{entry.name}: {entry.help}" for entry in PASSES.values())
         + f". Every frame has {', '.join(IN_EACH_FRAME[:-1])} and {IN_EACH_FRAME[-1]}.",
     )
     background: Background = Field(
@@ -228,22 +228,22 @@ class JobRender(Table):
 
     @field_validator("device", "denoise", "space")
     @classmethod
-    def _value_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
+    def _check_backend_support(cls, value: str, info: ValidationInfo) -> str:
         check_feature(info.field_name or "", info.data.get("backend", ""), value)
         return value
 
     @field_validator("brdf_samples", "ibl_samples")
     @classmethod
-    def _directions_of_the_backend(cls, value: int, info: ValidationInfo) -> int:
+    def _check_directions(cls, value: int, info: ValidationInfo) -> int:
         check_feature("directions", info.data.get("backend", ""), value)
         return value
 
     @field_validator("passes")
     @classmethod
-    def _passes_of_the_backend(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    def _check_passes(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         value = tuple(name for name in value if name not in IN_EACH_FRAME)
         check_feature("passes", info.data.get("backend", ""), value)
-        # One picture has one digest.
+        # In one order, equal passes have one digest.
         return tuple(name for name in PASSES if name in value)
 
     @property
@@ -257,7 +257,7 @@ class Job(Table):
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})
 
-    output: Annotated[JobPath, AfterValidator(folder)] = Field(
+    output: Annotated[JobPath, AfterValidator(check_folder)] = Field(
         description="The output folder; frames are <look>/<ibl or rig>/<turntable>.####.exr in it."
     )
     asset: JobAsset = Field(description="What is turned.")
@@ -285,57 +285,57 @@ class Job(Table):
 
     @field_validator("rig")
     @classmethod
-    def _lit(cls, value: tuple[JobRig, ...], info: ValidationInfo) -> tuple[JobRig, ...]:
+    def _require_light(cls, value: tuple[JobRig, ...], info: ValidationInfo) -> tuple[JobRig, ...]:
         if not value and not info.data.get("ibl", ...):
-            raise wrong("the job has no light", "write [[ibl]] or [[rig]]")
+            raise key_error("the job has no light", "write [[ibl]] or [[rig]]")
         return value
 
     @field_validator("turntable")
     @classmethod
-    def _number_of_frames(cls, value: tuple[JobTurntable, ...], info: ValidationInfo) -> tuple[JobTurntable, ...]:
+    def _limit_frames(cls, value: tuple[JobTurntable, ...], info: ValidationInfo) -> tuple[JobTurntable, ...]:
         looks, ibls, rigs = (len(info.data.get(key, ())) for key in ("look", "ibl", "rig"))
         if excess := excess_frames(looks, ibls + rigs, value):
-            raise wrong(excess, SEVERAL_JOBS)
+            raise key_error(excess, SEVERAL_JOBS)
         return value
 
     @field_validator("camera")
     @classmethod
-    def _camera_of_a_file(cls, camera: JobCamera, info: ValidationInfo) -> JobCamera:
+    def _check_camera(cls, camera: JobCamera, info: ValidationInfo) -> JobCamera:
         asset = info.data.get("asset")
         if camera.usd is not None and camera.file is None and asset is not None and asset.usd is None:
-            raise wrong("a built-in asset has no camera", "name the 'file' of the camera")
+            raise key_error("a built-in asset has no camera", "name the 'file' of the camera")
         return camera
 
     @field_validator("charts")
     @classmethod
-    def _charts_of_the_frame(cls, charts: JobCharts | None, info: ValidationInfo) -> JobCharts | None:
+    def _check_charts(cls, charts: JobCharts | None, info: ValidationInfo) -> JobCharts | None:
         render = info.data.get("render")
         if charts is not None and render is not None:
-            looks = (each.name for each in info.data.get("look", ()))
+            looks = (look.name for look in info.data.get("look", ()))
             charts.check(render.resolution, render.backend, looks)
         return charts
 
     @field_validator("ground")
     @classmethod
-    def _ground_of_the_frame(cls, ground: JobGround | None, info: ValidationInfo) -> JobGround | None:
+    def _check_ground(cls, ground: JobGround | None, info: ValidationInfo) -> JobGround | None:
         render = info.data.get("render")
         if ground is not None and render is not None:
             ground.check(render.backend, render.denoise, render.passes)
         return ground
 
     def model_post_init(self, context: Any) -> None:
-        """Keep the job file, whose absolute path is ``file`` of the validation context."""
+        """Store the path of the job file, the absolute ``file`` of the validation context."""
         self._file = context["file"]
 
     @property
     def rigs(self) -> tuple[JobIbl | JobRig, ...]:
-        """All that lights the looks, image-based lights first."""
+        """The image-based lights of the job, then its rigs."""
         return (*self.ibl, *self.rig)
 
     def place_of(self, rig: str) -> str:
-        """Return the key in the job file of one of `rigs`, by its name."""
+        """Return the key, such as ``ibl[1]``, of the light or rig that is called `rig`."""
         keys = [f"ibl[{i}]" for i in range(len(self.ibl))] + [f"rig[{i}]" for i in range(len(self.rig))]
-        return keys[[each.name for each in self.rigs].index(rig)]
+        return keys[[entry.name for entry in self.rigs].index(rig)]
 
     @property
     def file(self) -> Path:
@@ -347,14 +347,14 @@ SEVERAL_JOBS = "write several jobs"
 
 
 def excess_frames(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
-    """Return what is wrong with the number of frames of so many looks and lights; '' where it is at most the limit."""
-    frames = sum(each.frames for each in turntables)
+    """Return the message about a job with more than `MOST_FRAMES` frames; '' for one with at most as many."""
+    frames = sum(turntable.frames for turntable in turntables)
     count = looks * rigs * frames
     if count <= MOST_FRAMES:
         return ""
-    made = f"{looks} looks under {rigs} lights in turntables of {frames} frames"
-    return f"{made} make {count} frames; at most {MOST_FRAMES} would be right"
+    factors = f"{looks} looks under {rigs} lights in turntables of {frames} frames"
+    return f"{factors} make {count} frames; at most {MOST_FRAMES} would be right"
 
 
 LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",), ("wedge",))
-"""The keys of `Job` that are lists of named tables; names are unique among those of keys that stand together."""
+"""The keys of `Job` that are lists of named tables, in groups; a name is unique in its group."""

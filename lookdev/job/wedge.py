@@ -41,7 +41,7 @@ class JobAxis(Table):
 
     @property
     def steps(self) -> tuple[Value, ...]:
-        """Its values, with 6 digits where they are those of a range."""
+        """The values of the parameter; those of a range are rounded to 6 digits."""
         if self.range is None:
             return self.values or ()
         first, last, count = self.range
@@ -49,17 +49,17 @@ class JobAxis(Table):
 
     @property
     def short(self) -> str:
-        """The parameter as a part of a file's name."""
+        """The name of the parameter as a part of a file name."""
         return re.sub(r"[^A-Za-z0-9._-]+", "_", self.parameter.removeprefix("light:")).strip("_.")
 
     @property
     def of_light(self) -> bool:
-        """Whether it is a value of lights, not of looks."""
+        """Whether the parameter is a value of lights, not of looks."""
         return self.parameter in ("exposure", "rotation") or self.parameter.startswith("light:")
 
 
 class JobWedge(JobAxis):
-    """A wedge: each of some looks under each of some lights, with other values of one or two parameters."""
+    """A wedge: looks and lights of the job, rendered again with other values of one or two parameters."""
 
     by: JobAxis | None = Field(
         default=None,
@@ -74,17 +74,17 @@ class JobWedge(JobAxis):
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:
-        """Its parameters, the one of the rows of a sheet first."""
+        """The parameters of the wedge: that of the rows of a sheet, then that of its columns."""
         return (self,) if self.by is None else (self, self.by)
 
     @property
     def title(self) -> str:
-        """The name of its sheets."""
+        """The name of the wedge's sheets."""
         return self.name or "_".join(axis.short for axis in self.axes)
 
 
 def light_key_error(key: str, value: Value) -> str:
-    """Return what is wrong with a value for one of `LIGHT_KEYS`, or an empty text."""
+    """Return the message about a bad value of one of `LIGHT_KEYS`; '' if the value is good."""
     try:
         LIGHT_KEYS[key].validate_python(value, strict=True)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""What to render: the poses of setups as frame tasks, each with a digest of all that affects it."""
+"""Plans: the frames to render, each with a pose of a setup and a digest of everything that affects its pixels."""
 
 from lookdev.plan.plan import Charts, Copy, Plan, PlannedFile, Reel, build_plan
 from lookdev.plan.poses import turntable_poses

@@ -1,9 +1,9 @@
-"""A plan in parts of known shares of its cost, each of which can be rendered by another process.
+"""Divisions of a plan into parts with given shares of its cost, for processes that each render one part.
 
 - Hummel, Schonberg and Flynn 1992, "Factoring: A Method for Scheduling Parallel Loops", Communications of the ACM 35(8)
 
-The parts are runs of frames in the plan's order, which is scene by scene: so few scenes are in several of them. Each
-frame is in exactly one part, whether it is done or not: parts that start at different times agree.
+A part is a run of frames in the plan's order, which is scene by scene, so few scenes are in several parts. Each frame
+is in exactly one part, whether it is done or not, so processes that start at different times divide the plan alike.
 """
 
 from __future__ import annotations
@@ -19,18 +19,16 @@ from lookdev.plan.plan import Plan
 
 MOST_CHUNKS = 100_000
 
-
 _SMALLEST = 1 / 32
-"""Of the first parts' cost, that of the last ones."""
+"""The cost of the last parts, relative to that of the first."""
 
 
 @dataclass(frozen=True)
 class Division:
-    """A plan in `count` parts: of like cost, or, where `machines` is not 0, for so many that begin them in turn.
+    """A division into `count` parts: of equal cost if `machines` is 0, otherwise in rounds of one part per machine.
 
-    These are rounds of one part for each machine. The parts of a round cost half of those of the one before (Hummel et
-    al. 1992, section 3), so that late ones make good what estimates of early ones had wrong. With more than six
-    rounds the fall is slower.
+    The parts of a round cost half of those of the round before (Hummel et al. 1992, section 3), so that the small, late
+    parts balance the errors in the estimates of the early ones. With more than six rounds the cost falls more slowly.
     """
 
     count: int
@@ -40,11 +38,11 @@ class Division:
     def parse(cls, text: str) -> Division:
         """Read a division as the command line has it, ``8`` or ``48@8``; raises LookdevError."""
         match = re.fullmatch(r"([0-9]{1,6})(?:@([0-9]{1,6}))?", text, re.ASCII)
-        count, machines = (int(each) if each is not None else -1 for each in match.groups()) if match else (0, 0)
+        count, machines = (int(group) if group is not None else -1 for group in match.groups()) if match else (0, 0)
         if not (1 <= count <= MOST_CHUNKS and (machines == -1 or 1 <= machines <= count)):
             raise LookdevError(
-                f"'{text[:40]}' is no number of chunks: 8 are eight of like cost, 48@8 are 48 for eight machines, the "
-                f"last ones small; at most {MOST_CHUNKS}, and no fewer than machines"
+                f"'{text[:40]}' is not a number of chunks: 8 are eight of equal cost, 48@8 are 48 for eight machines, "
+                f"the last ones small; at most {MOST_CHUNKS}, and no fewer than machines"
             )
         return cls(count, 0 if machines in (-1, count) else machines)
 
@@ -53,7 +51,7 @@ class Division:
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The costs of the parts, in that of the first."""
+        """The cost of each part, relative to that of the first."""
         machines = self.machines or self.count
         fall = max(0.5, _SMALLEST ** (1.0 / max(-(-self.count // machines) - 1, 1)))
         return tuple(fall ** (number // machines) for number in range(self.count))
@@ -61,7 +59,7 @@ class Division:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Part `number`, from 1, of a division."""
+    """Part `number`, counted from 1, of the division `of`."""
 
     number: int
     of: Division
@@ -72,12 +70,12 @@ class Chunk:
         first, _, rest = text.partition("/")
         number = int(first) if re.fullmatch(r"[0-9]{1,6}", first, re.ASCII) else 0
         with suppress(LookdevError):
-            of = Division.parse(rest)
-            if 1 <= number <= of.count:
-                return cls(number, of)
+            division = Division.parse(rest)
+            if 1 <= number <= division.count:
+                return cls(number, division)
         raise LookdevError(
-            f"'{text[:40]}' is no chunk: 2/8 is the second of eight, 1/8 the first, of at most {MOST_CHUNKS}; 2/48@8 "
-            "is the second of 48 for eight machines"
+            f"'{text[:40]}' is not a chunk: 2/8 is the second of eight, 1/8 the first, of at most {MOST_CHUNKS}; "
+            "2/48@8 is the second of 48 for eight machines"
         )
 
     def __str__(self) -> str:
@@ -86,7 +84,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Costs:
-    """Seconds: of each frame of a plan, in its order, of a scene before its first frame, and of a process to start."""
+    """Seconds: of each frame of a plan, in its order; to prepare a scene; and to start a process."""
 
     frames: tuple[float, ...]
     scene: float
@@ -94,37 +92,38 @@ class Costs:
 
 
 def split(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[int, ...]:
-    """Return the end of each part of some frames, in their order, whose most costly one, in its weight, costs least.
+    """Return the ends of parts of frames, with the least maximum over the parts of cost divided by weight.
 
-    `scenes` are those of the frames, equal ones beside each other. A part that starts within a scene prepares it again,
-    which counts. Parts without frames are the last ones.
+    An end is the number of the frame after the part's last one. `scenes` has the scene of each frame; frames of one
+    scene follow each other. The cost of a part that starts within a scene includes preparing the scene again. Parts
+    without frames come last.
     """
     weights, count = division.weights, division.count
     changes = [number == 0 or scenes[number] != scenes[number - 1] for number in range(len(scenes))]
 
-    def ends(most: float) -> list[int]:
-        """Return the ends of parts that cost at most so much in their weight, but those of a single frame."""
-        found: list[int] = []
+    def limited_ends(limit: float) -> list[int]:
+        """Return the ends of parts that cost at most `limit` times their weight; a single frame may cost more."""
+        ends: list[int] = []
         cost = 0.0
         for number, seconds in enumerate(costs.frames):
-            more = seconds + costs.scene * changes[number]
-            if number and cost + more > most * weights[min(len(found), count - 1)]:
-                found.append(number)
-                cost, more = 0.0, seconds + costs.scene
-            cost += more
-        return [*found, len(scenes)] if scenes else []
+            added = seconds + costs.scene * changes[number]
+            if number and cost + added > limit * weights[min(len(ends), count - 1)]:
+                ends.append(number)
+                cost, added = 0.0, seconds + costs.scene
+            cost += added
+        return [*ends, len(scenes)] if scenes else []
 
     low = 0.0
-    # A part of all costs no more, however the sum is rounded.
+    # At this limit all frames are in one part, however the sum is rounded.
     high = 1.000001 * (sum(costs.frames) + costs.scene * sum(changes)) / weights[-1]
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if len(ends(middle)) <= count else (middle, high)
-    found = ends(math.nextafter(high, math.inf))
-    return (*found, *[len(scenes)] * (count - len(found)))
+        low, high = (low, middle) if len(limited_ends(middle)) <= count else (middle, high)
+    ends = limited_ends(math.nextafter(high, math.inf))
+    return (*ends, *[len(scenes)] * (count - len(ends)))
 
 
 def part_of(plan: Plan, ends: Sequence[int], number: int) -> Plan:
-    """Return part `number`, from 1, of a plan; what is made of several frames is in none."""
+    """Return part `number`, counted from 1, of a plan; it has no reels, sheets and skips, which are of many frames."""
     first = ends[number - 2] if number > 1 else 0
     return replace(plan, frames=plan.frames[first : ends[number - 1]], reels=(), sheets=(), skips=())

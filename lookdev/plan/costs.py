@@ -1,4 +1,4 @@
-"""What frames cost: measured where they, or others of their scenes, were rendered before; estimated elsewhere."""
+"""The costs of frames: measured if they or others of their scenes were rendered before, otherwise estimated."""
 
 from __future__ import annotations
 
@@ -10,60 +10,60 @@ from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.rendering.task import SceneTask
 
-# Seconds on two cores; what counts is how they compare. tests/bench/farm_costs.py measures them.
-_USUAL_SAMPLES = 256  # that frames with a target error take
-_SAMPLE = 1e-6  # of a sample of a pixel without bounces
-_BOUNCE = 0.5  # of it, for each bounce
-_FRAME = 0.15  # of a frame besides
-_DIRECTIONS = 8  # that a look usually takes at a hit, of its BSDF and of the light
-_SHARED = 0.25  # of a sample's cost, whatever the directions
-_TRANSMITTING = 1.8  # times the cost of a look that only reflects: paths go on inside
+# Seconds on two cores; only their ratios matter. tests/bench/farm_costs.py measures them.
+_USUAL_SAMPLES = 256  # samples a pixel of a frame with a target error
+_SAMPLE = 1e-6  # seconds of a sample of a pixel without bounces
+_BOUNCE = 0.5  # cost of a bounce, relative to that sample
+_FRAME = 0.15  # seconds of a frame that do not depend on its samples
+_DIRECTIONS = 8  # usual number of directions of a look at a hit, of its BSDF and of the light together
+_SHARED = 0.25  # share of a sample's cost that does not depend on the directions
+_TRANSMITTING = 1.8  # cost of a look that transmits, relative to one that only reflects: paths go on inside
 SCENE = 1.3
 """Seconds to prepare a scene."""
 START = 4.0
-"""Seconds of a process to its first frame, but for what preparing the scene takes."""
+"""Seconds from the start of a process to its first frame, without those that prepare the scene."""
 
 
 def estimated(plan: Plan) -> Costs:
-    """Return the costs of a plan's frames by the job alone, whatever is on disk."""
+    """Return the costs of a plan's frames, estimated from the job alone; files on disk do not count."""
     scenes = [frame.task.scene for frame in plan.frames]
-    return Costs(tuple(filled(scenes, [None] * len(scenes))), SCENE, START)
+    return Costs(tuple(frame_costs(scenes, [None] * len(scenes))), SCENE, START)
 
 
 def measured(plan: Plan) -> Costs:
-    """Return the costs of a plan's frames.
+    """Return the costs of a plan's frames, measured where possible.
 
-    Those on disk have their times in their headers. A scene's mean stands for its other frames; for scenes of which
-    there are none, the estimate, in the ratio that measured scenes have to theirs.
+    A frame on disk costs the time in its header, and another frame of its scene the mean of these times. A frame of a
+    scene without frames on disk costs its estimate, scaled by the ratio of times to estimates of the other scenes.
     """
     scenes = [frame.task.scene for frame in plan.frames]
-    return Costs(tuple(filled(scenes, [frame.seconds for frame in plan.frames])), SCENE, START)
+    return Costs(tuple(frame_costs(scenes, [frame.seconds for frame in plan.frames])), SCENE, START)
 
 
-def filled(scenes: Sequence[SceneTask], measured: Sequence[float | None]) -> list[float]:
-    """Return the cost of each frame: its time where it was measured, else that of its scene."""
-    known: dict[int, list[float]] = {}
-    for scene, seconds in zip(scenes, measured, strict=True):
-        of_scene = known.setdefault(id(scene), [])
+def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> list[float]:
+    """Return the cost of each frame, seconds: its time, or if that is None the usual cost of its scene."""
+    scene_times: dict[int, list[float]] = {}
+    for scene, seconds in zip(scenes, times, strict=True):
+        seconds_of_scene = scene_times.setdefault(id(scene), [])
         if seconds is not None:
-            of_scene.append(seconds)
-    guessed = {id(scene): estimate(scene) for scene in {id(scene): scene for scene in scenes}.values()}
-    taken = [(fmean(each), guessed[scene]) for scene, each in known.items() if each]
-    ratio = sum(seconds for seconds, _ in taken) / sum(guess for _, guess in taken) if taken else 1.0
-    usual = {scene: fmean(each) if each else ratio * guessed[scene] for scene, each in known.items()}
-    return [usual[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, measured, strict=True)]
+            seconds_of_scene.append(seconds)
+    estimates = {id(scene): estimate(scene) for scene in {id(scene): scene for scene in scenes}.values()}
+    means = {key: fmean(seconds) for key, seconds in scene_times.items() if seconds}
+    ratio = sum(means.values()) / sum(estimates[key] for key in means) if means else 1.0
+    usual = {key: means[key] if key in means else ratio * estimates[key] for key in scene_times}
+    return [usual[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, times, strict=True)]
 
 
 def estimate(scene: SceneTask) -> float:
-    """Return the cost of a frame by what is rendered, seconds."""
+    """Return the estimated cost of a frame of a scene, seconds."""
     sampling, (width, height) = scene.sampling, scene.resolution
     samples = sampling.samples if sampling.error is None else min(sampling.samples, _USUAL_SAMPLES)
-    look = fmean(_of_look(source) for source in scene.shaders)
+    look = fmean(_look_cost(source) for source in scene.shaders)
     return _FRAME + _SAMPLE * width * height * samples * (1.0 + _BOUNCE * sampling.bounces) * look
 
 
-def _of_look(source: Source) -> float:
-    """Return the cost of a look's samples in that of a usual one's."""
+def _look_cost(source: Source) -> float:
+    """Return the cost of a sample of a look, relative to that of a usual look."""
     cost = 1.0
     if isinstance(source, ShaderSource):
         cost = _SHARED + (1.0 - _SHARED) * sum(source.directions) / _DIRECTIONS

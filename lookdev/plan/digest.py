@@ -1,4 +1,4 @@
-"""Digests of all that affects a frame's pixels: a frame is rendered again exactly when they change."""
+"""Digests of everything that affects the pixels of a frame: a frame is rendered again exactly if its digest changes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from lookdev.scene import Pose
 from lookdev.space import REC709
 
 PARTS = ("asset", "look", "ibl", "camera", "pose", "render")
-"""The parts of a frame's inputs, each with a digest of its own."""
+"""The parts of a frame's inputs, each with a separate digest."""
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
-    """Return the digest of each part of a frame's inputs: `PARTS`.
+    """Return the digest of each of `PARTS`, the parts of a frame's inputs.
 
-    No part contains a path: geometry, textures and light tables count by their content.
+    No part contains a path: geometry, textures and tables of lights count by their content.
     """
     return {**scene_digests(scene, exposure), "pose": pose_digest(pose)}
 
@@ -57,7 +57,7 @@ def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
 
 
 def frame_digest(parts: Mapping[str, str]) -> str:
-    """Return the digest of a frame from those of its parts."""
+    """Return the digest of a frame from the digests of its parts."""
     return _digest(parts)
 
 

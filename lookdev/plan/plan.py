@@ -1,4 +1,4 @@
-"""What is to be rendered and why: every frame of some setups, and the state of every file on disk."""
+"""Plans of what is rendered and why: every frame of setups, and the state of every file on disk."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from lookdev.scene.charts import STRIP, Strip
 
 State = Literal["done", "stale", "new"]
 DAMAGED = "damaged"
-"""The reason of a stale file that cannot be read, or was changed since it was written."""
+"""The reason of a stale file that cannot be read, or that was changed after it was written."""
 
 Header = Mapping[str, str]
 HeaderReader = Callable[[Path], Header | None]
-"""Returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``, "width x height"; raises
-OutputError where the file is broken."""
+"""Returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``, "width x height".
+
+Raises OutputError if the file is broken."""
 
 
 @dataclass(frozen=True)
 class PlannedFile:
     """A file of a frame.
 
-    `reason` is why it is not done, empty where it is. `seconds` are those that rendering took, in proportion to the
-    pixels and samples of the frame where the file has others; None where they are not known.
+    `reason` states why it is not done; it is empty if the file is done. `seconds` is the time that rendering took,
+    scaled to the pixels and samples of the frame if the file has others; None if it is unknown.
     """
 
     path: Path
@@ -49,7 +50,7 @@ class PlannedFile:
 
 @dataclass(frozen=True, eq=False)
 class PlannedFrame:
-    """A frame, whose files `read_header` reads when their states are first asked for."""
+    """A frame; `read_header` reads its files when `files` is first used."""
 
     task: FrameTask
     read_header: HeaderReader
@@ -57,17 +58,17 @@ class PlannedFrame:
     @cached_property
     def files(self) -> tuple[PlannedFile, ...]:
         """The state of each of ``task.files``, in their order."""
-        return tuple(_planned_file(path, self.task, self.read_header) for path in self.task.files)
+        return tuple(_plan_file(path, self.task, self.read_header) for path in self.task.files)
 
     @property
     def seconds(self) -> float | None:
-        """The time that the frame took, or will by that of another version of it on disk; None without one."""
+        """The time of the frame, or the time that another version of it on disk predicts; None if there is neither."""
         return next((file.seconds for file in self.files if file.seconds is not None), None)
 
 
 @dataclass(frozen=True)
 class Copy:
-    """A file to make without rendering: `source` is another file of the same frame."""
+    """A file to write without rendering: a copy of `source`, another file of the same frame."""
 
     source: Path
     target: Path
@@ -93,10 +94,10 @@ class Charts:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every frame of some setups, in their order; `beside` are the suffixes of the files that each is to have.
+    """Every frame of some setups, in the order of the setups.
 
-    `charts` are the frames of reference props that are laid over frames of looks, all by their files; their frames are
-    the first.
+    `beside` has the suffixes of the files that each frame has beside its EXR. `charts` has, for each file of a look,
+    the file of the reference props that are composited over it; the frames of the props come first in `frames`.
     """
 
     frames: tuple[PlannedFrame, ...]
@@ -124,18 +125,18 @@ class Plan:
 
     @cached_property
     def pictures(self) -> tuple[Path, ...]:
-        """The files to make of single frames that need no rendering.
+        """The files to make of frames that need no rendering.
 
-        They are missing or older than the EXR, or `copies` will make their EXR.
+        They are missing or older than the EXR, or `copies` makes their EXR.
         """
-        return tuple(_pictures(self.frames, self.beside))
+        return tuple(_due_pictures(self.frames, self.beside))
 
     def pending(self) -> tuple[FrameTask, ...]:
-        """Return the tasks to render, scene by scene; a frame with a done file is among `copies` instead."""
+        """Return the tasks to render, scene by scene; `copies` has the other files of a frame with a done file."""
         return tuple(frame.task for frame in self.frames if _done_path(frame.files) is None)
 
     def copies(self) -> tuple[Copy, ...]:
-        """Return the files to copy, after a turntable was added, or a run was killed between two files of a frame."""
+        """Return the files to copy: a turntable was added, or a run was killed between two files of a frame."""
         return tuple(
             Copy(source, file.path)
             for frame in self.frames
@@ -156,73 +157,78 @@ def build_plan(
 ) -> Plan:
     """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
-    Poses that differ only by a turn of what looks the same from everywhere are one. `labels` are entries of the header
-    of every frame; `beside` are the suffixes of the files that every frame is to have beside its EXR.
+    Poses that differ only by a turn of what looks the same all around are one pose. `labels` are entries of the header
+    of every frame; `beside` has the suffixes of the files that every frame has beside its EXR.
     """
-    reels = tuple(
-        tuple(
-            Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
-            for each in turns.turntables
-        )
-        for setup in setups
-    )
-    of_pose = cache(_pose_labels)  # shared by the looks
+    reels = tuple(_reels(setup, turns) for setup in setups)
+    pose_labels = cache(_pose_labels)  # shared by the looks
     frames = tuple(
         PlannedFrame(task, read_header)
-        for setup, shown in zip(setups, reels, strict=True)
-        for task in _tasks(setup, turns, shown, labels or {}, of_pose)
+        for setup, setup_reels in zip(setups, reels, strict=True)
+        for task in _tasks(setup, turns, setup_reels, labels or {}, pose_labels)
     )
-    over, above = _frames_over(charts, reels, turns, read_header, labels or {}, of_pose)
+    chart_frames, chart_files = _plan_charts(charts, reels, turns, read_header, labels or {}, pose_labels)
     skips = tuple(find_skips(setups, turns))
-    return Plan((*over, *frames), tuple(chain.from_iterable(reels)), turns.output, tuple(beside), skips, charts=above)
+    all_reels = tuple(chain.from_iterable(reels))
+    return Plan((*chart_frames, *frames), all_reels, turns.output, tuple(beside), skips, charts=chart_files)
 
 
-def _frames_over(
+def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
+    """Return the reel of each turntable of a setup."""
+    return tuple(
+        Reel(setup.look, setup.ibl, turntable.name, turns.files(setup.look, setup.ibl, turntable))
+        for turntable in turns.turntables
+    )
+
+
+def _plan_charts(
     charts: Charts | None,
     reels: Sequence[Sequence[Reel]],
     turns: Turns,
     read_header: HeaderReader,
     labels: Mapping[str, str],
-    of_pose: Callable[[Pose], dict[str, str]],
+    pose_labels: Callable[[Pose], dict[str, str]],
 ) -> tuple[tuple[PlannedFrame, ...], dict[Path, Path]]:
-    """Return the frames of reference props, and which of their files is laid over each file of the reels of looks."""
+    """Return the frames of reference props, and the file of props that is composited over each file of the reels."""
     if charts is None:
         return (), {}
     frames: list[PlannedFrame] = []
-    above: dict[Path, Path] = {}
+    chart_files: dict[Path, Path] = {}
     for setup in charts.setups:
-        own = [
-            Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
-            for each in turns.turntables
-        ]
-        named = {**labels, STRIP: charts.strip.label}
-        frames += (PlannedFrame(task, read_header) for task in _tasks(setup, turns, own, named, of_pose))
-        for shown in reels:
-            for under, over in zip(shown, own, strict=True):
-                if under.ibl == over.ibl:
-                    above |= zip(under.files, over.files, strict=True)
-    return tuple(frames), above
+        chart_reels = _reels(setup, turns)
+        chart_labels = {**labels, STRIP: charts.strip.label}
+        tasks = _tasks(setup, turns, chart_reels, chart_labels, pose_labels)
+        frames += (PlannedFrame(task, read_header) for task in tasks)
+        for look_reels in reels:
+            for look_reel, chart_reel in zip(look_reels, chart_reels, strict=True):
+                if look_reel.ibl == chart_reel.ibl:
+                    chart_files |= zip(look_reel.files, chart_reel.files, strict=True)
+    return tuple(frames), chart_files
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
-    """Yield what setups leave out, in their order, except what the user turned off."""
+    """Yield the skips of setups, in the order of the setups; work that the user turned off is not a skip."""
     for setup in setups:
-        of_scene = scene_skips(setup.task, setup.scene.looks, setup.requested, len(setup.scene.lights))
-        for what, why in (*of_scene, *_frame_skips(setup, turns)):
-            yield Skip(setup.look, setup.ibl, what, why)
+        skips = scene_skips(setup.task, setup.scene.looks, setup.requested, len(setup.scene.lights))
+        for work, cause in (*skips, *_frame_skips(setup, turns)):
+            yield Skip(setup.look, setup.ibl, work, cause)
 
 
 def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
-    asked = [pose for each in turns.turntables for pose in turntable_poses(each, setup.rotation, turns.azimuth)]
-    poses, left = set(asked), turns.poses(setup)
-    if len(poses) < len(asked):
-        yield f"{len(asked) - len(poses)} of {len(asked)} frames", "same pose"
-    if len(left) < len(poses):
+    """Yield the frames of turntables that are not rendered, and the cause."""
+    requested = [
+        pose for turntable in turns.turntables for pose in turntable_poses(turntable, setup.rotation, turns.azimuth)
+    ]
+    distinct, rendered = set(requested), turns.poses(setup)
+    if len(distinct) < len(requested):
+        yield f"{len(requested) - len(distinct)} of {len(requested)} frames", "same pose"
+    if len(rendered) < len(distinct):
         causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light_stays
-        yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)
+        yield f"{len(distinct) - len(rendered)} of {len(distinct)} frames", ", ".join(causes)
 
 
 def _pose_labels(pose: Pose) -> dict[str, str]:
+    """Return the entries of the header that depend on the pose."""
     return {
         "pose.element": repr(pose.element),
         "pose.lighting": repr(pose.lighting),
@@ -235,28 +241,31 @@ def _tasks(
     turns: Turns,
     reels: Sequence[Reel],
     labels: Mapping[str, str],
-    of_pose: Callable[[Pose], dict[str, str]],
+    pose_labels: Callable[[Pose], dict[str, str]],
 ) -> Iterator[FrameTask]:
-    shown: dict[Pose, list[tuple[str, Path]]] = {}
+    """Yield the task of each distinct pose of a setup."""
+    files_of_poses: dict[Pose, list[tuple[str, Path]]] = {}
     for turntable, reel in zip(turns.turntables, reels, strict=True):
         for pose, file in zip(setup.poses(turntable, turns.azimuth), reel.files, strict=True):
-            shown.setdefault(pose, []).append((turntable.name, file))
+            files_of_poses.setdefault(pose, []).append((turntable.name, file))
     parts = scene_digests(setup.task, setup.exposure)
     common = {**labels, "look": setup.look, "ibl": setup.ibl, "exposure": repr(setup.exposure)}
     common |= {f"digest.{part}": digest for part, digest in parts.items()}
-    for pose, places in shown.items():
-        own = of_pose(pose)
+    for pose, named_files in files_of_poses.items():
+        labels_of_pose = pose_labels(pose)
+        names = ", ".join(dict.fromkeys(name for name, _ in named_files))
         yield FrameTask(
             scene=setup.task,
             pose=pose,
             exposure=setup.exposure,
-            digest=frame_digest({**parts, "pose": own["digest.pose"]}),
-            files=tuple(file for _, file in places),
-            labels={**common, "turntable": sys.intern(", ".join(dict.fromkeys(name for name, _ in places))), **own},
+            digest=frame_digest({**parts, "pose": labels_of_pose["digest.pose"]}),
+            files=tuple(file for _, file in named_files),
+            labels={**common, "turntable": sys.intern(names), **labels_of_pose},
         )
 
 
-def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> PlannedFile:
+def _plan_file(path: Path, task: FrameTask, read_header: HeaderReader) -> PlannedFile:
+    """Return a file of a frame with its state, by its header."""
     try:
         header = read_header(path) or {}
     except OutputError:
@@ -264,41 +273,45 @@ def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> Pla
     width, height = task.scene.resolution
     if header.get("digest") == task.digest:
         if header.get("resolution") == f"{width} x {height}":
-            return PlannedFile(path, "done", "", _seconds(header, task, exactly=True))
+            return PlannedFile(path, "done", "", _frame_seconds(header, task, is_same_frame=True))
         return PlannedFile(path, "stale", "pixels of another size")
     if "digest" not in header:
         return PlannedFile(path, "stale", "not written by lookdev")
     parts = [part for part in PARTS if header.get(f"digest.{part}") != task.labels[f"digest.{part}"]]
     names = ["light" if part == "ibl" else part for part in parts]
     changed = ", ".join(names) or "digest"
-    return PlannedFile(path, "stale", f"{changed} changed", _seconds(header, task, exactly=False))
+    return PlannedFile(path, "stale", f"{changed} changed", _frame_seconds(header, task, is_same_frame=False))
 
 
-def _seconds(header: Header, task: FrameTask, *, exactly: bool) -> float | None:
-    """Return the time that a frame takes, by the header of one on disk; None where it states none."""
+def _frame_seconds(header: Header, task: FrameTask, *, is_same_frame: bool) -> float | None:
+    """Return the time that a frame takes, from the header of a file; None if the header states none.
+
+    Unless the file is of the same frame, the time is scaled to the pixels and samples of the task.
+    """
     try:
         seconds, samples = float(header["seconds"]), int(header["samples"])
-        shown = math.prod(int(side) for side in header["resolution"].split(" x "))
+        pixels = math.prod(int(side) for side in header["resolution"].split(" x "))
     except (KeyError, ValueError):
         return None
-    if not (0.0 <= seconds < math.inf and samples > 0 and shown > 0):
+    if not (0.0 <= seconds < math.inf and samples > 0 and pixels > 0):
         return None
     scene = task.scene
-    if exactly or scene.sampling.error is not None:  # of a target error, nobody knows the samples
+    if is_same_frame or scene.sampling.error is not None:  # with a target error, the samples are not known beforehand
         return seconds
-    return seconds * math.prod(scene.resolution) * scene.sampling.samples / (shown * samples)
+    return seconds * math.prod(scene.resolution) * scene.sampling.samples / (pixels * samples)
 
 
 def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
     return next((file.path for file in files if file.state == "done"), None)
 
 
-def _pictures(frames: tuple[PlannedFrame, ...], beside: Sequence[str]) -> Iterator[Path]:
+def _due_pictures(frames: tuple[PlannedFrame, ...], beside: Sequence[str]) -> Iterator[Path]:
+    """Yield the pictures of frames with a done file that are missing or out of date."""
     for frame in frames:
         if _done_path(frame.files) is not None:
             for file in frame.files:
                 pictures = (file.path.with_suffix(suffix) for suffix in beside)
-                yield from (each for each in pictures if file.state != "done" or _is_due(each, file.path))
+                yield from (picture for picture in pictures if file.state != "done" or _is_due(picture, file.path))
 
 
 def _is_due(picture: Path, frame: Path) -> bool:

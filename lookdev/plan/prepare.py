@@ -1,4 +1,4 @@
-"""From a job file to its plan: job, scenes, setups, frames. Each stage is a value of the one before."""
+"""From a job file to its plan: job, scenes, setups, frames. Each stage is computed from the one before."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from lookdev.space import REC709
 
 @dataclass(frozen=True)
 class JobSetups:
-    """A job, each of its looks under each of its lights, and notes on its files."""
+    """A job, the setup of each of its looks under each of its lights, and notes about its files."""
 
     job: Job
     setups: tuple[Setup, ...]
@@ -53,93 +53,98 @@ class Prepared(JobSetups):
 
 
 def prepare_job(path: Path, backend: str | None = None) -> Prepared:
-    """Plan the frames of a job file as `plan_job`; `backend` replaces the job's; raises JobError with its faults."""
-    return plan_job(_with_backend(load_job(path), backend))
+    """Read a job file and plan its frames, as `plan_job`; raises JobError with the faults of the job file.
+
+    `backend` replaces that of the job.
+    """
+    return plan_job(_replace_backend(load_job(path), backend))
 
 
 def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prepared:
-    """Read the files of a job and plan its frames, those on disk included; raises FaultsError with all their faults.
+    """Read the files of a job and plan its frames; raises FaultsError with all faults of the files.
 
-    `ahead` is called before the asset is read, with a scene of a card that wears a look of the job: a worker that
-    prepares it has compiled the shader when the frames are planned.
+    `ahead` is called before the asset is read, with the scene of a card that has a look of the job: a worker that
+    prepares this scene has compiled the shader by the time the frames are planned.
     """
     tasks = SceneTasks(job.render.backend, job.render.device)
 
-    def show(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
+    def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
-            with suppress(LookdevError):  # the setups report it
+            with suppress(LookdevError):  # make_setups reports it
                 scene = Scene.of_look(_card(), look, lights[0], job.render.resolution)
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(tasks.task(scene, job.render.sampling))
 
     sampled = BACKENDS[job.render.backend].directions
-    made = make_setups(job_scenes(job, show, sampled=sampled), tasks)
-    job = made.job
+    job_setups = make_setups(job_scenes(job, prepare_card, sampled=sampled), tasks)
+    job = job_setups.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
-    charts = Charts(made.charts, job.charts.strip(job.render.resolution)) if job.charts else None
-    plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside, charts=charts)
-    plan = replace(plan, sheets=made.sheets)
-    return Prepared(job, made.setups, made.notes, made.sheets, made.charts, plan=plan)
+    charts = Charts(job_setups.charts, job.charts.strip(job.render.resolution)) if job.charts else None
+    plan = build_plan(
+        job_setups.setups, job_setups.turns, read_header, labels=labels, beside=job.outputs.beside, charts=charts
+    )
+    plan = replace(plan, sheets=job_setups.sheets)
+    return Prepared(job, job_setups.setups, job_setups.notes, job_setups.sheets, job_setups.charts, plan=plan)
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without wedges, props and a catcher, in linear Rec.709; errors as `prepare_job`."""
+    """Read a job and its files, without wedges, props and a catcher, in linear Rec.709; raises as `prepare_job`."""
     job = load_job(path)
     plane = job.ground if job.ground and job.ground.kind == "plane" else None
     render = job.render.model_copy(update={"space": REC709})
     job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
-    job = _with_backend(job, backend)
-    # Without a backend of its own, whoever asks may compare with one that draws directions.
+    job = _replace_backend(job, backend)
+    # If no backend is named, the caller may compare with one that draws directions.
     sampled = backend is None or BACKENDS[backend].directions
     tasks = SceneTasks(job.render.backend, job.render.device)
     return make_setups(job_scenes(job, sampled=sampled), tasks)
 
 
-def _with_backend(job: Job, backend: str | None) -> Job:
+def _replace_backend(job: Job, backend: str | None) -> Job:
     if backend is None:
         return job
     return job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
 
 
 def _card() -> Asset:
-    """Return a card that is lit as any asset is: a built-in one is known to need no bounces."""
+    """Return a card that is lit with bounces, as any asset is; the built-in plane is rendered without them."""
     plane = load_asset(builtin="plane")
     return make_asset("card", plane.meshes, plane.instances, plane.slots)
 
 
-def make_setups(shown: JobScenes, tasks: SceneTasks) -> JobSetups:
-    """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
-    job, findings = shown.job, Findings(shown.job)
+def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
+    """Generate the sources of the scenes of a job; raises FaultsError with the faults of every `make_setup`."""
+    job, findings = scenes.job, Findings(scenes.job)
     rigs = {rig.name: rig for rig in job.rigs}
     plain = replace(job.render.sampling, passes=(), denoise="off")
-    wanted = [(FOLDER, name, scene, plain, "charts") for name, scene in shown.charts.items()]
-    for (look, name), scene in shown.scenes.items():
-        wanted.append((look, name, scene, job.render.sampling, shown.look_keys[look]))
+    requests = [(FOLDER, name, scene, plain, "charts") for name, scene in scenes.charts.items()]
+    for (look, name), scene in scenes.scenes.items():
+        requests.append((look, name, scene, job.render.sampling, scenes.look_keys[look]))
     setups = []
-    for look, name, scene, sampling, key in wanted:
+    for look, name, scene, sampling, key in requests:
         with findings.collect(key):
             rig = rigs[name]
             try:
                 setup = make_setup(look, name, scene, sampling, tasks)
             except EnvironmentMapError as error:
                 file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
-                where = ": ".join((shown.rig_keys[name], *file))
+                where = ": ".join((scenes.rig_keys[name], *file))
                 for line in error.args[0].splitlines():
                     findings.add(where, line)
                 continue
-            # Props stand still before the camera, whatever turns.
+            # Props stand still in front of the camera in every pose.
             around = setup.around or key == "charts"
             setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation, around=around))
     findings.raise_faults()
-    shared = tuple(_sharing(setups))
-    count = len(shown.charts)
-    return JobSetups(job, shared[count:], (*shown.notes, *take_notes()), shown.sheets, shared[:count])
+    shared = tuple(_share_programs(setups))
+    count = len(scenes.charts)
+    return JobSetups(job, shared[count:], (*scenes.notes, *take_notes()), scenes.sheets, shared[:count])
 
 
-def _sharing(setups: Sequence[Setup]) -> Iterator[Setup]:
-    """Yield setups of the same pictures, whose sources share programs."""
+def _share_programs(setups: Sequence[Setup]) -> Iterator[Setup]:
+    """Yield the setups with sources that share programs; they render the same pictures as before."""
     shaders = [shader for setup in setups for shader in setup.task.shaders]
     shared = shared_programs(shader for shader in shaders if isinstance(shader, ShaderSource))
     for setup in setups:
-        own = tuple(shared[each] if isinstance(each, ShaderSource) else each for each in setup.task.shaders)
-        yield replace(setup, task=replace(setup.task, shaders=own))
+        sources = (shared[shader] if isinstance(shader, ShaderSource) else shader for shader in setup.task.shaders)
+        yield replace(setup, task=replace(setup.task, shaders=tuple(sources)))

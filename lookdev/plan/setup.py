@@ -14,8 +14,8 @@ from lookdev.codegen import AttributeBinding
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
 from lookdev.output.frame_name import FrameName
-from lookdev.plan.poses import turntable_poses, unturned
-from lookdev.plan.skips import same_all_around
+from lookdev.plan.poses import canonical_pose, turntable_poses
+from lookdev.plan.skips import is_rotation_invariant
 from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Pose, Sampling, Scene
@@ -23,7 +23,7 @@ from lookdev.scene import Pose, Sampling, Scene
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A look under a light, by their names, the folders of its frames."""
+    """A look under a light; their names are the folders of the frames."""
 
     look: str
     ibl: str
@@ -35,9 +35,9 @@ class Setup:
     rotation: float = 0.0  # of the light, degrees, added to its angle in every pose
 
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
-        """Return the pose that shows each frame of a turntable; equal ones show the same picture."""
+        """Return the pose of each frame of a turntable; frames with equal poses show the same picture."""
         poses = turntable_poses(turntable, self.rotation, azimuth)
-        return tuple(unturned(pose, self.around, self.task.light_stays) for pose in poses)
+        return tuple(canonical_pose(pose, self.around, self.task.light_stays) for pose in poses)
 
 
 def make_setup(
@@ -47,22 +47,27 @@ def make_setup(
     sampling: Sampling,
     tasks: SceneTasks | None = None,
 ) -> Setup:
-    """Generate the sources of a scene, and decide whether it looks the same all around.
+    """Return the setup of a scene: generate its sources, and decide whether it looks the same all around.
 
-    `tasks` are those of the backend; None: of "exact" on the CPU. Raises as `SceneTasks.task`, and FaultsError where
-    the asset lacks an attribute that the looks read.
+    `tasks` generates the sources for a backend; by default for "exact" on the CPU. Raises as `SceneTasks.task`, and
+    FaultsError if the asset lacks an attribute that a look reads.
     """
     task = (tasks or SceneTasks()).task(scene, sampling)
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
-    # Passes show places, which turn with the asset.
-    around = not sampling.passes and scene.asset.revolved and _about_its_axis(scene) and same_all_around(task.shaders)
+    # Passes show positions, which turn with the asset.
+    around = (
+        not sampling.passes
+        and scene.asset.revolved
+        and _orbits_asset_axis(scene)
+        and is_rotation_invariant(task.shaders)
+    )
     return Setup(look, ibl, scene, task, sampling, around)
 
 
 @dataclass(frozen=True)
 class Turns:
-    """The turntables that show every setup, and the folder of all their files; azimuth of the camera in degrees."""
+    """The turntables that show every setup, the folder of all files, and the camera's azimuth in degrees."""
 
     turntables: tuple[JobTurntable, ...]
     output: Path
@@ -75,31 +80,32 @@ class Turns:
 
     def poses(self, setup: Setup) -> tuple[Pose, ...]:
         """Return the distinct poses of a setup, in the order of the turntables."""
-        return tuple(dict.fromkeys(pose for each in self.turntables for pose in setup.poses(each, self.azimuth)))
+        poses = (pose for turntable in self.turntables for pose in setup.poses(turntable, self.azimuth))
+        return tuple(dict.fromkeys(poses))
 
 
-def _about_its_axis(scene: Scene) -> bool:
-    """Return whether the camera orbits the vertical through the asset's centre, not one that it has with others."""
+def _orbits_asset_axis(scene: Scene) -> bool:
+    """Return whether the camera orbits the vertical through the asset's centre, not an axis for several assets."""
     return math.dist(scene.camera.pivot, scene.asset.center[:2]) <= 1e-5 * scene.asset.radius
 
 
 def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
-    """Yield attributes that sources read and meshes lack, once for all parts; only USD primvars have a fallback."""
-    lacking: dict[tuple[str, str, str], list[str]] = {}
-    reading = any(source.attributes for source in task.shaders)
-    for mesh in scene.asset.meshes if reading else ():
+    """Yield a fault for each attribute that a source reads and meshes lack; only USD primvars have a fallback."""
+    paths_of_faults: dict[tuple[str, str, str], list[str]] = {}
+    has_readers = any(source.attributes for source in task.shaders)
+    for mesh in scene.asset.meshes if has_readers else ():
         for slot in np.unique(mesh.face_slots):
             source = task.shaders[task.worn[slot]]
             for binding in source.attributes:
-                if fault := _lacking(mesh, binding):
-                    lacking.setdefault((source.name, *fault), []).append(scene.asset.slots[slot].path)
-    for (look, what, hint), paths in lacking.items():
+                if fault := _attribute_fault(mesh, binding):
+                    paths_of_faults.setdefault((source.name, *fault), []).append(scene.asset.slots[slot].path)
+    for (look, problem, hint), paths in paths_of_faults.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        yield Fault(scene.asset.name, f"{paths[0]}{more}, look '{look}'", what, hint)
+        yield Fault(scene.asset.name, f"{paths[0]}{more}, look '{look}'", problem, hint)
 
 
-def _lacking(mesh: Mesh, binding: AttributeBinding) -> tuple[str, str] | None:
-    """Return what is wrong with an attribute of a mesh, and a hint; None where a source can read it."""
+def _attribute_fault(mesh: Mesh, binding: AttributeBinding) -> tuple[str, str] | None:
+    """Return the message about an attribute of a mesh, and a hint; None if a source can read the attribute."""
     name = binding.attribute
     if binding.kind == "uv":
         hint = f"it has: {', '.join(mesh.uvs)}; the look can name one" if mesh.uvs else "it has none at all"

@@ -1,4 +1,4 @@
-"""What scenes leave out because no pixel would show it, and why."""
+"""Skips: work that is left out because no pixel depends on it, with the causes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lookdev.scene import Sampling
 
 @dataclass(frozen=True)
 class Skip:
-    """Work that is left out for a look under a light, and why no pixel differs."""
+    """Work that is left out for a look under a light, and the reason why no pixel changes."""
 
     look: str
     ibl: str
@@ -26,11 +26,11 @@ class Skip:
         return f"{self.what} ({self.why})"
 
 
-def same_all_around(shaders: Iterable[Source]) -> bool:
-    """Return whether a surface of revolution shows the same picture however it is turned about its axis.
+def is_rotation_invariant(shaders: Iterable[Source]) -> bool:
+    """Return whether a surface of revolution with these shaders looks the same after any turn about its axis.
 
-    It does where its sources read no image and no attribute: one that depends on a direction along the surface reads
-    the tangents.
+    It does if the shaders read no image and no attribute: a shader that depends on a direction along the surface reads
+    the tangents, which are an attribute.
     """
     return not any(shader.images or shader.attributes for shader in shaders)
 
@@ -38,53 +38,54 @@ def same_all_around(shaders: Iterable[Source]) -> bool:
 def scene_skips(
     scene: SceneTask, looks: Sequence[Look], requested: Sampling, lights: int | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield what a scene leaves out of the sampling `requested`, and why.
+    """Yield the work that a scene leaves out, and the cause of each.
 
-    `looks` are those of its slots, `lights` the number of lights that it was to have.
+    `looks` has the look of each slot, `requested` is the sampling of the job, and `lights` the number of lights
+    before those that reach no part were dropped; None if none were.
     """
     if lights is not None and (idle := lights - len(scene.lights)):
         yield ("1 light", "reaches no part") if idle == 1 else (f"{idle} lights", "reach no part")
     if scene.sampling.bounces < requested.bounces:
         yield "bounces", "convex asset"
-    ours = [shader for shader in scene.shaders if isinstance(shader, ShaderSource)]
-    if ours and not any(shader.shadows for shader in ours):
+    osl_shaders = [shader for shader in scene.shaders if isinstance(shader, ShaderSource)]
+    if osl_shaders and not any(shader.shadows for shader in osl_shaders):
         yield "shadow rays", "convex asset"
     if not any(shader.transmits for shader in scene.shaders):
         yield "light from behind", "nothing transmits"
-    if ours:
-        brdf, light = (max(each) for each in zip(*(shader.directions for shader in ours), strict=True))
+    if osl_shaders:
+        brdf, light = (max(counts) for counts in zip(*(shader.directions for shader in osl_shaders), strict=True))
         if not light and scene.constant_light and requested.ibl_samples != 0:
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"
     if folded := sum(shader.folded for shader in scene.shaders if isinstance(shader, ShaderSource | ProgramSource)):
         yield ("1 lobe", "is 0 by constants") if folded == 1 else (f"{folded} lobes", "are 0 by constants")
-    if unread := _unread_textures(looks, [scene.shaders[number] for number in scene.worn]):
+    if unread := _count_unread_textures(looks, [scene.shaders[number] for number in scene.worn]):
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 
 
-def _unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
-    """Count the look-ups of looks that are not in their shaders; slots that share a look share its shader."""
+def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
+    """Return the number of texture look-ups of looks that their shaders lack; slots with one look share its shader."""
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
-        named = {lookup for source in leaf_sources(sources) for lookup in _lookups(source)}
+        lookups = {lookup for source in leaf_sources(sources) for lookup in _lookups(source)}
         if isinstance(shader, ShaderSource):
             # The parameters of one look-up's tiles have a common prefix.
-            unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
+            unread += len(lookups) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
         elif isinstance(shader, NodeSource):
-            # A node that reads an image is labelled by its file; tiles, by that of their set.
-            read = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
-            unread += sum(_file(lookup).stem not in read for lookup in named)
+            # The label of a node that reads an image is the name of its file; of a tile, that of the set of tiles.
+            labels = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
+            unread += sum(_texture_file(lookup).stem not in labels for lookup in lookups)
     return unread
 
 
-def _file(lookup: Texture | Bump) -> Path:
+def _texture_file(lookup: Texture | Bump) -> Path:
     return lookup.height.file if isinstance(lookup, Bump) else lookup.file
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:
-    """Yield the look-ups of a layer's input; those that a shader shares are equal."""
+    """Yield the look-ups of a layer's input; look-ups that a shader reads once are equal."""
     if isinstance(source, Texture):
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):

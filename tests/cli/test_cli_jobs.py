@@ -64,8 +64,8 @@ def test_a_dry_run_heeds_chunk_and_output(run_cli, job_file, tmp_path):
 
 def test_a_dry_run_checks_the_options_of_the_run(run_cli, job_file):
     for options, message in (
-        (["--chunk", "0/3"], "'0/3' is no chunk: 2/8 is the second of eight"),
-        (["--chunk", "4/3"], "'4/3' is no chunk"),
+        (["--chunk", "0/3"], "'0/3' is not a chunk: 2/8 is the second of eight"),
+        (["--chunk", "4/3"], "'4/3' is not a chunk"),
         (["--executor", "dsk"], "unknown executor 'dsk' (did you mean 'dask'?"),
         (["--frame", "gold/city/element.0001"], "it goes without --force, --frame, --outputs-only"),
     ):

@@ -13,7 +13,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight
 from lookdev.light.dome.files import write_exr
 from lookdev.material import Layer, Look, Texture
-from lookdev.plan.poses import unturned
+from lookdev.plan.poses import canonical_pose
 from lookdev.plan.setup import make_setup
 from lookdev.plan.skips import scene_skips
 from lookdev.rendering.results import Rendered
@@ -124,7 +124,7 @@ def test_frames_of_other_poses_are_the_one_that_is_rendered(
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
     requested_pose = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
-    rendered_pose = unturned(requested_pose, setup.around, setup.task.light_stays)
+    rendered_pose = canonical_pose(requested_pose, setup.around, setup.task.light_stays)
     assert rendered_pose == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
     assert_equal_means(
         render_task(worker, setup.task, rendered_pose), render_task(worker, setup.task, requested_pose, "asked")

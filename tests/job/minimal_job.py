@@ -1,4 +1,4 @@
-"""The shortest job, and the faults of others."""
+"""The shortest job, and the faults of other jobs."""
 
 from pathlib import Path
 
@@ -24,19 +24,19 @@ frames = 4
 
 
 def touch_files(folder: Path) -> None:
-    """Make the files that jobs of tests name."""
+    """Create the files that the jobs of the tests name, empty."""
     for name in ("paint.usda", "ball.usdc", "sky.exr"):
         (folder / name).touch()
 
 
 def parse(text: str, folder: Path) -> Job:
-    """Return the job of a text in a folder with these files."""
+    """Return the job of a text, in a folder with the files that it names."""
     touch_files(folder)
     return parse_job(text, folder / "job.toml")
 
 
 def faults(text: str, folder: Path) -> dict[str, tuple[str, str]]:
-    """Return (what, hint) by place."""
+    """Return the message and the hint of each fault of a job, by its key."""
     with pytest.raises(JobError) as caught:
         parse(text, folder)
     assert {fault.file for fault in caught.value.faults} == {str(folder / "job.toml")}

@@ -1,4 +1,4 @@
-"""What parts wear, edited in a job's text: what is not edited stays to the letter."""
+"""Edits of assigned materials in the text of a job: everything else stays as it is."""
 
 import difflib
 import random
@@ -99,7 +99,7 @@ def test_the_first_assign_of_a_look_follows_its_keys(look: int) -> None:
     assert unassign(after, look, ["/Car/Body"]) == PARTS
 
 
-def test_the_whole_look_wears_a_material() -> None:
+def test_the_whole_look_takes_a_material() -> None:
     after = wear_all(PARTS, 2, GOLD)
     assert changed(PARTS, after) == ['+ material = "gold.usda"', '+ variants = { wear = "new" }']
     removed = ['- material = "gold.usda"', '- variants = { wear = "new" }']
@@ -117,19 +117,19 @@ def test_looks_and_assigns_that_are_inline_are_edited_in_place() -> None:
 
 @pytest.mark.parametrize("text", [PARTS, INLINE, ARRAY, NESTED, PARTS.replace("\n", "\r\n")])
 @pytest.mark.parametrize("seed", range(8))
-def test_edits_make_the_data_that_they_mean_and_keep_every_comment(text: str, seed: int) -> None:
+def test_edits_make_the_intended_data_and_retain_every_comment(text: str, seed: int) -> None:
     """Each edit checks its own data; comments, and every other key, are compared here."""
     rng = random.Random(seed)
     edited, looks = text, len(tomllib.loads(text)["look"])
     for _ in range(6):
         look = rng.randrange(looks)
-        had = assigns(edited, look)
-        assigned = [prim for entry in had for prim in entry["prims"]]
+        tables = assigns(edited, look)
+        assigned = [prim for entry in tables for prim in entry["prims"]]
         if assigned and rng.random() < 0.3:
             edited = unassign(edited, look, [rng.choice(assigned)])
         else:
             prims = [rng.choice([*assigned, "/New/Part", "/Other"])]
-            covering = rng.choice([None, *range(len(had))])
+            covering = rng.choice([None, *range(len(tables))])
             edited = assign(edited, look, prims, rng.choice([GOLD, Wear("tin.usda", "/Tin")]), covering)
             assert sum(prims[0] in entry["prims"] for entry in assigns(edited, look)) == 1
     removable = ("of a", "one", "the rest of the body: the first that fits counts")  # in an assign that can go
@@ -161,6 +161,6 @@ def test_a_layout_that_an_edit_breaks_is_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["look = 3", "", '[look]\nname = "a"'])
-def test_what_is_no_list_of_looks_is_refused(text: str) -> None:
+def test_a_job_without_a_list_of_looks_is_refused(text: str) -> None:
     with pytest.raises(LookdevError, match="look"):
         assign(text, 0, ["/A"], GOLD)

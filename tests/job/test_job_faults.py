@@ -1,4 +1,4 @@
-"""Faults of job files: each alone with its place and what would be right, and all of them at once."""
+"""Faults of job files: each with its key and a hint, alone and all of them at once."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,8 +17,7 @@ USD = 'usd = "ball.usdc"'
 ASSIGN = '[[look.assign]]\nprims = ["/Ball"]\nmaterial = "paint.usda"'
 MORE_TURNTABLES = "".join(f'\n[[turntable]]\nkind = "element"\nname = "t{i}"\nframes = 9999' for i in range(25))
 
-# What is wrong with a value or a key, by the line that is in place of another, or beside or below one; parts of what is
-# said of it are separated by "...".
+# The key of a fault and its message, by the line of the job that causes it. " ... " separates parts of the message.
 BUILT_IN_LINES = ('prim = "/X"', "time = 12", 'variants = { a = "b" }', 'purposes = ["proxy"]', "subdivision = 2")
 OF_BUILT_IN_ASSETS = {
     line: (f"asset.{line.split()[0]}", "a built-in asset ... 'usd'") for line in (*BUILT_IN_LINES, 'missing = "warn"')
@@ -141,43 +140,43 @@ REPLACED = [
 ]
 
 
-def cases(below: str, table: Mapping[str, tuple[str, str]], by: str = "") -> list[Any]:
-    """Return jobs with a line `below` another, or `by` a line in its place."""
-    assert below in MINIMAL
-    texts = {line: MINIMAL.replace(below, f"{by or below}\n{line}", 1) for line in table}
-    return [pytest.param(texts[line], location, said, id=line) for line, (location, said) in table.items()]
+def cases(after: str, table: Mapping[str, tuple[str, str]], replacement: str = "") -> list[Any]:
+    """Return jobs with a line of `table` after a line, which `replacement` replaces unless it is empty."""
+    assert after in MINIMAL
+    texts = {line: MINIMAL.replace(after, f"{replacement or after}\n{line}", 1) for line in table}
+    return [pytest.param(texts[line], key, message, id=line) for line, (key, message) in table.items()]
 
 
 @pytest.mark.parametrize(
-    ("text", "location", "said"),
+    ("text", "key", "message"),
     [
         *cases('builtin = "sphere"', OF_BUILT_IN_ASSETS),
-        *cases('builtin = "sphere"', OF_USD_ASSETS, by=USD),
+        *cases('builtin = "sphere"', OF_USD_ASSETS, replacement=USD),
         *cases('material = "paint.usda"', OF_LOOKS),
         *cases("frames = 4", OF_OTHER_TABLES),
         *(pytest.param(MINIMAL.replace(old, new, 1), *rest, id=new[:40]) for old, new, *rest in REPLACED),
     ],
 )
-def test_one_fault_is_reported_alone_with_its_place(tmp_path: Path, text: str, location: str, said: str) -> None:
+def test_one_fault_is_reported_alone_with_its_key(tmp_path: Path, text: str, key: str, message: str) -> None:
     assert text != MINIMAL
-    ((where, (fault, hint)),) = faults(text, tmp_path).items()
-    assert where == location
-    assert all(part in f"{fault} ({hint})" for part in said.split(" ... "))
+    ((where, (problem, hint)),) = faults(text, tmp_path).items()
+    assert where == key
+    assert all(part in f"{problem} ({hint})" for part in message.split(" ... "))
 
 
 def test_a_backend_without_features_denoises_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(BACKENDS, "nodes", replace(BACKENDS["nodes"], features=False))
-    said = faults(f'{MINIMAL}[render]\nbackend = "nodes"\ndenoise = "measured"\n', tmp_path)["render.denoise"]
-    assert said[0] == "backend 'nodes' renders no albedos and normals to denoise by"
-    assert '"exact"' in said[1]
-    assert '"nodes"' not in said[1]
+    problem, hint = faults(f'{MINIMAL}[render]\nbackend = "nodes"\ndenoise = "measured"\n', tmp_path)["render.denoise"]
+    assert problem == "backend 'nodes' renders no albedos and normals to denoise by"
+    assert '"exact"' in hint
+    assert '"nodes"' not in hint
 
 
 def test_an_output_whose_module_is_not_installed_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lookdev.job.outputs.find_spec", lambda module: None)
     assert not parse(f"{MINIMAL}[outputs]\nmovie = false\n", tmp_path).outputs.movie
-    said = ("needs the module 'av', which is not installed", "pip install 'lookdev[movie]'")
-    assert faults(f"{MINIMAL}[outputs]\nmovie = true\n", tmp_path) == {"outputs.movie": said}
+    fault = ("needs the module 'av', which is not installed", "pip install 'lookdev[movie]'")
+    assert faults(f"{MINIMAL}[outputs]\nmovie = true\n", tmp_path) == {"outputs.movie": fault}
 
 
 def test_what_a_catcher_cannot_a_plane_can_and_a_job_without_faults_has_none(tmp_path: Path) -> None:
@@ -246,7 +245,7 @@ def test_faults_of_every_table_are_reported_at_once(tmp_path: Path) -> None:
         (b"# a\n\xff", "line 2, column 1"),
     ],
 )
-def test_text_that_is_no_toml_is_reported_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
+def test_text_that_is_not_toml_is_reported_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
     (tmp_path / "job.toml").write_bytes(content)
     with pytest.raises(JobError) as caught:
         load_job(tmp_path / "job.toml")

@@ -106,15 +106,15 @@ def test_passes_are_in_one_order_and_the_space_is_named(tmp_path: Path) -> None:
     assert render('space = "acescg"\nbackend = "mitsuba"').space == "acescg"
 
 
-def test_a_look_without_material_wears_what_the_asset_binds(tmp_path: Path) -> None:
+def test_a_look_without_material_has_what_the_asset_binds(tmp_path: Path) -> None:
     text = MINIMAL.replace('builtin = "sphere"', USD).replace('material = "paint.usda"\n', "")
     assert parse(text, tmp_path).look[0].material is None
     reported = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), tmp_path)
-    said = ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
-    assert reported == {f"look[0].{key}": said for key in ("prim", "parts")}
+    fault = ("has no meaning without 'material'", "a look without 'material' has what the asset binds")
+    assert reported == {f"look[0].{key}": fault for key in ("prim", "parts")}
 
 
-def test_assigned_materials_dress_a_built_in_asset_and_a_turntable_has_the_name_of_its_kind(tmp_path: Path) -> None:
+def test_a_built_in_asset_can_have_assigned_materials_and_a_turntable_has_the_name_of_its_kind(tmp_path: Path) -> None:
     look = parse(MINIMAL.replace("material", '[[look.assign]]\nprims = ["/Ball"]\nmaterial'), tmp_path).look[0]
     assert (look.material, look.assign[0].prims) == (None, ("/Ball",))
     job = parse(MINIMAL + '[[turntable]]\nkind = "element"\nframes = 8\nname = "fine"\n', tmp_path)
@@ -126,41 +126,41 @@ def test_a_missing_job_file_is_a_job_error(tmp_path: Path) -> None:
         load_job(tmp_path / "job.toml")
 
 
-def outputs_of(folder: Path, lines: str = "") -> JobOutputs:
+def parse_outputs(folder: Path, lines: str = "") -> JobOutputs:
     return parse(f"{MINIMAL}[outputs]\n{lines}", folder).outputs
 
 
-def test_without_a_word_pictures_are_in_the_shipped_view(tmp_path: Path) -> None:
-    assert outputs_of(tmp_path).shown("png") == DisplayView() == DisplayView("lookdev", "sRGB - Display", SHIPPED)
+def test_by_default_pictures_are_in_the_shipped_view(tmp_path: Path) -> None:
+    assert parse_outputs(tmp_path).shown("png") == DisplayView() == DisplayView("lookdev", "sRGB - Display", SHIPPED)
 
 
-def test_the_studio_s_config_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_config_of_the_environment_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", ACES)
-    studio = outputs_of(tmp_path).shown()
+    studio = parse_outputs(tmp_path).shown()
     assert (studio.config, studio.view) == (ACES, "ACES 1.0 - SDR Video")
-    assert outputs_of(tmp_path, 'ocio = "lookdev"').shown() == DisplayView()
+    assert parse_outputs(tmp_path, 'ocio = "lookdev"').shown() == DisplayView()
     config = ocio.Config.CreateFromBuiltinConfig(ACES.removeprefix("ocio://"))
     (tmp_path / "studio.ocio").write_text(config.serialize())
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("OCIO", "studio.ocio")
-    assert outputs_of(tmp_path).shown().config == str(tmp_path / "studio.ocio")
+    assert parse_outputs(tmp_path).shown().config == str(tmp_path / "studio.ocio")
     monkeypatch.delenv("OCIO")
     monkeypatch.chdir("/")
-    assert outputs_of(tmp_path, 'ocio = "studio.ocio"').shown().config == str(tmp_path / "studio.ocio")
+    assert parse_outputs(tmp_path, 'ocio = "studio.ocio"').shown().config == str(tmp_path / "studio.ocio")
 
 
-def test_each_output_may_have_its_own(tmp_path: Path) -> None:
+def test_each_output_can_have_another_display_and_view(tmp_path: Path) -> None:
     video = "Rec.1886 Rec.709 - Display"
     lines = f'view = "Raw"\ndisplays = {{ overview = "{video}" }}\nviews = {{ png = "Un-tone-mapped" }}'
-    outputs = outputs_of(tmp_path, lines)
-    shown = {name: (outputs.shown(name).view, outputs.shown(name).display) for name in ("png", "sheet", "overview")}
+    outputs = parse_outputs(tmp_path, lines)
+    views = {name: (outputs.shown(name).view, outputs.shown(name).display) for name in ("png", "sheet", "overview")}
     srgb = "sRGB - Display"
-    assert shown == {"png": ("Un-tone-mapped", srgb), "sheet": ("Raw", srgb), "overview": ("Raw", video)}
+    assert views == {"png": ("Un-tone-mapped", srgb), "sheet": ("Raw", srgb), "overview": ("Raw", video)}
 
 
 def test_a_studio_s_config_that_is_missing_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", "/nowhere/config.ocio")
     for outputs in ("", "png = false"):
-        ((key, (said, _)),) = faults(f"{MINIMAL}[outputs]\n{outputs}", tmp_path).items()
+        ((key, (problem, _)),) = faults(f"{MINIMAL}[outputs]\n{outputs}", tmp_path).items()
         assert key == "outputs.ocio"
-        assert said.startswith("$OCIO: OpenColorIO cannot read the config /nowhere/config.ocio")
+        assert problem.startswith("$OCIO: OpenColorIO cannot read the config /nowhere/config.ocio")

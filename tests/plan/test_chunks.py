@@ -9,17 +9,17 @@ import pytest
 from lookdev.codegen import PrincipledSource, Source
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
-from lookdev.plan.costs import estimate, filled
+from lookdev.plan.costs import estimate, frame_costs
 from lookdev.rendering.task import SceneTask
 
 
 def cost(scenes: list[int], costs: Costs, first: int, end: int) -> float:
-    """Return what a part costs that renders frames in their order."""
+    """Return the cost of a part with the frames `first` to before `end`."""
     changes = sum(number == first or scenes[number] != scenes[number - 1] for number in range(first, end))
     return sum(costs.frames[first:end]) + changes * costs.scene
 
 
-def most(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
+def largest_cost(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
     return max(cost(scenes, costs, first, end) for first, end in pairwise((0, *ends)))
 
 
@@ -34,12 +34,12 @@ NO_DIVISIONS = ["0", "-1", "8@9", "8@0", "8@", "eight", "100001", "8 "]
 
 
 @pytest.mark.parametrize(
-    ("parse", "text", "said"),
-    [(Chunk.parse, text, "is no chunk: 2/8 is the second of eight") for text in NO_CHUNKS]
-    + [(Division.parse, text, "is no number of chunks: 8 are eight of like cost") for text in NO_DIVISIONS],
+    ("parse", "text", "message"),
+    [(Chunk.parse, text, "is not a chunk: 2/8 is the second of eight") for text in NO_CHUNKS]
+    + [(Division.parse, text, "is not a number of chunks: 8 are eight of equal cost") for text in NO_DIVISIONS],
 )
-def test_other_text_is_refused(parse: Callable[[str], object], text: str, said: str) -> None:
-    with pytest.raises(LookdevError, match=said):
+def test_other_text_is_refused(parse: Callable[[str], object], text: str, message: str) -> None:
+    with pytest.raises(LookdevError, match=message):
         parse(text)
 
 
@@ -51,9 +51,9 @@ def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
     count = rng.randint(1, 4)
     ends = split(scenes, costs, Division(count))
     assert (len(ends), ends[-1]) == (count, len(scenes))
-    every = combinations_with_replacement(range(len(scenes) + 1), count - 1)
-    best = min(most(scenes, costs, (*inner, len(scenes))) for inner in every)
-    assert most(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
+    divisions = combinations_with_replacement(range(len(scenes) + 1), count - 1)
+    best = min(largest_cost(scenes, costs, (*inner, len(scenes))) for inner in divisions)
+    assert largest_cost(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
 
 
 @pytest.mark.parametrize("division", ["1", "2@1", "3"])
@@ -95,9 +95,9 @@ def test_parts_for_fewer_machines_fall_in_rounds() -> None:
 def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(scene: SceneTask) -> None:
     other = replace(scene, sampling=replace(scene.sampling, samples=4 * scene.sampling.samples))
     frames = [scene, scene, other]
-    assert filled(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
-    assert filled(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
-    assert filled(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))
+    assert frame_costs(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
+    assert frame_costs(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
+    assert frame_costs(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))
 
 
 def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) -> None:
@@ -130,4 +130,4 @@ def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) ->
 
 
 def test_a_frame_s_own_time_is_its_cost_and_its_scene_s_mean_that_of_the_others(scene: SceneTask) -> None:
-    assert filled([scene] * 3, [2.0, None, 4.0]) == [2.0, 3.0, 4.0]
+    assert frame_costs([scene] * 3, [2.0, None, 4.0]) == [2.0, 3.0, 4.0]

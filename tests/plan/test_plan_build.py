@@ -19,7 +19,7 @@ PlanOf = Callable[..., Plan]
 
 
 class Disk:
-    """Frames on disk: an empty file for each, its header kept here."""
+    """Frames on disk: an empty file for each, and its header in memory."""
 
     def __init__(self) -> None:
         self.headers: dict[Path, dict[str, str] | None] = {}

@@ -1,4 +1,4 @@
-"""What frames on disk took is what others will take; digests of finished frames stay."""
+"""The times of frames on disk predict those of others; digests of finished frames stay the same."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_the_time_of_another_version_counts_by_its_pixels_and_samples(scene: Sce
     [{"seconds": value} for value in ("-1", "nan", "inf", "soon")]
     + [{"samples": "0"}, {"samples": "many"}, {"resolution": "0 x 12"}, {"resolution": "large"}],
 )
-def test_a_time_that_is_none_is_not_known(scene: SceneTask, header: dict[str, str]) -> None:
+def test_a_bad_time_in_a_header_is_unknown(scene: SceneTask, header: dict[str, str]) -> None:
     assert frame(scene, **header).seconds is None
 
 
@@ -72,5 +72,5 @@ def test_digests_of_finished_frames_stay(scene: SceneTask, monkeypatch: pytest.M
     }
     wide = part_digests(replace(scene, space="acescg"), Pose(30.0, 60.0), 0.5)
     assert wide["render"][:12] == "01280d90360e"
-    seen = replace(scene, sampling=replace(scene.sampling, passes=("depth",)), prims=("/a",))
-    assert part_digests(seen, Pose(30.0, 60.0), 0.5)["render"][:12] == "d685e6503f1c"
+    with_pass = replace(scene, sampling=replace(scene.sampling, passes=("depth",)), prims=("/a",))
+    assert part_digests(with_pass, Pose(30.0, 60.0), 0.5)["render"][:12] == "d685e6503f1c"

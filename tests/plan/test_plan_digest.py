@@ -89,10 +89,10 @@ def test_a_version_of_nodes_counts_for_them_alone(
     scene: SceneTask, node_source: NodeSource, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenes = scene, replace(scene, backend="nodes", shaders=(node_source,))
-    before = [part_digests(each, POSE, 0.0) for each in scenes]
+    before = [part_digests(task, POSE, 0.0) for task in scenes]
     monkeypatch.setattr(backends, "NODES_VERSION", backends.NODES_VERSION + 1)
-    after = [part_digests(each, POSE, 0.0) for each in scenes]
-    assert [changed_parts(*each) for each in zip(before, after, strict=True)] == [set(), {"render"}]
+    after = [part_digests(task, POSE, 0.0) for task in scenes]
+    assert [changed_parts(*pair) for pair in zip(before, after, strict=True)] == [set(), {"render"}]
 
 
 def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) -> None:
@@ -100,17 +100,19 @@ def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) 
     sources = [scene.shaders[0], node_source, replace(node_source, digest="1"), *principled]
     names = ["exact", "nodes", "nodes", "principled", "principled"]
     scenes = [replace(scene, backend=name, shaders=(source,)) for name, source in zip(names, sources, strict=True)]
-    parts = [part_digests(each, POSE, 0.0) for each in scenes]
+    parts = [part_digests(task, POSE, 0.0) for task in scenes]
     assert len({digests["look"] for digests in parts}) == 5
     assert [len({digests[part] for digests in parts}) for part in ("asset", "ibl", "camera", "pose")] == [1] * 4
 
 
 def test_what_only_passes_show_counts_where_there_are_passes(scene: SceneTask) -> None:
-    shown = replace(scene, prims=("/ball",), light_groups=("key",))
+    described = replace(scene, prims=("/ball",), light_groups=("key",))
     before = [part_digests(replace(scene, sampling=replace(scene.sampling, passes=p)), POSE, 0.0) for p in ((), ("z",))]
-    after = [part_digests(replace(shown, sampling=replace(scene.sampling, passes=p)), POSE, 0.0) for p in ((), ("z",))]
+    after = [
+        part_digests(replace(described, sampling=replace(scene.sampling, passes=p)), POSE, 0.0) for p in ((), ("z",))
+    ]
     assert [changed_parts(*pair) for pair in zip(before, after, strict=True)] == [set(), {"render"}]
-    grouped = replace(shown, prims=scene.prims, sampling=replace(scene.sampling, passes=("z",)))
+    grouped = replace(described, prims=scene.prims, sampling=replace(scene.sampling, passes=("z",)))
     assert changed_parts(before[1], part_digests(grouped, POSE, 0.0)) == {"render"}
 
 

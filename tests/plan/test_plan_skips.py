@@ -21,7 +21,7 @@ from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, T
 from lookdev.material.expression import parse
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.plan.plan import find_skips
-from lookdev.plan.skips import same_all_around, scene_skips
+from lookdev.plan.skips import is_rotation_invariant, scene_skips
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Sampling, Scene
@@ -92,20 +92,20 @@ def nodes(*labels: str, **values: Any) -> NodeSource:
         ((base("ward", alphaX=0.2, alphaY=0.1),), False),
     ],
 )
-def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable[..., ShaderSource]) -> None:
+def test_is_rotation_invariant(layers: tuple[Layer, ...], same: bool, shader: Callable[..., ShaderSource]) -> None:
     one_look = look(*layers)
-    assert same_all_around([shader(one_look)]) is same
+    assert is_rotation_invariant([shader(one_look)]) is same
 
 
 def test_every_part_must_be_the_same_all_around_and_read_nothing() -> None:
     even = ShaderSource("even", "", (), (), "")
     mapped = replace(even, textures=(TextureBinding("texture0_file", Content("m", ".exr")),))
     wear = (AttributeBinding("primvar_wear", "wear", "float", (0.0,)),)
-    assert same_all_around([even] * 2)
-    assert same_all_around([nodes()])
+    assert is_rotation_invariant([even] * 2)
+    assert is_rotation_invariant([nodes()])
     for parts in ([even, mapped], [replace(even, attributes=wear), even], [nodes("map")]):
-        assert not same_all_around(parts)
-    assert not same_all_around([replace(nodes(), attributes=wear)])
+        assert not is_rotation_invariant(parts)
+    assert not is_rotation_invariant([replace(nodes(), attributes=wear)])
 
 
 @pytest.mark.parametrize(("axis", "around"), [(None, True), ((0.0, 1e-7), True), ((0.0, 0.5), False)])
@@ -136,7 +136,7 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, shader: 
         f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))
         assert f.any(), name
         same = np.allclose(f, turned, rtol=1e-6, atol=1e-12)
-        assert same_all_around([shader(look(base(model, **inputs)))]) == same, name
+        assert is_rotation_invariant([shader(look(base(model, **inputs)))]) == same, name
 
 
 @pytest.fixture
@@ -275,8 +275,8 @@ def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: S
     source = BACKENDS[backend].generate(
         one_look, SourceSetting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image)
     )
-    found = skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look)
-    assert found == ["light from behind (nothing transmits)", "1 texture (reaches no pixel)"]
+    skips = skips_of("", replace(bare, backend=backend, shaders=(source,)), one_look)
+    assert skips == ["light from behind (nothing transmits)", "1 texture (reaches no pixel)"]
 
 
 def test_frames_are_counted_by_pose(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:

@@ -7,7 +7,7 @@ from lookdev.arrays import Floats
 from lookdev.job import JobTurntable
 from lookdev.light.mapping import rotate_z
 from lookdev.plan import turntable_poses
-from lookdev.plan.poses import unturned
+from lookdev.plan.poses import canonical_pose
 from lookdev.scene import Camera, Pose, camera_rays
 
 
@@ -40,22 +40,22 @@ def test_angles_lie_in_one_turn(start: float) -> None:
 
 
 @pytest.mark.parametrize("pose", [Pose(72.0, 0.0), Pose(200.0, 310.0), Pose(0.0, 45.0)])
-def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_the_camera(pose: Pose) -> None:
-    """Where in the map the light of a direction of the camera's frame is looked up, as the shader turns it."""
+def test_an_asset_at_angle_0_has_the_same_light_relative_to_the_camera(pose: Pose) -> None:
+    """The directions in which the shader looks up the map, for directions in the camera's frame, stay the same."""
     camera = Camera(40.0, 15.0, (0.1, -0.2, 0.3), 4.0)
     x, y = np.random.default_rng(1).uniform(0.0, (80, 50), (20, 2)).T
 
-    def looked_up(pose: Pose) -> Floats:
+    def lookup_directions(pose: Pose) -> Floats:
         return rotate_z(camera_rays(camera, pose, (80, 50), x, y)[1], pose.element - pose.lighting)
 
-    seen = unturned(pose, asset=True, light=False)
-    assert seen == Pose(0.0, pose.lighting)
-    np.testing.assert_allclose(looked_up(seen), looked_up(pose), atol=1e-14)
+    canonical = canonical_pose(pose, asset=True, light=False)
+    assert canonical == Pose(0.0, pose.lighting)
+    np.testing.assert_allclose(lookup_directions(canonical), lookup_directions(pose), atol=1e-14)
     other = Pose(0.0, pose.lighting + 1.0)
-    assert np.abs(looked_up(other) - looked_up(pose)).max() > 0.01
+    assert np.abs(lookup_directions(other) - lookup_directions(pose)).max() > 0.01
 
 
-def test_what_did_not_turn_as_seen_stands_at_0() -> None:
+def test_angles_of_what_looks_the_same_all_around_are_0() -> None:
     pose = Pose(72.0, 310.0)
-    seen = [unturned(pose, asset=asset, light=light) for asset in (False, True) for light in (False, True)]
-    assert seen == [pose, Pose(72.0, 0.0), Pose(0.0, 310.0), Pose(0.0, 0.0)]
+    poses = [canonical_pose(pose, asset=asset, light=light) for asset in (False, True) for light in (False, True)]
+    assert poses == [pose, Pose(72.0, 0.0), Pose(0.0, 310.0), Pose(0.0, 0.0)]
