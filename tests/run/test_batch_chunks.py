@@ -18,7 +18,7 @@ from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, stor
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.run.log import JsonReport
 from lookdev.run.render import RunResult
-from lookdev.run.runs import Run, claim_key, claims
+from lookdev.run.runs import Run, claim_key, read_claims
 from lookdev.run.status import read_status, status_data, status_metrics, status_text
 
 METRIC = r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)"
@@ -77,7 +77,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 
     def report(event: Event) -> None:
         if isinstance(event, FrameDone):  # its claim has ended
-            held = [key for keys in claims(tmp_path / "out" / ".lookdev").values() for key in keys]
+            held = [key for keys in read_claims(tmp_path / "out" / ".lookdev").values() for key in keys]
             assert claim_key(event.name) not in held
         if isinstance(event, FrameDone) and not any(isinstance(entry, FrameDone) for entry in events):
             render_file(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one

@@ -97,7 +97,7 @@ def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch, clock
 
 def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(clock: list[float]) -> None:
     tally, left = Tally(), []
-    tally.take(events.RunStarted(total=10, pending=4))
+    tally.count(events.RunStarted(total=10, pending=4))
     assert tally.time_left() == ""
     # Two at once, of 15 s each: they overlap.
     for seconds, event in (
@@ -107,6 +107,6 @@ def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(cl
         (1.0, events.FrameDone("d", 15.0, 64, 0.0)),
     ):
         clock[0] += seconds
-        tally.take(event)
+        tally.count(event)
         left.append(tally.time_left())
     assert left == ["0:00:30", "0:00:12", "0:00:08", ""]

@@ -303,7 +303,7 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
 
 def test_a_run_of_another_version_of_the_job_is_refused(tmp_path: Path, render_file: RenderFile) -> None:
     with Run(tmp_path / "out") as run:
-        run.renders("another plan")
+        run.announce_plan("another plan")
         with pytest.raises(OutputError, match=f"process {os.getpid()} on .* another version of this job"):
             render_file()
     assert render_file().exit_code == 0

@@ -33,7 +33,7 @@ def state(out: Path) -> list[str]:
 def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
     with case.hold_frame(out, FRAME) as other, Run(out) as run:
-        assert [info.process for info in run.renders("plan")] == [other.pid]
+        assert [info.process for info in run.announce_plan("plan")] == [other.pid]
         assert not run.claim(FRAME)
         assert run.claim("gold/city/element.0002")
         other.communicate()
@@ -48,7 +48,7 @@ def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
     subprocess.run((sys.executable, "-c", HALF, str(tmp_path / ".lookdev/runs/0123456789abcdef")), check=False)
     assert len(state(tmp_path)) == 5
     with Run(tmp_path) as run:
-        assert run.renders("another plan") == []
+        assert run.announce_plan("another plan") == []
         assert run.claim(FRAME)
     assert state(tmp_path) == []
 
@@ -148,7 +148,7 @@ def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
                 # Another run joins just after the living were looked up, and begins to write.
                 joined.append(Run(tmp_path))
                 stack.enter_context(joined[0])
-                stack.enter_context(joined[0].scratch())
+                stack.enter_context(joined[0].scratch_folder())
             return living
 
         monkeypatch.setattr(Runs, "alive", alive_late)
