@@ -172,7 +172,7 @@ class _Use:
     clock: float
 
     @classmethod
-    def of(cls, process: int) -> _Use:
+    def of_process(cls, process: int) -> _Use:
         """Return the use of a running process, by proc(5)."""
         status = Path(f"/proc/{process}/status").read_text()
         private = re.search(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
@@ -190,7 +190,8 @@ class _ChildState:
     sizes: dict[str, int] = field(default_factory=dict)
     start: _Use | None = None
 
-    def take(self, message: dict[str, Any]) -> None:
+    def handle(self, message: dict[str, Any]) -> None:
+        """Take over a report of the child."""
         match message:
             case {"reads": file}:
                 self.files.append(file)
@@ -202,7 +203,7 @@ class _ChildState:
 
     def check(self) -> str:
         """Measure the child while it reads; return the fault of the outermost file, or ''."""
-        now = _Use.of(self.child)
+        now = _Use.of_process(self.child)
         self.start = self.start or now
         excess = self.limits.exceeded_limit(self.start, now, sum(self.sizes.values()) / _MIB)
         return excess and f"{shorten(self.files[0], 4096)}: reading it takes {excess}"
@@ -218,7 +219,7 @@ def _watch(state: _ChildState, reader: int) -> str:
                 return ""
             *lines, rest = (rest + data).split(b"\n")
             for line in lines:
-                state.take(json.loads(line))
+                state.handle(json.loads(line))
         if not state.files or time.monotonic() < checked + _PERIOD:
             continue
         checked = time.monotonic()

@@ -1,4 +1,4 @@
-"""Text files of any content: read whole, or refused with file and place; messages that quote them."""
+"""Text files of any content are read whole, or refused with file and position; messages quote them safely."""
 
 import os
 
@@ -44,7 +44,7 @@ def test_what_is_no_text_is_refused_at_once(tmp_path, make, message):
         (parse_toml, f"a = {'[' * 900}{']' * 900}", f"more than {DEEPEST} deep"),
         (parse_toml, f"a = {'[' * 100_000}", f"more than {DEEPEST} deep"),
         (parse_toml, f"{'a.' * 900}a = 1", f"more than {DEEPEST} deep"),
-        # A parser that takes time and memory by the square would need 40 GB.
+        # A parser that takes time and memory by the square of the number of parts would need 40 GB.
         (parse_toml, "b = { " + "'a' . " * 100_000 + "a = 1 }", f"more than {DEEPEST} deep"),
         (parse_toml, f"[{'x' * 300_000}]\n[{'x' * 300_000}]", "… (3000"),
         (parse_json, '{"a":\n x}', "a: line 2, column 2: not JSON"),
