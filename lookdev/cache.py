@@ -134,8 +134,8 @@ def package_digest(*rooms: str) -> str:
     return digest.hexdigest()
 
 
-def share(source: Path, target: Path) -> None:
-    """Link `target` to `source`, or copy it where the file system has no hard links. Both are atomic."""
+def link_or_copy(source: Path, target: Path) -> None:
+    """Link `target` to `source`, or copy it where the file system has no hard links; atomic in both cases."""
     with atomic_path(target) as temporary:
         try:
             os.link(source, temporary)

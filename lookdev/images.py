@@ -44,7 +44,7 @@ _PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
-def most_pixels() -> int:
+def default_pixel_limit() -> int:
     """Return the largest number of pixels of an image; raises OutputError where the variable is not a number."""
     return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
@@ -52,7 +52,7 @@ def most_pixels() -> int:
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
     """Raise `error` unless an image may be read: a regular file, neither empty nor larger than the limit.
 
-    The limit allows `most` pixels, by default `most_pixels`.
+    The limit allows `most` pixels, by default `default_pixel_limit`.
     """
     try:
         status = file.stat()
@@ -133,7 +133,7 @@ def _limit(most: int | None) -> tuple[int, str]:
     """Return the largest number of pixels, and its name in a message."""
     if most is not None:
         return most, f"{most} pixels"
-    return most_pixels(), f"{PIXELS_VARIABLE} = {most_pixels()} pixels"
+    return default_pixel_limit(), f"{PIXELS_VARIABLE} = {default_pixel_limit()} pixels"
 
 
 def strips(

@@ -16,15 +16,15 @@ from typing import Any
 
 from lookdev.errors import Fault, FaultsError, OutputError
 
-LARGEST = 64 << 20
+MAX_BYTES = 64 << 20
 """The largest size of a text file in bytes; some kinds of files have a limit of their own."""
 
-DEEPEST = 32
+MAX_DEPTH = 32
 """The largest depth of nested tables, objects and lists."""
 
-# A key with more parts than DEEPEST: the parser would take time and memory by the square of their number.
+# A key with more parts than MAX_DEPTH: the parser would take time and memory by the square of their number.
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
-_DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{DEEPEST}}}", re.MULTILINE)
+_DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{MAX_DEPTH}}}", re.MULTILINE)
 
 _HINT = "a plain file with text would be right"
 
@@ -50,7 +50,7 @@ def has_text_path(file: Path) -> bool:
     return True
 
 
-def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
+def read_bytes(file: Path, largest: int = MAX_BYTES) -> bytes:
     """Return the content of a regular file of at most `largest` bytes; raises TextError."""
     try:
         if file.exists() and not file.is_file():
@@ -62,7 +62,7 @@ def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
         raise _file_error(file, f"cannot be read: {error.strerror}") from None
 
 
-def read_text(file: Path, largest: int = LARGEST) -> str:
+def read_text(file: Path, largest: int = MAX_BYTES) -> str:
     """Return the text of a file of at most `largest` bytes; raises TextError, also where it is not UTF-8."""
     return decode(read_bytes(file, largest), file)
 
@@ -107,12 +107,12 @@ def _parse(parse: Callable[[Any], Any], text: str | bytes, file: object, languag
 
 
 def _depth_error(file: object) -> TextError:
-    return _file_error(file, f"has tables or lists more than {DEEPEST} deep", "flatten it")
+    return _file_error(file, f"has tables or lists more than {MAX_DEPTH} deep", "flatten it")
 
 
 def _is_deep(data: object) -> bool:
     level = [data]
-    for _ in range(DEEPEST + 1):
+    for _ in range(MAX_DEPTH + 1):
         nested = [value for value in level if isinstance(value, Mapping | list)]
         level = [item for value in nested for item in (value.values() if isinstance(value, Mapping) else value)]
         if not level:

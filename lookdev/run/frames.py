@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.cache import share
+from lookdev.cache import link_or_copy
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.output.exr import read_frame, read_header
 from lookdev.output.frame_name import FrameName
@@ -137,7 +137,7 @@ class RunFrames:
         files = () if force else (file for frame in self._plan.frames for file in frame.files)
         damaged = [file.path for file in files if file.reason == DAMAGED]
         for copy in () if force else self._plan.copies():
-            share(copy.source, copy.target)
+            link_or_copy(copy.source, copy.target)
         for task in tasks:
             if task.files in waiting:
                 continue
@@ -175,26 +175,29 @@ class RunFrames:
         Scenes of which no other run has claimed a frame come first. All other frames without a claim follow, from the
         last of a scene to its first. Frames that other runs have claimed are waited for.
         """
-        left = self._render_unclaimed(tasks, executor, apart=True)
+        left = self._render_unclaimed(tasks, executor, skip_scenes=True)
         waits = _waits()
         while left:
             before = len(self._done)
-            left = self._render_unclaimed(left, executor, apart=False)
+            left = self._render_unclaimed(left, executor, skip_scenes=False)
             waits = _waits() if len(self._done) > before else waits
             if left:
                 time.sleep(next(waits))
 
-    def _render_unclaimed(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
-        """Render frames except those that other runs have claimed, and, with `apart`, the later ones of their scenes.
+    def _render_unclaimed(
+        self, tasks: Sequence[FrameTask], executor: Executor, *, skip_scenes: bool
+    ) -> list[FrameTask]:
+        """Render the frames that no other run has claimed; return the others.
 
-        Returns the exceptions, from the last of each scene to its first. The scenes are in an order that is random for
+        With `skip_scenes`, the frames of a scene that follow a claimed frame are not rendered either. Frames are
+        returned from the last of each scene to its first. The scenes are in an order that is random for
         this run: runs that help others thus spread over the scenes, and seldom change their scene.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
 
         def should_render(task: FrameTask) -> bool:
-            if (apart and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
+            if (skip_scenes and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
                 claimed.append(task)
                 scenes.add(id(task.scene))
                 return False
@@ -213,9 +216,9 @@ class RunFrames:
             return False
         for path in task.files[1:]:
             if not _has_frame(path, task):
-                share(task.files[0], path)
+                link_or_copy(task.files[0], path)
         self._pictures.refresh(task, self._done)
-        self._settle(task)
+        self._mark_done(task)
         self._report(FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
         return True
@@ -252,16 +255,16 @@ class RunFrames:
             self._pictures.refresh(task, self._done)
         else:
             self._pictures.write(task, exposed_beauty(task, rendered), rendered.alpha, self._done)
-        self._settle(task)
+        self._mark_done(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
         self._refresh_sheets(task)
 
-    def _settle(self, task: FrameTask) -> None:
+    def _mark_done(self, task: FrameTask) -> None:
         """Record a frame as done, and end its claim."""
         self._done.update(task.files)
         if task.files[0] in self._props:
-            self._pictures.refresh_under(task, self._done)
+            self._pictures.refresh_frames_under(task, self._done)
         self._run.release(self._name(task))
 
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats32, Reals
-from lookdev.cache import file_digest, share
+from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
@@ -94,10 +94,10 @@ class PictureWriter:
             if self._props_over(file) <= done:
                 self._write(file, file.paths, (beauty, alpha))
 
-    def refresh_under(self, task: FrameTask, done: set[Path]) -> None:
+    def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
         """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
-        under = {self._tasks[frame].files for frame, props in self._charts.items() if props in task.files}
-        for files in under:
+        frames = {self._tasks[frame].files for frame, props in self._charts.items() if props in task.files}
+        for files in frames:
             if files[0] in done:
                 self.refresh(self._tasks[files[0]], done)
 
@@ -173,7 +173,7 @@ def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
     """Write the first path, and link or copy it to the others."""
     write(paths[0])
     for path in paths[1:]:
-        share(paths[0], path)
+        link_or_copy(paths[0], path)
 
 
 def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:

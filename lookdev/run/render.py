@@ -61,6 +61,8 @@ def render_job(
 
     Parameters
     ----------
+    path
+        The job file.
     prepare
         `lookdev.plan.prepare.plan_job`, except in tests.
     rules

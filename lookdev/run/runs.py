@@ -136,10 +136,10 @@ class Run:
         self._lease = lease()
         self._output = output
         self._file = self.state / "runs" / self.info.id
-        self._claims = self.state / "claims"
+        self._claims_folder = self.state / "claims"
         self._claim_files: dict[str, Path] = {}
-        self._ended, self._lost = threading.Event(), False
-        self._heartbeat = threading.Thread(target=self._beat_on, daemon=True)
+        self._ended, self._is_lost = threading.Event(), False
+        self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
         try:
@@ -192,19 +192,19 @@ class Run:
     def check_alive(self) -> None:
         """Raise OutputError where this run stood still for so long that others took it for dead."""
         self._beat()
-        if self._lost:
+        if self._is_lost:
             raise OutputError(
                 f"{self._output}: this run stood still for more than {self._lease:g} s, and counts as dead: others may "
                 "have gone on with its frames; run the same command again to continue"
             )
 
     def claim(self, name: str) -> bool:
-        """Claim a name; return False where another living run has claimed it. Raises OSError and as `check_alive`."""
+        """Claim a name; return False where another living run has it. Raises as `check_alive`, and OSError."""
         self.check_alive()
         key = claim_key(name)
         number = 0
         while True:
-            file = self._claims / f"{key}.{number}"
+            file = self._claims_folder / f"{key}.{number}"
             if self._link(file):
                 self._claim_files[key] = file
                 return True
@@ -213,7 +213,7 @@ class Run:
                 return True
             if owner is not None and self.runs.is_alive(owner):
                 return False
-            number += file.exists()  # a dead run's: the next number counts; released meanwhile: try this one again
+            number += file.exists()  # after the claim of a dead run, the next number; a released claim is tried again
 
     def release(self, name: str) -> None:
         """Release the claim of a name, and remove the claims of dead runs before it."""
@@ -221,7 +221,7 @@ class Run:
         if (file := self._claim_files.pop(key, None)) is None:
             return
         for number in range(int(file.suffix[1:]) + 1):
-            (self._claims / f"{key}.{number}").unlink(missing_ok=True)
+            (self._claims_folder / f"{key}.{number}").unlink(missing_ok=True)
 
     @contextmanager
     def scratch_folder(self) -> Iterator[Path]:
@@ -266,7 +266,7 @@ class Run:
         except FileExistsError:
             return False
         except FileNotFoundError:
-            self._claims.mkdir(parents=True, exist_ok=True)
+            self._claims_folder.mkdir(parents=True, exist_ok=True)
             self.check_alive()
             return self._link(file)
         except OSError as error:
@@ -294,7 +294,7 @@ class Run:
 
     def _register(self) -> None:
         for tries in range(5):
-            self._claims.mkdir(parents=True, exist_ok=True)
+            self._claims_folder.mkdir(parents=True, exist_ok=True)
             try:
                 self._write()
             except FileNotFoundError:  # the last run ends at this moment and removes the folders
@@ -307,7 +307,7 @@ class Run:
         with atomic_path(self._file) as temporary:
             temporary.write_text(self._text())
 
-    def _beat_on(self) -> None:
+    def _beat_until_end(self) -> None:
         while not self._ended.wait(self._lease / _BEATS):
             self._beat()
 
@@ -315,7 +315,7 @@ class Run:
         try:
             os.utime(self._file)
         except OSError as error:  # where the file system cannot be written for a while, writing frames reports it
-            self._lost = self._lost or error.errno in (errno.ENOENT, errno.ESTALE)
+            self._is_lost = self._is_lost or error.errno in (errno.ENOENT, errno.ESTALE)
 
     def _remove_scratch(self) -> None:
         folders = list(self.state.glob(f"{_SCRATCH}*"))
@@ -329,9 +329,9 @@ class Run:
     def _remove_state(self) -> None:
         """Remove the folders of runs and claims. A run that starts at this moment makes them again."""
         self.remove_leftovers([self._file.parent])
-        for file in self._claims.iterdir():
+        for file in self._claims_folder.iterdir():
             file.unlink(missing_ok=True)
-        for folder in (self._claims, self._file.parent):
+        for folder in (self._claims_folder, self._file.parent):
             with suppress(OSError):
                 folder.rmdir()
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lookdev.build.wedges import WedgeSheet
-from lookdev.cache import share
+from lookdev.cache import link_or_copy
 from lookdev.output.sheet import write_sheet
 from lookdev.run.pictures import write_shared
 from lookdev.run.render import RunResult, run_plan
@@ -40,7 +40,7 @@ def test_files_are_shared_as_links_or_as_copies(tmp_path: Path, monkeypatch: pyt
     second.write_text("old")
     os.utime(first, ns=(10**18, 10**18))
     copy = tmp_path / "copy"
-    share(first, copy)
+    link_or_copy(first, copy)
     assert not first.samefile(copy)
     assert copy.read_text() == first.read_text()
     assert copy.stat().st_mtime_ns == 10**18  # as of a link: the age of pictures is compared
