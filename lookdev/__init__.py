@@ -7,7 +7,10 @@ __version__: str
 
 
 def __getattr__(name: str) -> str:
-    """Return the version when it is asked for: what finds it takes a quarter of the time of ``lookdev --help``."""
+    """Return the version of the package as ``__version__``.
+
+    `importlib.metadata` is not imported at the top: it takes a quarter of the time of ``lookdev --help``.
+    """
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib.metadata import version

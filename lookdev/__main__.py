@@ -2,5 +2,5 @@
 
 from lookdev.cli import main
 
-if __name__ == "__main__":  # processes of multiprocessing import it too
+if __name__ == "__main__":  # processes of multiprocessing import this module too
     main()

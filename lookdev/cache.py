@@ -1,9 +1,9 @@
-"""Where derived files live, how any file is written, whole or not at all, and how the cache is checked as it is read.
+"""The cache of derived files, and atomic writing: a file is written whole or not at all.
 
-The cache has two kinds of files. In ``content`` are files named by the SHA-256 of their bytes: `Content`. Everywhere
-else are small records: what was made for a key, numbers or the names of such files, with a checksum. What is read is
-checked, once in a process unless it changes. What is damaged counts as missing, with a note for the user: it is made
-again.
+The cache has two kinds of files. The folder ``content`` has files named by the SHA-256 of their bytes: `Content`. All
+other folders have small records. A record holds the value of a key, numbers or the names of content files, with a
+checksum. Each file is checked when it is read, once in a process unless it changes. A damaged file counts as missing:
+the user gets a note, and the file is made again.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from typing import Any, Self
 from lookdev.errors import ContentError, OutputError
 from lookdev.text import has_text_path
 
-_CODE = {".py", ".h", ".osl", ".csv", ".json"}
+_CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}
 _notes: list[str] = []
-_digests: dict[tuple[Path, int, int, int], str] = {}  # of files as they were when they were read
+_digests: dict[tuple[Path, int, int, int], str] = {}  # SHA-256 by the state of a file: see `_state`
 
 
 def cache_dir(*parts: str) -> Path:
-    """Return (and make) a folder of the cache: ``$LOOKDEV_CACHE``, else ``$XDG_CACHE_HOME/lookdev``.
+    """Return a folder of the cache, ``$LOOKDEV_CACHE`` or else ``$XDG_CACHE_HOME/lookdev``; create it if it is missing.
 
-    Raises OutputError where it cannot be made, or its path has characters that a shader cannot hold.
+    Raises OutputError where the folder cannot be created, or its path has characters that a shader cannot hold.
     """
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = os.environ.get("LOOKDEV_CACHE") or str(Path(base) / "lookdev")
     if '"' in root or "\\" in root or not root.isprintable():
-        # Compiled shaders hold paths, unescaped: Cycles would render black without an error.
+        # Compiled shaders hold paths unescaped: with these characters, Cycles would render black without an error.
         raise OutputError(
             f"the cache folder {root!a} has a quotation mark, a backslash or a control character in its path; "
             "set LOOKDEV_CACHE to another"
         )
     folder = Path(root).joinpath(*parts)
-    with _reported(folder):
+    with _cache_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -54,8 +54,8 @@ def cache_dir(*parts: str) -> Path:
 def atomic_path(final: Path) -> Iterator[Path]:
     """Yield a temporary path beside `final`; on success it is renamed to `final`, on failure it is removed.
 
-    The temporary name keeps the suffix, by which writers choose a format, and starts with a dot, so that a file left
-    by ``kill -9`` never counts as a frame. An OSError in the block names a file.
+    The temporary name has the suffix of `final`, since writers choose a format by it. It starts with a dot, so that a
+    file left by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
     try:
         if not final.name or final.is_dir():
@@ -63,20 +63,21 @@ def atomic_path(final: Path) -> Iterator[Path]:
         if not has_text_path(final):
             raise OSError(errno.EILSEQ, "its path is not UTF-8", str(final))
         final.parent.mkdir(parents=True, exist_ok=True)
-        with _temporary(final) as temporary:
+        with _temporary_path(final) as temporary:
             yield temporary
             temporary.replace(final)
     except OSError as error:
-        if error.filename is None or error.errno == errno.ENOSPC:  # that of a copy names what is copied
+        if error.filename is None or error.errno == errno.ENOSPC:  # an error of a copy names its source
             error.filename = str(final)
         raise
 
 
 @contextmanager
 def from_memory(file: Path) -> Iterator[str]:
-    """Yield the name of a file in memory, for a library to write to, and write its content to `file`.
+    """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
-    So a full disk is an OSError: the libraries of images and OSL's compiler do not report what is lost as they close.
+    A full disk is thus an OSError. The image libraries and OSL's compiler do not report data that they lose on closing
+    a file.
     """
     with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
         yield f"/proc/self/fd/{memory.fileno()}"
@@ -85,7 +86,7 @@ def from_memory(file: Path) -> Iterator[str]:
 
 
 @contextmanager
-def _temporary(final: Path) -> Iterator[Path]:
+def _temporary_path(final: Path) -> Iterator[Path]:
     temporary = final.with_name(f".{final.stem}.{process_name()}-{secrets.token_hex(4)}{final.suffix}")
     try:
         yield temporary
@@ -94,12 +95,12 @@ def _temporary(final: Path) -> Iterator[Path]:
 
 
 def process_name() -> str:
-    """Return the name of this process in the names of its temporary files, unlike that of any other on any machine."""
-    return _name_of(os.getpid())
+    """Return the name of this process for its temporary files, unique among the processes of all machines."""
+    return _random_name(os.getpid())
 
 
 @cache
-def _name_of(process: int) -> str:
+def _random_name(process: int) -> str:
     return secrets.token_hex(4)
 
 
@@ -111,9 +112,9 @@ def file_digest(path: Path) -> str:
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """Return a digest of the code of some rooms of the package, by default of all, and of Python and NumPy.
+    """Return a digest of the code of `rooms`, by default all rooms, and of the versions of Python and NumPy.
 
-    It is part of the key of what code makes, so that a version of it finds nothing of another.
+    The keys of derived files contain it, so that no version of the code loads the files of another.
     """
     import numpy as np
 
@@ -122,19 +123,19 @@ def code_digest(*rooms: str) -> str:
 
 @cache
 def package_digest(*rooms: str) -> str:
-    """Return a digest of the code of some rooms of the package, by default of all: the same on every machine."""
+    """Return a digest of the code of `rooms`, by default all rooms; it is the same on every machine."""
     digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:
         assert folder.is_dir(), f"lookdev has no room {folder.name}"
-        for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE and file.is_file()):
+        for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE_SUFFIXES and file.is_file()):
             digest.update(f"\0{file.relative_to(package)}\0".encode())
             digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
-def share(source: Path, target: Path) -> None:
-    """Make `target` the same file as `source`, or a copy where the file system has no hard links; atomic."""
+def link_or_copy(source: Path, target: Path) -> None:
+    """Link `target` to `source`, or copy it where the file system has no hard links; atomic in both cases."""
     with atomic_path(target) as temporary:
         try:
             os.link(source, temporary)
@@ -146,8 +147,8 @@ def share(source: Path, target: Path) -> None:
 class Content:
     """A file named by its content: the SHA-256 of its bytes in hexadecimal, and its suffix.
 
-    It names the same file on every machine. The bytes are in the folder ``content`` of the cache; to run a task on
-    another machine, copy its files to that folder there.
+    It names the same file on every machine. The bytes are in the folder ``content`` of the cache. To run a task on
+    another machine, copy the task's files to that folder there.
     """
 
     digest: str
@@ -155,50 +156,51 @@ class Content:
 
     @classmethod
     def written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
-        """Put a file into the store that a function writes to a path; raises OutputError where that fails."""
+        """Store the file that `write` writes to the path it gets; raises OutputError where that fails."""
         folder = cache_dir("content")
-        with _reported(folder), _temporary(folder / f"new{suffix}") as temporary:
+        with _cache_write_errors(folder), _temporary_path(folder / f"new{suffix}") as temporary:
             write(temporary)
             status = temporary.stat()
             content = cls(file_digest(temporary), suffix)
             if not content.is_whole():
-                temporary.replace(content._place)
-                _digests[_state(content._place, status)] = content.digest
+                temporary.replace(content._stored_file)
+                _digests[_state(content._stored_file, status)] = content.digest
         return content
 
     @classmethod
     def holding(cls, data: bytes, suffix: str) -> Self:
-        """Put data into the store, unless they are there; raises OutputError where that fails."""
+        """Store data, unless the store has them; raises OutputError where that fails."""
         content = cls(hashlib.sha256(data).hexdigest(), suffix)
         return content if content.is_whole() else cls.written(suffix, lambda path: path.write_bytes(data))
 
     @classmethod
     def of(cls, file: Path) -> Self:
-        """Put a copy of a file into the store, unless it is there; raises OSError where it cannot be read."""
-        named = cls(file.stem, file.suffix)
-        return named if file == named._place and named.is_whole() else cls.holding(file.read_bytes(), file.suffix)
+        """Store a copy of a file, unless the store has it; raises OSError where the file cannot be read."""
+        content = cls(file.stem, file.suffix)
+        is_stored = file == content._stored_file and content.is_whole()
+        return content if is_stored else cls.holding(file.read_bytes(), file.suffix)
 
     @property
     def path(self) -> Path:
-        """Where the file is on this machine; raises ContentError where the store lacks it, or has another."""
+        """The path of the file on this machine; raises ContentError where the store lacks the file or it is damaged."""
         if not self.is_whole():
             raise ContentError(
-                f"{self._place.parent} lacks the file {self._place.name}, which a task names; if it was damaged, the "
-                "same command makes it again"
+                f"{self._stored_file.parent} lacks the file {self._stored_file.name}, which a task names; if it was "
+                "damaged, the same command makes it again"
             )
-        return self._place
+        return self._stored_file
 
     def is_whole(self) -> bool:
-        """Return whether the store has the file; one that is damaged is removed, with a note."""
-        return is_whole(self._place, self.digest)
+        """Return whether the store has the file, undamaged; a damaged file is removed, with a note."""
+        return is_whole(self._stored_file, self.digest)
 
     @property
-    def _place(self) -> Path:
+    def _stored_file(self) -> Path:
         return cache_dir("content") / f"{self.digest}{self.suffix}"
 
 
 def is_whole(file: Path, digest: str) -> bool:
-    """Return whether there is a file of the cache with this SHA-256; one that is damaged is removed, with a note."""
+    """Return whether a file of the cache exists and has this SHA-256; a damaged file is removed, with a note."""
     try:
         status = file.stat()
         if stat.S_ISREG(status.st_mode):
@@ -209,43 +211,44 @@ def is_whole(file: Path, digest: str) -> bool:
                 return True
     except FileNotFoundError:
         return False
-    except OSError:  # as unreadable as what is damaged
+    except OSError:  # a file that cannot be read counts as damaged
         pass
     _discard(file)
     return False
 
 
 def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tuple[Content, ...]:
-    """Return what was made for a key, in a folder `room` of the cache; make it where a file of it is missing.
+    """Return the files of a key in the folder `room` of the cache; call `make` where one of them is missing.
 
-    The key names all that it depends on. `make` puts it into the store. Raises OutputError where it cannot be kept.
+    The key names everything on which the files depend. `make` stores them and returns them. Raises OutputError where
+    the record of the key cannot be written.
     """
-    if (found := load_cached_files(room, key)) is not None:
-        return found
-    made = make()
-    store_cached(room, key, [[content.digest, content.suffix] for content in made])
-    return made
+    if (files := load_cached_files(room, key)) is not None:
+        return files
+    files = make()
+    store_cached(room, key, [[file.digest, file.suffix] for file in files])
+    return files
 
 
 def load_cached_files(room: str, key: str) -> tuple[Content, ...] | None:
-    """Return what `cached_files` has made for a key; None where there is nothing, or a file of it is missing."""
+    """Return the files that `cached_files` has stored for a key; None without a record, or where a file is missing."""
     match load_cached(room, key):
         case [*names]:
-            found = tuple(Content(digest, suffix) for digest, suffix in names)
-            if all(content.is_whole() for content in found):
-                return found
+            files = tuple(Content(digest, suffix) for digest, suffix in names)
+            if all(file.is_whole() for file in files):
+                return files
     return None
 
 
 def store_cached(room: str, key: str, value: Any) -> None:
-    """Keep a value that JSON holds for a key, in a folder `room` of the cache; raises OutputError where that fails."""
+    """Store a JSON value for a key in the folder `room` of the cache; raises OutputError where that fails."""
     record = _record(room, key)
-    with _reported(record), atomic_path(record) as temporary:
+    with _cache_write_errors(record), atomic_path(record) as temporary:
         temporary.write_text(json.dumps({"value": value, "checksum": _checksum(room, key, value)}))
 
 
 def load_cached(room: str, key: str) -> Any:
-    """Return the value that was kept for a key; None where there is none, or it is damaged."""
+    """Return the value that is stored for a key; None where there is none, or its record is damaged."""
     record = _record(room, key)
     try:
         match json.loads(record.read_bytes()) if record.is_file() or not record.exists() else None:
@@ -260,10 +263,10 @@ def load_cached(room: str, key: str) -> Any:
 
 
 def take_notes() -> tuple[str, ...]:
-    """Return what was found damaged since the last call, for the user."""
-    taken = tuple(dict.fromkeys(_notes))
+    """Return a note for the user on each file that was damaged, and forget these notes."""
+    notes = tuple(dict.fromkeys(_notes))
     _notes.clear()
-    return taken
+    return notes
 
 
 def _record(room: str, key: str) -> Path:
@@ -275,9 +278,9 @@ def _checksum(room: str, key: str, value: object) -> str:
 
 
 def _discard(file: Path) -> None:
-    """Remove what is damaged, so that it can be made again."""
+    """Remove a damaged file, so that it can be made again, and note that for the user."""
     _notes.append(f"{file}: was damaged, and is made again")
-    with suppress(OSError):  # writing reports it
+    with suppress(OSError):  # the next write reports it
         if file.is_dir() and not file.is_symlink():
             shutil.rmtree(file)
         else:
@@ -285,17 +288,17 @@ def _discard(file: Path) -> None:
 
 
 @contextmanager
-def _reported(place: Path) -> Iterator[None]:
-    """Report what fails in writing to a place in the cache."""
+def _cache_write_errors(path: Path) -> Iterator[None]:
+    """Raise OutputError for an error in the block, which writes to a path of the cache."""
     try:
         yield
     except (OSError, RuntimeError) as error:  # OpenEXR raises the second
-        what = error.strerror or error if isinstance(error, OSError) else error
+        reason = error.strerror or error if isinstance(error, OSError) else error
         raise OutputError(
-            f"the cache cannot be written: {place}: {what}; make room there, or set LOOKDEV_CACHE to another folder"
+            f"the cache cannot be written: {path}: {reason}; make room there, or set LOOKDEV_CACHE to another folder"
         ) from error
 
 
 def _state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
-    """Return what differs where a file was changed or replaced."""
+    """Return path, inode, size and time of a file: they differ after the file was changed or replaced."""
     return file, status.st_ino, status.st_size, status.st_mtime_ns

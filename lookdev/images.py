@@ -1,7 +1,8 @@
-"""The door through which all images come that a user gives: textures and environment maps of any content.
+"""The reader of all images that a user gives: textures and environment maps of any content.
 
-An image is a regular file whose header is read first. Both its pixels and its bytes have a limit, before anything as
-large as the image is held in memory: a small file can claim any number of pixels. All messages state the limit.
+An image is a regular file whose header is read first. The number of its pixels and that of its bytes are limited, and
+both are checked before the image is in memory: a small file can claim any number of pixels. All messages state the
+limit.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from lookdev.errors import LookdevError
 from lookdev.guard import reading
 from lookdev.text import stated_limit
 
-if TYPE_CHECKING:  # the render worker, which reads no image by this door, starts sooner
+if TYPE_CHECKING:  # the render worker, which does not read images here, starts sooner
     import OpenImageIO as oiio
 
 
@@ -33,25 +34,25 @@ PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 DEFAULT_PIXELS = 1 << 27
 """16384 x 8192."""
 
-_BYTES = 32  # of a file, for each pixel of the limit: uncompressed, eight channels of floats
+_BYTES = 32  # bytes of a file for each pixel of the limit: uncompressed, eight channels of floats
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
 _dwa, _dwa_decoded = threading.Lock(), False
 _PNG_SIDE = 1_000_000  # pixels: libpng's limit
-# Of a PNG, by its colour type: bits of a sample, and samples of a pixel.
+# By the colour type of a PNG: the bits of a sample, and the samples of a pixel.
 _PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
-def most_pixels() -> int:
-    """Return the largest number of pixels of an image; raises OutputError where the variable has no such number."""
+def default_pixel_limit() -> int:
+    """Return the largest number of pixels of an image; raises OutputError where the variable is not a number."""
     return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
     """Raise `error` unless an image may be read: a regular file, neither empty nor larger than the limit.
 
-    The limit is that of `most` pixels, by default `most_pixels`.
+    The limit allows `most` pixels, by default `default_pixel_limit`.
     """
     try:
         status = file.stat()
@@ -71,17 +72,17 @@ def check_file(file: Path, error: type[LookdevError], most: int | None = None) -
 
 @contextmanager
 def open_image(file: Path, error: type[LookdevError], most: int | None = None) -> Iterator[oiio.ImageInput]:
-    """Open an image whose file and header are checked, alpha as stored; raises `error` where it must not be read.
+    """Open an image, alpha as stored, after its file and header are checked; raises `error` where it must not be read.
 
-    The limit is as of `check_file`.
+    The limit is that of `check_file`.
     """
     import OpenImageIO as oiio
 
     check_file(file, error, most)
     _check_png(file, error, whole=False)
-    # Some formats are decoded as they are opened. OpenImageIO refuses what is larger.
+    # Some formats are decoded on opening: OpenImageIO refuses larger images then.
     oiio.attribute("limits:imagesize_MB", -(-_BYTES * _limit(most)[0] // _MEGABYTE))
-    # The other reader of EXR writes to stderr what is wrong with an image.
+    # The other EXR reader of OpenImageIO writes the faults of an image to stderr.
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
@@ -97,7 +98,7 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
 
 
 def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most: int | None = None) -> None:
-    """Raise `error` unless an image has pixels, and their number, that of its whole frame too, is within the limit."""
+    """Raise `error` unless an image has pixels, and its data window and display window are within the limit."""
     sizes = ((spec.width, spec.height), (spec.full_width, spec.full_height))
     if min(spec.nchannels, *sizes[0], *sizes[1]) < 1:
         raise error(f"{file}: has no pixels: it is {spec.width} x {spec.height}, of {spec.nchannels} channels")
@@ -110,35 +111,35 @@ def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most
 
 
 def _check_jpeg(file: Path, error: type[LookdevError]) -> None:
-    """Raise `error` for a JPEG without its end marker (ITU-T T.81, B.1.1.3): its reader fills what is missing."""
+    """Raise `error` for a JPEG without end marker (ITU-T T.81, B.1.1.3): the JPEG reader fills in missing pixels."""
     data = file.read_bytes()
-    place = 2
-    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] != b"\xda":
-        place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
-    if data.find(b"\xff\xd9", place) < 0:
+    start = 2  # of a segment
+    while data[start : start + 1] == b"\xff" and data[start + 1 : start + 2] != b"\xda":
+        start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
+    if data.find(b"\xff\xd9", start) < 0:
         raise error(f"{file}: cannot be read as an image: the JPEG is cut off")
 
 
 def _check_png(file: Path, error: type[LookdevError], *, whole: bool) -> None:
     try:
-        problem = _png_problem(file, whole=whole)
+        fault = _png_fault(file, whole=whole)
     except OSError as failure:
         raise error(f"{file}: cannot be read: {failure.strerror}") from failure
-    if problem:
-        raise error(f"{file}: cannot be read as an image: {problem}")
+    if fault:
+        raise error(f"{file}: cannot be read as an image: {fault}")
 
 
 def _limit(most: int | None) -> tuple[int, str]:
     """Return the largest number of pixels, and its name in a message."""
     if most is not None:
         return most, f"{most} pixels"
-    return most_pixels(), f"{PIXELS_VARIABLE} = {most_pixels()} pixels"
+    return default_pixel_limit(), f"{PIXELS_VARIABLE} = {default_pixel_limit()} pixels"
 
 
 def strips(
     image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]
 ) -> Iterator[tuple[int, Floats32]]:
-    """Yield the first row of each part of an open image, within its pixels, and the part: (rows, width, channels).
+    """Yield an open image in strips: the index of a strip's first row, and its pixels (rows, width, channels).
 
     Raises `error` where the pixels cannot be read.
     """
@@ -153,30 +154,30 @@ def strips(
         rows = -(-rows // spec.tile_height) * spec.tile_height
     subimage = image.current_subimage()
 
-    def pixels_of(begin: int, end: int, right: int) -> Floats32:
-        wanted = channels.start, channels.stop, oiio.FLOAT
+    def read_rows(begin: int, end: int, right: int) -> Floats32:
+        selection = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
-            pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *wanted)
+            pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *selection)
         else:
-            pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *wanted)
-        if pixels is None or image.has_error:  # what is missing of a TIFF is not None
+            pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *selection)
+        if pixels is None or image.has_error:  # missing rows of a TIFF set the error alone
             raise error(f"{file}: cannot be read as an image: {_reason(image.geterror)}")
         return pixels
 
     if spec.get_string_attribute("compression").startswith("dwa"):
         height, width = min(spec.tile_height or 1, spec.height), min(spec.tile_width or spec.width, spec.width)
-        _first_of_dwa(lambda: pixels_of(spec.y, spec.y + height, spec.x + width))
+        _decode_first_dwa(lambda: read_rows(spec.y, spec.y + height, spec.x + width))
     for first in range(0, spec.height, rows):
         begin, end = spec.y + first, spec.y + min(first + rows, spec.height)
-        pixels = pixels_of(begin, end, spec.x + spec.width)
+        pixels = read_rows(begin, end, spec.x + spec.width)
         yield first, pixels.reshape(end - begin, spec.width, len(channels))
 
 
-def _first_of_dwa(decode_one: Callable[[], object]) -> None:
-    """Decode one block of a DWA image, the first in this process alone.
+def _decode_first_dwa(decode_one: Callable[[], object]) -> None:
+    """Decode the first block of DWA images of this process in one thread.
 
-    With its first block, OpenEXR chooses the decoder for this processor. Blocks that other threads decode meanwhile
-    come from one that rounds otherwise: without this, one process of sixty read a map with other pixels and digest.
+    While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads meanwhile decode
+    with one that rounds differently: without this function, one process of sixty read other pixels and another digest.
     """
     global _dwa_decoded
     with _dwa:
@@ -195,24 +196,24 @@ def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type
 
 
 def _reason(error: Callable[[], str]) -> str:
-    """Return the start of what OpenImageIO says: the library of a format repeats an error in further lines."""
+    """Return the first line of OpenImageIO's error: the library of a format repeats the error in further lines."""
     try:
         first = error().strip().partition("\n")[0][:300]
-    except UnicodeDecodeError:  # it quotes the file
+    except UnicodeDecodeError:  # the error quotes the file
         first = "it is damaged"
-    return "".join(each if each.isprintable() else "?" for each in first) or "no reader knows it"
+    return "".join(character if character.isprintable() else "?" for character in first) or "no reader knows it"
 
 
-def _png_problem(file: Path, *, whole: bool) -> str:
-    """Return what is wrong with the chunks of a PNG (ISO/IEC 15948, 5 and 11.2); '' for another file.
+def _png_fault(file: Path, *, whole: bool) -> str:
+    """Return the fault of a PNG's chunks (ISO/IEC 15948, 5 and 11.2); '' without fault, and for other formats.
 
-    Of libpng it would be a line on stderr. Unless `whole`, the pixels are passed over.
+    libpng would write the fault to stderr. The pixels are checked only with `whole`.
     """
     with file.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return ""
         size = os.fstat(stream.fileno()).st_size
-        packed, kind, left = zlib.decompressobj(), b"", -1
+        decompressor, kind, left = zlib.decompressobj(), b"", -1  # left: bytes of pixels to come
         while kind != b"IEND":
             start = stream.read(8)
             length, kind = int.from_bytes(start[:4], "big"), start[4:]
@@ -222,8 +223,8 @@ def _png_problem(file: Path, *, whole: bool) -> str:
                 return "the header of the PNG is damaged"
             if kind == b"IDAT" and not whole:
                 return ""
-            data, check = stream.read(length), stream.read(4)
-            if zlib.crc32(kind + data).to_bytes(4, "big") != check:
+            data, checksum = stream.read(length), stream.read(4)
+            if zlib.crc32(kind + data).to_bytes(4, "big") != checksum:
                 return "the header of the PNG is damaged" if kind == b"IHDR" else "the PNG is damaged"
             if kind == b"IHDR":
                 left = _png_bytes(data)
@@ -235,20 +236,20 @@ def _png_problem(file: Path, *, whole: bool) -> str:
             elif kind == b"IDAT":
                 try:
                     while data and left:
-                        left = max(left - len(packed.decompress(data, _MEGABYTE)), 0)
-                        data = packed.unconsumed_tail
+                        left = max(left - len(decompressor.decompress(data, _MEGABYTE)), 0)
+                        data = decompressor.unconsumed_tail
                 except zlib.error:
                     return "the PNG is damaged"
         return "the PNG is cut off" if whole and left else ""
 
 
 def _png_bytes(header: bytes) -> int:
-    """Return how many bytes the pixels of a PNG have, at least, before they are packed; 0 for a damaged header."""
+    """Return a lower bound of the bytes of a PNG's pixels before compression; 0 for a damaged header."""
     if len(header) != 13:
         return 0
     width, height, depth, color, method, filtering, interlaced = struct.unpack(">IIBBBBB", header)
-    known = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
-    if not known or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
+    valid = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
+    if not valid or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
         return 0
-    # Interlaced pixels have more bytes than these: a filter for each row of seven pictures.
+    # Interlaced pixels have more bytes: a filter byte for each row of seven passes.
     return int(height * (1 + -(-width * depth * _PNG_CHANNELS[color] // 8)) if not interlaced else height)

@@ -1,4 +1,4 @@
-"""How long processes live: no longer than the program that started them, and that two seconds after a signal."""
+"""The ends of processes: with the program that started them, and of a program within two seconds after a signal."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-_GRACE = 1.5  # seconds in which a program that is told to end may remove its files and end its children
-_LATER = 0.02  # seconds until a signal is repeated
+_GRACE = 1.5  # seconds in which a program may remove its files and end its children after a signal
+_REPEAT_PERIOD = 0.02  # seconds until a signal is repeated
 _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 
@@ -28,9 +28,8 @@ def end_with_parent() -> None:
 def leaving() -> Iterator[None]:
     """End the process after the block: with exit code 0, or with 1 and a traceback after an exception.
 
-    The interpreter's own end can hang where Blender is loaded, or where threads of Dr.Jit or one that reads are left.
-    SIGINT is such an exception, also where a shell has started the program before this one in the background, and had
-    it ignored.
+    The interpreter's own exit can hang where Blender is loaded, or where threads of Dr.Jit or a reading thread remain.
+    SIGINT is such an exception, even where a shell started the parent in the background and made it ignore SIGINT.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -43,8 +42,8 @@ def leaving() -> Iterator[None]:
     os._exit(0)
 
 
-def _imports(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported: libraries in C++ lose a KeyboardInterrupt then."""
+def _is_importing(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported: C++ libraries then lose a KeyboardInterrupt."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
@@ -54,7 +53,10 @@ def _imports(frame: FrameType | None) -> bool:
 
 @dataclass
 class Interruption:
-    """What has come of a signal. An Event has a lock: a second signal would wait for it while the first holds it."""
+    """The state of an interruption: whether a signal came, and whether KeyboardInterrupt was raised for it.
+
+    It is not a `threading.Event`, which has a lock: a second signal would wait for the lock while the first holds it.
+    """
 
     came: bool = False
     raised: bool = False
@@ -62,11 +64,12 @@ class Interruption:
 
 @contextmanager
 def end_at_signals() -> Iterator[Interruption]:
-    """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
+    """Raise KeyboardInterrupt at SIGTERM in the block, as at Ctrl-C; end the process if it goes on nevertheless.
 
-    Python runs handlers between its own instructions: a library that computes for long would hold them up, and a wait
-    that begins just after the signal is not interrupted. Another thread sees the signal at once, and repeats it until
-    it is raised. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the parent.
+    Python runs handlers between its own instructions: a library that computes for long would delay them, and a wait
+    that begins just after the signal is not interrupted. A second thread sees the signal at once, and repeats it until
+    KeyboardInterrupt is raised. Only the first signal counts: Ctrl-C may arrive twice, from the terminal and from the
+    parent.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -75,30 +78,30 @@ def end_at_signals() -> Iterator[Interruption]:
     def watch() -> None:
         with os.fdopen(reader, "rb", buffering=0) as signals:
             number = signals.read(1)
-            until = time.monotonic() + _GRACE
-            while number and not done.wait(_LATER):
+            deadline = time.monotonic() + _GRACE
+            while number and not done.wait(_REPEAT_PERIOD):
                 with ending:
                     if not done.is_set() and not interruption.raised:
                         signal.pthread_kill(main, number[0])
-                if time.monotonic() > until:
+                if time.monotonic() > deadline:
                     os._exit(128 + number[0])
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         interruption.came = True
-        if not interruption.raised and not _imports(frame):
+        if not interruption.raised and not _is_importing(frame):
             interruption.raised = True
             raise KeyboardInterrupt
 
     done, ending, interruption = threading.Event(), threading.Lock(), Interruption()
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-    waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    handlers = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    wakeup_fd = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=watch, daemon=True).start()
     try:
         yield interruption
     finally:
         with ending:
             done.set()
-        signal.set_wakeup_fd(waking)
-        for number, handler in before.items():
+        signal.set_wakeup_fd(wakeup_fd)
+        for number, handler in handlers.items():
             signal.signal(number, handler)
         os.close(writer)

@@ -7,16 +7,16 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32, Reals
 
 EPSILON = 0.01
-"""Added to the squared reference, which bounds the relative error of dark pixels."""
+"""The addend to the squared reference: it bounds the relative error of dark pixels."""
 
 ROUNDING = 2.0**-11
-"""Largest error of a half float, relative."""
+"""The largest relative rounding error of a half float."""
 
 
 def relmse(image: Reals, reference: Reals, alpha: Reals) -> float:
     """Return ``mean((x - ref)^2 / (ref^2 + 0.01))`` over the pixels of the asset.
 
-    image, reference : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
+    image, reference : (H, W, 3), premultiplied; alpha : (H, W). Pixels with alpha > 0 count; without any, it is 0.
     """
     reference = reference.astype(np.float64)
     error = (image - reference) ** 2 / (reference**2 + EPSILON)
@@ -26,16 +26,16 @@ def relmse(image: Reals, reference: Reals, alpha: Reals) -> float:
 def relmse_of_halves(a: Reals, b: Reals, alpha: Reals) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
-    The variance of the mean is estimated by ``((a - b) / 2)^2``. In place of the unknown reference, the denominator has
-    the ninther of the 3 x 3 neighbours' colours times the pixel's own coverage, since the pixel itself would hide a
-    bright outlier, or the darker half where that is brighter, since a fine highlight is in both.
+    ``((a - b) / 2)^2`` estimates the variance of the mean. Two values replace the unknown reference in the denominator,
+    of which the brighter counts. One is the ninther of the 3 x 3 neighbours' colours times the pixel's own coverage:
+    the pixel itself would hide a bright outlier. The other is the darker half, since a fine highlight is in both.
 
-    a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
+    a, b : (H, W, 3), premultiplied; alpha : (H, W). Pixels with alpha > 0 count; without any, it is 0.
     """
-    found = _window(alpha)
-    if found is None:
+    window = _asset_window(alpha)
+    if window is None:
         return 0.0
-    a, b, alpha = (each[found].astype(np.float64) for each in (a, b, alpha))
+    a, b, alpha = (image[window].astype(np.float64) for image in (a, b, alpha))
     reference = reference_of_halves(a, b, alpha)
     return _mean_over_asset(((a - b) / 2) ** 2 / (reference**2 + EPSILON), alpha)
 
@@ -43,7 +43,7 @@ def relmse_of_halves(a: Reals, b: Reals, alpha: Reals) -> float:
 def standard_error(a: Reals, b: Reals) -> Floats32:
     """Return ``|a - b| / 2``, the standard error of ``(a + b) / 2`` in each pixel and channel, from one difference.
 
-    Numbers have 10 bits after the leading one: such noise packs into half of what all of its bits take.
+    The numbers are cut to 10 bits after the leading one: such noise compresses to half the size of the full numbers.
 
     a, b : (H, W, 3), independent renders of equal cost.
     """
@@ -54,9 +54,10 @@ def standard_error(a: Reals, b: Reals) -> Floats32:
 def pooled_error(error: Reals) -> Floats32:
     """Return the standard error of each pixel's colour, (H, W), from `standard_error` (H, W, 3).
 
-    One difference of halves knows little of a variance. The squares, summed over channels, are averaged over 3 x 3
-    pixels. The largest such average that holds a pixel counts, since noise at an edge is that of few of its neighbours,
-    and that is averaged again. So an outlier in one half alone never differs by more than 3 of these errors.
+    One difference of halves is a poor estimate of a variance. So the squares, summed over channels, are averaged over
+    3 x 3 pixels. Each pixel takes the largest average of the squares that contain it: at an edge, few of its neighbours
+    have the same noise. These are averaged again. As a result, an outlier in one half alone never differs by more than
+    3 of these errors.
     """
     from scipy.ndimage import maximum_filter, uniform_filter  # not at the top: as in `reference_of_halves`
 
@@ -66,28 +67,29 @@ def pooled_error(error: Reals) -> Floats32:
 
 
 def noise_ratio(a: Reals, b: Reals, error_a: Reals, error_b: Reals, size: int = 1) -> Floats32:
-    """Return z, (H, W): how far two pictures differ around each pixel, in units of what noise explains.
+    """Return z, (H, W): the difference of two pictures around each pixel, in units of their noise.
 
     ``z^2 = sum_c (sum_i (a_ic - b_ic))^2 / sum_i (error_ai^2 + error_bi^2 + rounding_i^2)``, over the channels c and
-    the pixels i of a square of `size`, odd. Where noise is Gaussian, z is above 3 in at most .27 % of pixels without
-    another difference: channels with independent noise have fewer. A larger square shows weaker differences.
+    the pixels i of a square whose side is `size`, an odd number. Where two pictures differ by Gaussian noise alone, z
+    is above 3 in at most .27 % of pixels, and in fewer where the noise of channels is independent. A larger square
+    detects weaker differences.
 
-    a, b : (H, W, 3), that may be rounded to half floats; error_a, error_b : (H, W), of `pooled_error`.
+    a, b : (H, W, 3), which may be rounded to half floats; error_a, error_b : (H, W), from `pooled_error`.
     """
     from scipy.ndimage import uniform_filter  # not at the top: as in `reference_of_halves`
 
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     rounding = (a**2 + b**2).sum(axis=-1) * ROUNDING**2
     noise = np.square(error_a, dtype=np.float64) + np.square(error_b, dtype=np.float64) + rounding
-    # Means over the square; n of them have n^-2 of the variance's sum.
+    # Means over the square: the variance of a mean of n values is n^-2 of the sum of their variances.
     noise = np.maximum(uniform_filter(noise, size, mode="constant"), 0.0) / size**2
     distance = np.square(uniform_filter(a - b, (size, size, 1), mode="constant")).sum(axis=-1)
     return np.asarray(np.sqrt(np.divide(distance, noise, where=noise > 0.0, out=np.zeros_like(noise))), np.float32)
 
 
 def reference_of_halves(a: Floats, b: Floats, alpha: Reals) -> Floats:
-    """Return colours (H, W, 3) that stand for the unknown reference in the denominator, as of `relmse_of_halves`."""
-    # Not at the top: it takes a sixth of a second to import, which the first sample of a job would wait for.
+    """Return colours (H, W, 3) that replace the unknown reference in the denominator of `relmse_of_halves`."""
+    # Not at the top: the import takes a sixth of a second, and would delay the first sample of a job.
     from scipy.ndimage import uniform_filter
 
     covered = alpha > 0
@@ -99,8 +101,8 @@ def reference_of_halves(a: Floats, b: Floats, alpha: Reals) -> Floats:
     return np.maximum(typical, np.minimum(a, b))
 
 
-def _window(alpha: Reals) -> tuple[slice, ...] | None:
-    """Return the smallest part of a picture with all of the asset; None where there is none."""
+def _asset_window(alpha: Reals) -> tuple[slice, ...] | None:
+    """Return the smallest window of a picture that contains the asset; None where the asset covers no pixel."""
     covered = alpha > 0
     if not covered.any():
         return None
@@ -109,7 +111,7 @@ def _window(alpha: Reals) -> tuple[slice, ...] | None:
 
 
 def _ninther(image: Floats) -> Floats:
-    """Return the median of the medians of three rows around each pixel (Tukey 1978), a tenth of a median's time."""
+    """Return the median of the medians of three rows around each pixel (Tukey 1978), in a tenth of a median's time."""
     for axis in (0, 1):
         padded = np.pad(image, [(1, 1) if axis == k else (0, 0) for k in range(image.ndim)], mode="edge")
         size = image.shape[axis]

@@ -55,7 +55,7 @@ import sys
 from pathlib import Path
 from lookdev.run.runs import Run
 with Run(Path(sys.argv[1])) as run:
-    run.renders("plan")
+    run.announce_plan("plan")
     assert run.claim(sys.argv[2])
     print("held", flush=True)
     sys.stdin.read()

@@ -58,13 +58,13 @@ def test_a_file_is_known_by_its_content(cache, tmp_path):
     files = [tmp_path / name for name in ("a.exr", "b.exr", "c.exr")]
     for file, text in zip(files, ("same", "same", "other"), strict=True):
         file.write_text(text)
-    one, same, other = map(Content.of, files)
-    assert one == same != other
-    assert one.path == cache / "content" / f"{one.digest}.exr"
-    assert one.path.read_text() == "same"
-    assert Content.of(one.path) == one
+    first, same, other = map(Content.of, files)
+    assert first == same != other
+    assert first.path == cache / "content" / f"{first.digest}.exr"
+    assert first.path.read_text() == "same"
+    assert Content.of(first.path) == first
     files[0].unlink()
-    assert one.path.read_text() == "same"
+    assert first.path.read_text() == "same"
 
 
 def test_another_content_under_the_same_name_is_noticed(cache):
@@ -105,23 +105,23 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("room", ["content", "stuff"])
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_what_is_damaged_is_made_again_with_a_note(cache, damage, room):
-    made: list[int] = []
+    calls: list[int] = []
 
     def make() -> tuple[Content, ...]:
-        made.append(1)
+        calls.append(1)
         return tuple(Content.holding(data, ".txt") for data in (b"one", b"other"))
 
     files = cached_files("stuff", "key", make)
     assert cached_files("stuff", "key", make) == files
-    assert len(made) == 1
+    assert len(calls) == 1
     (damaged,) = [file for file in (cache / room).iterdir() if room == "stuff" or file == files[1].path]
     DAMAGE[damage](damaged)
     assert cached_files("stuff", "key", make) == files
     assert [file.path.read_bytes() for file in files] == [b"one", b"other"]
-    assert len(made) == 2
+    assert len(calls) == 2
     assert take_notes() == (f"{damaged}: was damaged, and is made again",)
     assert cached_files("stuff", "key", make) == files
-    assert len(made) == 2
+    assert len(calls) == 2
     assert take_notes() == ()
 
 
@@ -159,9 +159,9 @@ def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path):
     assert (tmp_path / "room").read_bytes() == b"a few bytes"
 
 
-@pytest.mark.parametrize("place", [Path(), Path("/"), Path("..")])
-def test_a_folder_is_no_file_to_write(place):
-    with pytest.raises(IsADirectoryError, match="is a folder"), atomic_path(place):
+@pytest.mark.parametrize("folder", [Path(), Path("/"), Path("..")])
+def test_a_folder_is_no_file_to_write(folder):
+    with pytest.raises(IsADirectoryError, match="is a folder"), atomic_path(folder):
         pass
 
 
@@ -172,7 +172,7 @@ def _write_twice(file: Path) -> None:
 
 
 def test_a_full_disk_is_named(cache, tmp_path):
-    """By a limit of the size of files, beyond which a write fails as on a full disk."""
+    """A limit of the size of files makes a write fail as on a full disk."""
     before, ignored = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
     try:

@@ -1,4 +1,4 @@
-"""A program in a child process: what a file does to it becomes a message, and all else is as without the child."""
+"""A program in a child process: a file that ends it is named in a message; otherwise it ends as without a child."""
 
 import os
 import signal
@@ -29,7 +29,7 @@ except Exception as error:
 
 
 def outcome(body: str, **variables: str) -> str:
-    """Return what a supervised program writes to stdout, then its parent."""
+    """Return the output of a supervised program, and that of its parent after it."""
     done = subprocess.run(
         (sys.executable, "-c", _PROGRAM.format(body=textwrap.indent(body, "    "))),
         stdout=subprocess.PIPE,
@@ -107,7 +107,7 @@ def test_memory_is_bounded_by_the_size_of_what_is_read(tmp_path, monkeypatch, bo
     else:
         assert text.startswith("ReadingError a.usd: reading it takes more than 32 MiB of memory; ")
         assert f"{MEMORY_VARIABLE}, 32 MiB beside 128 times the size of its files" in text
-        assert time.monotonic() - started < 8.0  # it was not waited for
+        assert time.monotonic() - started < 8.0  # the parent did not wait for it
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_limit_that_is_no_number_is_refused():
 
 
 def test_the_first_signal_counts():
-    """Ctrl-C comes from the terminal and from the parent: what it starts to remove is removed nevertheless."""
+    """Ctrl-C comes from the terminal and from the parent: the second does not interrupt the handling of the first."""
     body = """
     with end_at_signals():
         try:
@@ -144,15 +144,15 @@ def test_the_first_signal_counts():
 
 
 def test_signals_that_come_together_interrupt_once():
-    """The second may come at any instruction of what the first runs, and waits for nothing that the first holds."""
+    """The second may come at any instruction of the handler of the first; it waits for no lock of the first."""
     body = """
     def again(*_):
-        events.append(place)
-        if len(events) == place:
+        events.append(number)
+        if len(events) == number:
             signal.raise_signal(signal.SIGINT)
         return again
     interruptions = 0
-    for place in range(1, 60):
+    for number in range(1, 60):
         events = []
         with end_at_signals():
             try:
@@ -166,7 +166,7 @@ def test_signals_that_come_together_interrupt_once():
 
 
 def test_a_signal_is_repeated_until_it_is_raised():
-    """One that comes just before a wait begins does not end it."""
+    """A signal that comes just before a wait begins does not end the wait."""
     body = """
     with end_at_signals() as interruption:
         interruption.raised = True

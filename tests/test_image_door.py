@@ -1,4 +1,4 @@
-"""The door for images: what must not be read is refused by its name, before its pixels are in memory."""
+"""The reader of images: an image that must not be read is refused by name, before its pixels are in memory."""
 
 import os
 import resource
@@ -60,31 +60,31 @@ def test_the_first_block_of_dwa_is_decoded_alone(tmp_path, monkeypatch, options)
     with open_image(file, TextureError) as image:
 
         class Spy:
-            """An open image that notes how many pixels are read."""
+            """An open image that records the number of pixels of each read."""
 
             def __getattr__(self, name: str) -> Any:
-                kept = getattr(image, name)
+                attribute = getattr(image, name)
                 if not name.startswith("read_"):
-                    return kept
+                    return attribute
 
                 def read(*arguments: int) -> Any:
-                    sizes.append((found := kept(*arguments)).size // 3)
-                    return found
+                    sizes.append((part := attribute(*arguments)).size // 3)
+                    return part
 
                 return read
 
         for _ in range(2):
-            found = whole_image(cast("oiio.ImageInput", Spy()), file, range(3), TextureError)
+            decoded = whole_image(cast("oiio.ImageInput", Spy()), file, range(3), TextureError)
     first = options and min(options["tile_width"], 50) * min(options["tile_height"], 37)
     assert sizes == [first or 50, 37 * 50, 37 * 50]
-    np.testing.assert_allclose(found, pixels, atol=0.1)
+    np.testing.assert_allclose(decoded, pixels, atol=0.1)
 
 
 @pytest.mark.proof
 def test_all_processes_read_a_dwa_map_alike():
     program = "from lookdev.light import load_environment; print(load_environment(builtin='sunset').digest)"
-    found = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(250)}
-    assert len(found) == 1
+    digests = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(250)}
+    assert len(digests) == 1
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
@@ -143,7 +143,7 @@ def test_what_must_not_be_read_is_refused_by_name(tmp_path, name):
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg", ".exr"])
 @pytest.mark.parametrize("part", [0.99, 0.7])
 def test_an_image_that_is_cut_off_is_refused(tmp_path, suffix, part):
-    """Readers of some kinds fill what is missing."""
+    """Some readers fill in missing pixels."""
     file = write(tmp_path / f"a{suffix}", np.random.default_rng(1).random((64, 64, 3)))
     assert read(file).shape == (64, 64, 3)
     os.truncate(file, int(part * file.stat().st_size))
@@ -154,12 +154,12 @@ def test_an_image_that_is_cut_off_is_refused(tmp_path, suffix, part):
 def test_a_changed_byte_of_a_png_is_seen(tmp_path, capfd):
     file = write(tmp_path / "a.png", np.random.default_rng(1).random((64, 64, 3)))
     data = bytearray(file.read_bytes())
-    for place in range(8, len(data), 97):
-        data[place] ^= 1
+    for index in range(8, len(data), 97):
+        data[index] ^= 1
         file.write_bytes(data)
         with pytest.raises(TextureError, match=r"the PNG|header"):
             read(file)
-        data[place] ^= 1
+        data[index] ^= 1
     assert capfd.readouterr().err == ""
 
 

@@ -1,4 +1,4 @@
-"""The spaces of light: their matrices beside the primaries, and OpenColorIO's own conversion."""
+"""The colour spaces of light: their matrices, compared with the primaries and with OpenColorIO's conversion."""
 
 import numpy as np
 import PyOpenColorIO as ocio
@@ -27,7 +27,7 @@ def test_acescg_is_its_primaries_adapted_by_bradford():
     rec709, acescg = (to_xyz(CHROMATICITIES[name]) for name in ("rec709", "acescg"))
     cones = [bradford @ matrix @ np.ones(3) for matrix in (rec709, acescg)]
     adapted = np.linalg.solve(bradford, np.diag(cones[1] / cones[0]) @ bradford)
-    # OpenColorIO's matrices are given with seven digits, white points with four to five.
+    # OpenColorIO's matrices have seven digits, white points four to five.
     np.testing.assert_allclose(from_rec709("acescg"), np.linalg.solve(acescg, adapted @ rec709), atol=2e-5)
     np.testing.assert_allclose(from_rec709("acescg").sum(axis=1), 1.0, atol=1e-15)
 
@@ -36,8 +36,8 @@ def test_colours_are_those_of_opencolorio_and_come_back(rng):
     config = ocio.Config.CreateFromBuiltinConfig(BASE)
     processor = config.getProcessor(OCIO_NAMES["rec709"], OCIO_NAMES["acescg"]).getDefaultCPUProcessor()
     colors = rng.random((50, 3))
-    wanted = [processor.applyRGB(color) for color in colors.tolist()]
-    np.testing.assert_allclose(to_space(colors, "acescg"), wanted, rtol=2e-6)
+    expected = [processor.applyRGB(color) for color in colors.tolist()]
+    np.testing.assert_allclose(to_space(colors, "acescg"), expected, rtol=2e-6)
     np.testing.assert_allclose(to_rec709(to_space(colors, "acescg"), "acescg"), colors, atol=1e-14)
     assert (to_space(colors, "rec709") == colors).all()
 
@@ -45,7 +45,7 @@ def test_colours_are_those_of_opencolorio_and_come_back(rng):
 def test_errors_are_those_of_converted_noise(rng):
     error = np.array([0.01, 0.03, 0.02])
     noise = to_rec709(rng.normal(size=(200_000, 3)) * error, "acescg")
-    # Of so many samples a standard deviation is known to .16 percent.
+    # The standard deviation of this number of samples has an error of .16 percent.
     np.testing.assert_allclose(error_in_rec709(error, "acescg"), noise.std(axis=0), rtol=0.01)
 
 
@@ -67,14 +67,14 @@ LIGHTS = {
 @pytest.mark.parametrize("name", LIGHTS)
 def test_a_light_sends_the_same_in_another_space(rng, monkeypatch, name):
     for table, size in (("slots.SLOTS", 64), ("points.SIDE", 32), ("bins.COUNT", 4)):
-        monkeypatch.setattr(f"lookdev.light.dome.{table}", size)  # tables of the light that take little time
+        monkeypatch.setattr(f"lookdev.light.dome.{table}", size)  # small tables of the light take little time
     light = LIGHTS[name](rng)
     other = light.in_space("acescg")
-    place = np.zeros(3)
+    point = np.zeros(3)
     directions = light.sample(np.zeros((300, 3)), rng.random((300, 2)))
-    sent = light.radiance(place, directions)
+    sent = light.radiance(point, directions)
     assert (sent.max(axis=-1) > 0.0).sum() > 100
-    np.testing.assert_allclose(other.radiance(place, directions), to_space(sent, "acescg"), rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(other.radiance(point, directions), to_space(sent, "acescg"), rtol=1e-5, atol=1e-7)
     assert other.digest != light.digest
     assert light.in_space("rec709") is light
 

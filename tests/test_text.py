@@ -1,11 +1,11 @@
-"""Text files of any content: read whole, or refused with file and place; messages that quote them."""
+"""Text files of any content are read whole, or refused with file and position; messages quote them safely."""
 
 import os
 
 import pytest
 
 from lookdev.errors import AssetError, Fault, LookError
-from lookdev.text import DEEPEST, TextError, parse_json, parse_toml, read_text
+from lookdev.text import MAX_DEPTH, TextError, parse_json, parse_toml, read_text
 
 
 def test_a_text_is_read_with_or_without_a_mark(tmp_path):
@@ -41,16 +41,16 @@ def test_what_is_no_text_is_refused_at_once(tmp_path, make, message):
     [
         (parse_toml, "a = 1\nb = ]", "a: line 2, column 5: not TOML: Invalid value"),
         (parse_toml, "a = " + "9" * 5000, "not TOML: Exceeds the limit (4300 digits)"),
-        (parse_toml, f"a = {'[' * 900}{']' * 900}", f"more than {DEEPEST} deep"),
-        (parse_toml, f"a = {'[' * 100_000}", f"more than {DEEPEST} deep"),
-        (parse_toml, f"{'a.' * 900}a = 1", f"more than {DEEPEST} deep"),
-        # A parser that takes time and memory by the square would need 40 GB.
-        (parse_toml, "b = { " + "'a' . " * 100_000 + "a = 1 }", f"more than {DEEPEST} deep"),
+        (parse_toml, f"a = {'[' * 900}{']' * 900}", f"more than {MAX_DEPTH} deep"),
+        (parse_toml, f"a = {'[' * 100_000}", f"more than {MAX_DEPTH} deep"),
+        (parse_toml, f"{'a.' * 900}a = 1", f"more than {MAX_DEPTH} deep"),
+        # A parser that takes time and memory by the square of the number of parts would need 40 GB.
+        (parse_toml, "b = { " + "'a' . " * 100_000 + "a = 1 }", f"more than {MAX_DEPTH} deep"),
         (parse_toml, f"[{'x' * 300_000}]\n[{'x' * 300_000}]", "… (3000"),
         (parse_json, '{"a":\n x}', "a: line 2, column 2: not JSON"),
         (parse_json, "9" * 5000, "not JSON: Exceeds the limit"),
-        (parse_json, f"{'[' * 900}{']' * 900}", f"more than {DEEPEST} deep"),
-        (parse_json, '{"a":' * 100_000, f"more than {DEEPEST} deep"),
+        (parse_json, f"{'[' * 900}{']' * 900}", f"more than {MAX_DEPTH} deep"),
+        (parse_json, '{"a":' * 100_000, f"more than {MAX_DEPTH} deep"),
     ],
 )
 def test_a_text_that_does_not_parse_is_refused_with_its_place(parse, text, message):
@@ -61,7 +61,7 @@ def test_a_text_that_does_not_parse_is_refused_with_its_place(parse, text, messa
 
 
 def test_a_text_may_be_nested_a_little():
-    text = "[" * DEEPEST + "]" * DEEPEST
+    text = "[" * MAX_DEPTH + "]" * MAX_DEPTH
     assert parse_toml(f"a = {text[1:-1]}", "a")
     assert parse_json(text, "a")
 

@@ -1,4 +1,4 @@
-"""Jobs on this machine and many: runs and their claims, resumed frames, chunks, status, progress, files made of frames.
+"""Runs of a job, on one machine or many: claims, resumed frames, chunks, status, progress, and files made of frames.
 
-Modules are imported where they are used, so that ``lookdev --help`` loads none of them.
+Other packages import these modules in their functions, so that ``lookdev --help`` loads none of them.
 """

@@ -1,8 +1,8 @@
-"""The chunks of a job: which frames each has, the same for runs on any machine at any time.
+"""The chunks of a job: its frames divided in the same way for all runs, on any machine at any time.
 
-The division follows from the job and the numbers of chunks and machines alone, by estimates: not from what is on disk,
-which changes while chunks are rendered. One by measured times is made on request, before the first chunk, and kept in
-the output's state folder, where all runs find it.
+By default, the division depends on the job and the numbers of chunks and machines alone, by estimated costs. It does
+not depend on the frames on disk, which change while chunks are rendered. On request, before the first chunk, the frames
+are divided by measured times. The state folder of the output stores this division for all runs.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from lookdev.text import TextError, parse_json, read_text
 
 @dataclass(frozen=True)
 class ChunkSummary:
-    """A chunk as `lookdev plan --chunks` lists it: its frames, by the names of the first and the last."""
+    """A chunk as `lookdev plan --chunks` lists it; `first` and `last` are names of frames."""
 
     chunk: str
     frames: int
     done: int
     scenes: int
-    seconds: float  # of all its frames, done or not, preparing their scenes included
+    seconds: float  # of all its frames, done or not, and of preparing their scenes
     first: str | None
     last: str | None
 
 
 def plan_of_chunk(plan: Plan, chunk: Chunk) -> Plan:
-    """Return a chunk of a plan."""
-    return part_of(plan, _kept(plan, chunk.of) or _divided(plan, chunk.of, estimated(plan)), chunk.number)
+    """Return the part of a plan that has the frames of a chunk."""
+    return part_of(plan, _chunk_ends(plan, chunk.of), chunk.number)
 
 
 def store_measured_chunks(plan: Plan, division: Division) -> None:
-    """Divide a plan by the times of frames on disk, and keep the division for chunks to come.
+    """Divide a plan by the times of frames on disk, and store the division for later runs of chunks.
 
-    Raises LookdevError where no frame is on disk, OutputError where a chunk of such a division is at work, OSError
+    Raises LookdevError where no frame is on disk, OutputError where a run renders a chunk of this division, OSError
     where the output folder cannot be written.
     """
     if all(frame.seconds is None for frame in plan.frames):
@@ -53,63 +53,67 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
             f"{plan.output}: no frame of the job was rendered yet, whose time could be that of others; render one of "
             "each look and light with 'lookdev render JOB --frame NAME'"
         )
-    file = _file(plan, division)
+    file = _division_file(plan, division)
     for run in Runs(file.parent).alive():
         if run.part.endswith(f"/{division}"):
             raise OutputError(f"{plan.output}: {run} renders chunk {run.part} of the division that would be replaced")
     with atomic_path(file) as temporary:
-        temporary.write_text(json.dumps(_divided(plan, division, measured(plan))))
+        temporary.write_text(json.dumps(_divide_plan(plan, division, measured(plan))))
 
 
 def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
-    """Return the chunks of a plan, their times by frames on disk as far as there are some."""
+    """Return the chunks of a plan; their times are estimated from the frames on disk, where there are some."""
     costs = measured(plan)
-    ends = _kept(plan, division) or _divided(plan, division, estimated(plan))
-    found, first = [], 0
-    for number, end in enumerate(ends, start=1):
+    summaries, first = [], 0
+    for number, end in enumerate(_chunk_ends(plan, division), start=1):
         frames = plan.frames[first:end]
         names = [str(FrameName.of(frame.task.files[0])) for frame in frames]
         scenes = len({id(frame.task.scene) for frame in frames})
         seconds = sum(costs.frames[first:end]) + scenes * costs.scene
         done = sum(any(file.state == "done" for file in frame.files) for frame in frames)
-        shown = (names[0], names[-1]) if names else (None, None)
-        found.append(ChunkSummary(str(Chunk(number, division)), len(frames), done, scenes, seconds, *shown))
+        ends = (names[0], names[-1]) if names else (None, None)
+        summaries.append(ChunkSummary(str(Chunk(number, division)), len(frames), done, scenes, seconds, *ends))
         first = end
-    return found
+    return summaries
 
 
 def chunks_text(plan: Plan, division: Division) -> str:
     """Return the chunks of a plan as an aligned table."""
     rows = [["chunk", "frames", "done", "scenes", "time", "first", "last"]]
-    for each in chunk_summaries(plan, division):
-        time = timedelta(seconds=round(each.seconds))
-        row = each.chunk, each.frames, each.done, each.scenes, time, each.first or "-", each.last or "-"
+    for chunk in chunk_summaries(plan, division):
+        time = timedelta(seconds=round(chunk.seconds))
+        row = chunk.chunk, chunk.frames, chunk.done, chunk.scenes, time, chunk.first or "-", chunk.last or "-"
         rows.append([str(cell) for cell in row])
     return table(rows)
 
 
 def chunks_data(plan: Plan, division: Division) -> dict[str, object]:
     """Return the chunks of a plan as plain data for JSON."""
-    return {"output": str(plan.output), "chunks": [asdict(each) for each in chunk_summaries(plan, division)]}
+    return {"output": str(plan.output), "chunks": [asdict(chunk) for chunk in chunk_summaries(plan, division)]}
 
 
-def forget_chunks(state: Path) -> None:
-    """Remove the divisions of an output whose frames are all done."""
+def remove_divisions(state: Path) -> None:
+    """Remove the stored divisions from a state folder; all frames of the output are done."""
     for file in state.glob("chunks.*.json"):
         file.unlink(missing_ok=True)
 
 
-def _divided(plan: Plan, division: Division, costs: Costs) -> tuple[int, ...]:
+def _divide_plan(plan: Plan, division: Division, costs: Costs) -> tuple[int, ...]:
     return split([id(frame.task.scene) for frame in plan.frames], costs, division)
 
 
-def _file(plan: Plan, division: Division) -> Path:
+def _division_file(plan: Plan, division: Division) -> Path:
     return plan.output / STATE_FOLDER / f"chunks.{division}.{plan.digest[:16]}.json"
 
 
-def _kept(plan: Plan, division: Division) -> tuple[int, ...] | None:
-    """Return the ends of the chunks that are kept; None where there are none, or they are damaged."""
-    file = _file(plan, division)
+def _chunk_ends(plan: Plan, division: Division) -> tuple[int, ...]:
+    """Return the index after the last frame of each chunk."""
+    return _stored_ends(plan, division) or _divide_plan(plan, division, estimated(plan))
+
+
+def _stored_ends(plan: Plan, division: Division) -> tuple[int, ...] | None:
+    """Return the ends of the chunks of a stored division; None where there is none, or it is damaged."""
+    file = _division_file(plan, division)
     try:
         ends = parse_json(read_text(file), file)
     except TextError:

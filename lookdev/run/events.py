@@ -1,6 +1,7 @@
-"""What happens during a run, reported as it happens.
+"""The events of a run, reported while it runs.
 
-A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, in its plan, its worker's log and its EXR too.
+A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, as in its plan, its worker's log and its EXR.
+The log in JSON names an event by its class: `lookdev.run.log`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 
 
 class LogFormat(StrEnum):
-    """How a run writes what happens; as `OPENJD`, some lines are messages to a session of Open Job Description."""
+    """The format in which a run writes its events; `OPENJD` adds messages to a session of Open Job Description."""
 
     TEXT = "text"
     JSON = "json"
@@ -28,7 +29,7 @@ class Noted:
 
 @dataclass(frozen=True)
 class RunJoined:
-    """A run, by its id, has joined those of the output folder to render a plan, by its digest, or a chunk of it."""
+    """A run joins the runs of an output folder. `run` is its id, `plan` its plan's digest, `chunk` "" or as 2/8."""
 
     run: str
     chunk: str
@@ -37,7 +38,7 @@ class RunJoined:
 
 @dataclass(frozen=True)
 class RunEnded:
-    """A run has ended: of `total` frames, `done` are on disk, `rendered` of them by it."""
+    """A run ended: of `total` frames, `done` are on disk; the run `rendered` some of them."""
 
     total: int
     done: int
@@ -65,7 +66,7 @@ class FrameStarted:
 
 @dataclass(frozen=True)
 class FrameProgressed:
-    """`samples` of at most `of` per pixel are rendered; `relmse` is None until both halves have some."""
+    """`samples` of at most `of` per pixel are rendered; `relmse` is None until both halves have samples."""
 
     name: str
     samples: int
@@ -76,7 +77,7 @@ class FrameProgressed:
 
 @dataclass(frozen=True)
 class FrameDone:
-    """A frame is on disk. `seconds` of wall time, all its tries included."""
+    """A frame is on disk. `seconds` are its wall time, including all its tries."""
 
     name: str
     seconds: float
@@ -98,7 +99,7 @@ class FrameRetried:
 
 @dataclass(frozen=True)
 class FrameFound:
-    """A frame that was to be rendered is on disk: another run has rendered it."""
+    """A frame of this run is on disk: another run has rendered it."""
 
     name: str
     id: str = ""
@@ -106,7 +107,7 @@ class FrameFound:
 
 @dataclass(frozen=True)
 class FrameFailed:
-    """A frame is given up; the rest of the batch goes on."""
+    """A frame failed in its last try; the run goes on with the others."""
 
     name: str
     reason: str
@@ -115,7 +116,7 @@ class FrameFailed:
 
 @dataclass(frozen=True)
 class SheetWritten:
-    """A contact sheet was made."""
+    """A contact sheet, or another file of several frames, is on disk."""
 
     path: Path
 

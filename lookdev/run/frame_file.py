@@ -20,39 +20,37 @@ from lookdev.rendering.passes import CATCHER, light_parts
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.run.pictures import write_shared
-from lookdev.run.sanity import doubts
+from lookdev.run.sanity import frame_doubts
 from lookdev.scene.charts import STRIP, Strip
 from lookdev.space import REC709
 
 
 def store(task: FrameTask, rendered: Rendered) -> Stored:
-    """Write the file of a frame, and return what is known of it, with doubts among its notes; raises OutputError."""
-    beauty, constant = exposed(task, rendered), all(light.constant for light in task.scene.lights)
-    found, header = list(doubts(rendered, beauty, constant_light=constant)), {}
+    """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
+    beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
+    doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
     if STRIP in task.labels and not (strip := Strip.of_label(task.labels[STRIP], task.scene.resolution)).too_small():
-        # Not at the top: Embree takes long to import, which few jobs need.
+        # Not at the top: Embree takes long to import, and few jobs need it.
         from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 
         readings = check_charts(task, strip, rendered)
-        found += charts_doubts(readings)
+        doubts += charts_doubts(readings)
         header = dict(charts_header(readings))
     _write(task, rendered, beauty, header)
-    notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in found)
+    notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in doubts)
     return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
 
 
-def exposed(task: FrameTask, rendered: Rendered) -> Floats32:
-    """Return the mean of the halves of a frame, (H, W, 3), exposed."""
+def exposed_beauty(task: FrameTask, rendered: Rendered) -> Floats32:
+    """Return the mean of the halves of a frame, (H, W, 3), with the exposure of the frame applied."""
     with np.errstate(over="ignore"):
         return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
 
 
-def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, more: Mapping[str, str]) -> None:
-    """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed.
+def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping[str, str]) -> None:
+    """Write the file of a frame; `beauty` is from `exposed_beauty`, `extra` has further entries of the header.
 
-    `more` are further entries of the header.
-
-    The layer ``raw`` is the picture before it was denoised, ``error`` the standard error of what halves have.
+    The layer ``raw`` is the picture before denoising. The layer ``error`` is the standard error, from the halves.
     """
     header = task.labels | {
         "digest": task.digest,
@@ -65,19 +63,19 @@ def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, more: Mapping[
         "version.numpy": np.__version__,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    header |= more
+    header |= extra
     exposure, layers = np.float32(2.0**task.exposure), {}
     if rendered.raw is not None:
         layers["raw"] = rendered.raw * exposure
         header["raw.relmse"] = repr(rendered.raw_relmse)
-    if not math.isnan(rendered.relmse):  # else the halves are one render
+    if not math.isnan(rendered.relmse):  # it is nan where both halves are the same render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
     passes, groups = task.scene.sampling.passes, task.scene.names_of_light
-    channels, light = task.scene.arrays, {*light_parts(passes, groups), *CATCHER}
+    arrays, light = task.scene.arrays, {*light_parts(passes, groups), *CATCHER}
     planes = {
         channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
-        for name, each in channels.items()
-        for i, channel in enumerate(each)
+        for name, channels in arrays.items()
+        for i, channel in enumerate(channels)
     }
     space = task.scene.space
     if space != REC709:

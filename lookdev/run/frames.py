@@ -1,4 +1,4 @@
-"""The frames of a plan as a run makes them: wanted, claimed, rendered, written, and what is made of them."""
+"""The frames of a run: selected, claimed, rendered and written, with the pictures and sheets made of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.cache import share
+from lookdev.cache import link_or_copy
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.output.exr import read_frame, read_header
 from lookdev.output.frame_name import FrameName
@@ -40,19 +40,19 @@ from lookdev.run.events import (
     RunStarted,
     SheetWritten,
 )
-from lookdev.run.frame_file import exposed, store
-from lookdev.run.pictures import PictureFile, Pictures
+from lookdev.run.frame_file import exposed_beauty, store
+from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
 from lookdev.run.status import record_failure
 
-_NAMED = 5  # frames in a message
+_MAX_NAMES = 5  # of frames in a message
 
-_WAITS = (0.05, 2.0)  # seconds between looks at what other runs make, the first and the longest
+_WAITS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed frame, the reason of its last try, and the log with the details, if it is on this machine."""
+    """A failed frame, the reason of its last try, and the log with the details where it is on this machine."""
 
     name: str
     reason: str
@@ -61,9 +61,9 @@ class Failure:
 
 @dataclass(frozen=True)
 class RunResult:
-    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run.
+    """The result of a run: of `total` frames, `done` are on disk; this run `rendered` some of them.
 
-    `missing` are the names of those that it was to find on disk, and did not.
+    `missing` are the names of frames that a run without rendering did not find on disk.
     """
 
     total: int
@@ -88,23 +88,23 @@ class RunResult:
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
-        logged = [f" (log: {failure.log})" if failure.log else "" for failure in self.failures]
-        lines = [f"{each.name}: {each.reason}{log}" for each, log in zip(self.failures, logged, strict=True)]
+        logs = [f" (log: {failure.log})" if failure.log else "" for failure in self.failures]
+        lines = [f"{failure.name}: {failure.reason}{log}" for failure, log in zip(self.failures, logs, strict=True)]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
         if self.missing:
-            named = ", ".join(self.missing[:_NAMED]) + (", ..." if len(self.missing) > _NAMED else "")
-            lines.append(f"{len(self.missing)} of {self.total} frames are not rendered yet: {named}")
+            names = ", ".join(self.missing[:_MAX_NAMES]) + (", ..." if len(self.missing) > _MAX_NAMES else "")
+            lines.append(f"{len(self.missing)} of {self.total} frames are not rendered yet: {names}")
         lines.append(f"{self.done} of {self.total} frames are done, {self.rendered} of them rendered now.")
         if self.interrupted:
             lines.append("Interrupted; run the same command again to continue.")
         return "\n".join(lines)
 
 
-class Frames:
-    """The frames of a plan, as a run makes them."""
+class RunFrames:
+    """The frames of a plan, of which a run updates, renders and writes those that it claims."""
 
-    def __init__(self, plan: Plan, pictures: Pictures, run: Run, report: Report, force: bool) -> None:
+    def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: Report, force: bool) -> None:
         self._root = plan.output
         self._plan = plan
         self._run = run
@@ -115,29 +115,29 @@ class Frames:
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
-        self._with_others: list[PictureFile] = []
+        self._sheets_of_others: list[PictureFile] = []
 
     def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
-        """Return what has become of the frames; `missing` are those that were to be found on disk."""
+        """Return the result so far; `missing` are the frames that a run without rendering did not find on disk."""
         done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
         names = tuple(map(self._name, missing))
         return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted, names)
 
     def bring_up_to_date(self, only: Sequence[str]) -> list[FrameTask]:
-        """Make copies, pictures and sheets that need no rendering; return the frames to render."""
+        """Make the copies, pictures and sheets that need no rendering; return the frames to render."""
         force = self._force
         tasks = [frame.task for frame in self._plan.frames]
-        chosen = self._chosen(only) if only else {task.files for task in tasks}
+        selected = self._files_named(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
-        # Overviews are in folders named by lights, beside those of the looks.
+        # Overviews are in folders named after lights, beside the folders of looks.
         self._run.remove_leftovers({self._run.state} | folders | {self._root / folder.name for folder in folders})
-        # By file: equal looks have one digest.
-        waiting = {task.files for task in self._plan.pending()} | (chosen if force else set())
-        pending = [task for task in tasks if task.files in waiting & chosen]
-        files = () if force else (each for frame in self._plan.frames for each in frame.files)
-        damaged = [each.path for each in files if each.reason == DAMAGED]
+        # By file, not by digest: equal looks have the same digest.
+        waiting = {task.files for task in self._plan.pending()} | (selected if force else set())
+        pending = [task for task in tasks if task.files in waiting & selected]
+        files = () if force else (file for frame in self._plan.frames for file in frame.files)
+        damaged = [file.path for file in files if file.reason == DAMAGED]
         for copy in () if force else self._plan.copies():
-            share(copy.source, copy.target)
+            link_or_copy(copy.source, copy.target)
         for task in tasks:
             if task.files in waiting:
                 continue
@@ -146,9 +146,9 @@ class Frames:
             except OutputError:
                 if _is_whole(task.files[0]):
                     raise
-                # Of a version without checksums: its header is valid, its pixels are not.
+                # A version without checksums wrote the frame: its header is valid, its pixels are not.
                 damaged.append(task.files[0])
-                pending += [task] if task.files in chosen else []
+                pending += [task] if task.files in selected else []
             else:
                 self._done.update(task.files)
         for path in damaged:
@@ -157,74 +157,80 @@ class Frames:
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
 
-    def _chosen(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
-        """Return the files of the frames that names stand for."""
-        known = {str(FrameName.of(path)): frame.task.files for frame in self._plan.frames for path in frame.task.files}
+    def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
+        """Return the files of the frames with these names, and of the props that are laid over them."""
+        frames = {str(FrameName.of(path)): frame.task.files for frame in self._plan.frames for path in frame.task.files}
         for name in names:
-            if name not in known:
-                raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
-        chosen = {known[name] for name in names}
+            if name not in frames:
+                hint = close_hint(name, list(frames)) or "see its plan"
+                raise LookdevError(f"the job has no frame '{name}' ({hint})")
+        selected = {frames[name] for name in names}
         tasks = {path: frame.task.files for frame in self._plan.frames for path in frame.task.files}
-        return chosen | {tasks[self._plan.charts[f]] for files in chosen for f in files if f in self._plan.charts}
+        charts = self._plan.charts
+        return selected | {tasks[charts[file]] for files in selected for file in files if file in charts}
 
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
-        """Render frames, each claimed until it is done; only workers that never start end the batch.
+        """Render frames, each claimed until it is done; the batch ends early only where no worker starts.
 
-        Scenes at which no other run works come first, then any frames that none has claimed, of each scene the last
-        first; those that others have claimed are waited for.
+        Scenes of which no other run has claimed a frame come first. All other frames without a claim follow, from the
+        last of a scene to its first. Frames that other runs have claimed are waited for.
         """
-        left = self._rendered_apart(tasks, executor, apart=True)
+        left = self._render_unclaimed(tasks, executor, skip_scenes=True)
         waits = _waits()
         while left:
             before = len(self._done)
-            left = self._rendered_apart(left, executor, apart=False)
+            left = self._render_unclaimed(left, executor, skip_scenes=False)
             waits = _waits() if len(self._done) > before else waits
             if left:
                 time.sleep(next(waits))
 
-    def _rendered_apart(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
-        """Render frames but those that other runs have claimed, and, if `apart`, the rest of their scenes.
+    def _render_unclaimed(
+        self, tasks: Sequence[FrameTask], executor: Executor, *, skip_scenes: bool
+    ) -> list[FrameTask]:
+        """Render the frames that no other run has claimed; return the others.
 
-        These are returned, from the last of each scene. Scenes are in an order of this run: so runs that help others
-        are spread over them, and change their scene seldom.
+        With `skip_scenes`, the frames of a scene that follow a claimed frame are not rendered either. Frames are
+        returned from the last of each scene to its first. The scenes are in an order that is random for
+        this run: runs that help others thus spread over the scenes, and seldom change their scene.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
 
-        def wanted(task: FrameTask) -> bool:
-            if (apart and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
+        def should_render(task: FrameTask) -> bool:
+            if (skip_scenes and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
                 claimed.append(task)
                 scenes.add(id(task.scene))
                 return False
-            return not self._found(task)
+            return not self._take_from_disk(task)
 
-        for happening in executor.render(tasks, wanted):
-            self._take(happening)
-        chance = random.Random(self._run.info.id)
-        ranks = {scene: chance.random() for scene in dict.fromkeys(id(task.scene) for task in claimed)}
+        for event in executor.render(tasks, should_render):
+            self._handle(event)
+        generator = random.Random(self._run.info.id)
+        ranks = {scene: generator.random() for scene in dict.fromkeys(id(task.scene) for task in claimed)}
         claimed.reverse()
         return sorted(claimed, key=lambda task: ranks[id(task.scene)])
 
-    def _found(self, task: FrameTask) -> bool:
-        """Return whether another run has rendered a frame since it was planned; if so, take it and end its claim."""
-        if self._force or not _has(task.files[0], task):
+    def _take_from_disk(self, task: FrameTask) -> bool:
+        """Return whether another run has rendered a frame since it was planned; if so, record it as done."""
+        if self._force or not _has_frame(task.files[0], task):
             return False
         for path in task.files[1:]:
-            if not _has(path, task):
-                share(task.files[0], path)
+            if not _has_frame(path, task):
+                link_or_copy(task.files[0], path)
         self._pictures.refresh(task, self._done)
-        self._settle(task)
+        self._mark_done(task)
         self._report(FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
         return True
 
-    def _take(self, what: Happening) -> None:
-        if isinstance(what, Remarked):
-            self._report(Noted(what.text))
+    def _handle(self, event: Happening) -> None:
+        """Report an event of the executor, and write the frame that it finishes."""
+        if isinstance(event, Remarked):
+            self._report(Noted(event.text))
             return
-        task = what.task
+        task = event.task
         name, digest = self._name(task), task.digest
-        match what:
+        match event:
             case Started():
                 self._report(FrameStarted(name, digest))
             case Progressed(_, progress):
@@ -240,36 +246,37 @@ class Frames:
                 self._finish(task, rendered, seconds)
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
-        """Write a frame, unless its worker did, and what is made of it."""
-        self._run.check()
+        """Write a frame, unless its worker has written it, and the pictures and sheets of it."""
+        self._run.check_alive()
         stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
         for note in stored.notes:
             self._report(Noted(note))
         if isinstance(rendered, Stored):
             self._pictures.refresh(task, self._done)
         else:
-            self._pictures.write(task, exposed(task, rendered), rendered.alpha, self._done)
-        self._settle(task)
+            self._pictures.write(task, exposed_beauty(task, rendered), rendered.alpha, self._done)
+        self._mark_done(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
         self._refresh_sheets(task)
 
-    def _settle(self, task: FrameTask) -> None:
+    def _mark_done(self, task: FrameTask) -> None:
+        """Record a frame as done, and end its claim."""
         self._done.update(task.files)
         if task.files[0] in self._props:
-            self._pictures.refresh_under(task, self._done)
+            self._pictures.refresh_frames_under(task, self._done)
         self._run.release(self._name(task))
 
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:
-        """Make what is out of date of several frames that are all done; with `task`, what shows that new frame."""
+        """Make the due files of several frames that are all done; with `task`, all that show this new frame."""
         for file in self._pictures.sheets(self._done, task):
             if task is None and not self._pictures.is_due(file):
                 continue
             if not self._make_sheet(file, new=task is not None):
-                self._with_others.append(file)
+                self._sheets_of_others.append(file)
 
     def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:
-        """Make a file of several frames unless it is neither `new` nor due; return False where another run is at it."""
+        """Make a file of several frames if it is `new` or due; return False where another run has claimed it."""
         name = file.paths[0].relative_to(self._root).as_posix()
         if not self._run.claim(name):
             return False
@@ -283,10 +290,10 @@ class Frames:
         return True
 
     def wait_for_sheets(self) -> None:
-        """Wait until other runs have made what they are at, or make it."""
+        """Wait until other runs have made the files that they have claimed; make them where those runs end."""
         for wait in _waits():
-            self._with_others = [file for file in self._with_others if not self._make_sheet(file)]
-            if not self._with_others:
+            self._sheets_of_others = [file for file in self._sheets_of_others if not self._make_sheet(file)]
+            if not self._sheets_of_others:
                 return
             time.sleep(wait)
 
@@ -301,8 +308,8 @@ def _waits() -> Iterator[float]:
         wait = min(2.0 * wait, longest)
 
 
-def _has(file: Path, task: FrameTask) -> bool:
-    """Return whether a file is whole and of a frame."""
+def _has_frame(file: Path, task: FrameTask) -> bool:
+    """Return whether a file is undamaged and has the frame of a task."""
     if not file.exists():
         return False
     try:

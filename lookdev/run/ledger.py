@@ -1,8 +1,8 @@
-"""What the files that outputs made are made of, on disk, while any number of runs make them.
+"""The record of the files that outputs make, on disk, while any number of runs make them.
 
-An entry states that the content of a digest is what the key describes, which stays true: so entries of several runs are
-put together in any order. Each run appends to a file of its own, a line an entry; ``pictures.json`` has all those of
-runs that have ended.
+An entry states that content with this digest is the file that the key describes. That stays true, so the entries of
+several runs can be merged in any order. Each run appends its entries to a file of its own, one entry a line.
+``pictures.json`` has the entries of all runs that have ended.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from lookdev.text import TextError, parse_json, read_text
 _LARGEST = 1 << 30  # bytes
 
 Entry = tuple[str, str]
-"""Key and digest."""
+"""A key and a digest."""
 
 
 class Ledger:
-    """The entries of an output folder; those of the run `own` are written as they are made."""
+    """The entries of an output folder. The run with the id `run` writes its entries at once."""
 
-    def __init__(self, state: Path, own: str = "") -> None:
+    def __init__(self, state: Path, run: str = "") -> None:
         self._file = state / "pictures.json"
-        self._own = state / f"pictures.{own}.jsonl"
+        self._run_file = state / f"pictures.{run}.jsonl"
         self._stream: TextIO | None = None
-        self._whole = _read_whole(self._file)
-        self._entries = {name: {entry} for name, entry in self._whole.items()}
-        self._read: dict[Path, int] = {}
+        self._merged = _read_merged(self._file)
+        self._entries = {name: {entry} for name, entry in self._merged.items()}
+        self._offsets: dict[Path, int] = {}  # of what is not read yet, in files of runs
         self._latest: dict[str, Entry] = {}
         self._read_runs()
 
@@ -41,76 +41,77 @@ class Ledger:
         return sorted(self._entries)
 
     def add(self, name: str, key: str, digest: str) -> None:
-        """Note that a file was made."""
+        """Record a file: its path in the output folder, its key and its digest."""
         if self._stream is None:
-            self._stream = self._own.open("a", encoding="utf-8")
-        # The end of the line comes first: what a full disk has cut off spoils no other entry.
+            self._stream = self._run_file.open("a", encoding="utf-8")
+        # The line end comes first: an entry that a full disk cuts off then spoils no other entry.
         self._stream.write("\n" + json.dumps([name, key, digest]))
         self._stream.flush()
-        self._take(name, (key, digest))
+        self._add_entry(name, (key, digest))
 
     def has(self, name: str, key: str, file: Path) -> bool:
-        """Return whether a file is what a key describes."""
-        for again in (False, True):
-            if again:
+        """Return whether a file has the content that its key describes."""
+        for is_retry in (False, True):
+            if is_retry:
                 self._read_runs()
-            digests = {digest for known, digest in self._entries.get(name, ()) if known == key}
+            digests = {digest for entry_key, digest in self._entries.get(name, ()) if entry_key == key}
             if digests:
                 return file.is_file() and file_digest(file) in digests
         return False
 
     def close(self, living: Iterable[str]) -> None:
-        """End the own file, and put what ended runs have written into one; `living` are the other runs."""
+        """Close the file of this run, and merge the files of ended runs; `living` are the ids of the other runs."""
         if self._stream is not None:
             self._stream.close()
         self._read_runs()
-        kept = {self._own.with_name(f"pictures.{run}.jsonl") for run in living}
-        ended = [file for file in self._read if file not in kept]
+        growing = {self._run_file.with_name(f"pictures.{run}.jsonl") for run in living}
+        ended = [file for file in self._offsets if file not in growing]
         if not ended:
             return
-        whole = self._whole | self._latest
-        if whole != self._whole:
+        merged = self._merged | self._latest
+        if merged != self._merged:
             with atomic_path(self._file) as temporary:
-                temporary.write_text(json.dumps(whole, indent=0))
+                temporary.write_text(json.dumps(merged, indent=0))
         for file in ended:
             file.unlink(missing_ok=True)
 
     def _read_runs(self) -> None:
-        """Read what runs have written since it was read last."""
+        """Read the entries that runs have written since the last call."""
         for file in sorted(self._file.parent.glob("pictures.*.jsonl")):
             with suppress(OSError), file.open("rb") as stream:
-                stream.seek(self._read.get(file, 0))
+                stream.seek(self._offsets.get(file, 0))
                 data = stream.read()
                 # The last line may still grow.
-                whole = data.rpartition(b"\n")[0] if not _parsed(data.rpartition(b"\n")[2]) else data
-                self._read[file] = self._read.get(file, 0) + len(whole)
-                for line in whole.splitlines():
-                    if entry := _parsed(line):
-                        name, key, digest = entry
-                        self._take(name, (key, digest))
+                complete = data.rpartition(b"\n")[0] if not _parse_line(data.rpartition(b"\n")[2]) else data
+                self._offsets[file] = self._offsets.get(file, 0) + len(complete)
+                for line in complete.splitlines():
+                    if parts := _parse_line(line):
+                        name, key, digest = parts
+                        self._add_entry(name, (key, digest))
 
-    def _take(self, name: str, entry: Entry) -> None:
+    def _add_entry(self, name: str, entry: Entry) -> None:
         self._latest[name] = entry
         self._entries.setdefault(name, set()).add(entry)
 
 
-def _parsed(line: bytes) -> list[str] | None:
-    """Return the parts of a line; None where it is cut off."""
+def _parse_line(line: bytes) -> list[str] | None:
+    """Return name, key and digest of a line; None where the line is cut off."""
     try:
-        found = json.loads(line)
+        parts = json.loads(line)
     except ValueError:
         return None
-    return found if isinstance(found, list) and len(found) == 3 and all(isinstance(e, str) for e in found) else None
+    is_entry = isinstance(parts, list) and len(parts) == 3 and all(isinstance(part, str) for part in parts)
+    return parts if is_entry else None
 
 
-def _read_whole(file: Path) -> dict[str, Entry]:
+def _read_merged(file: Path) -> dict[str, Entry]:
     try:
-        found = parse_json(read_text(file, _LARGEST), file)
-    except TextError:  # lost or spoilt: every picture is made again
+        data = parse_json(read_text(file, _LARGEST), file)
+    except TextError:  # missing or damaged: every picture is made again
         return {}
-    pairs = found.items() if isinstance(found, dict) else ()
+    pairs = data.items() if isinstance(data, dict) else ()
     return {
         name: (entry[0], entry[1])
         for name, entry in pairs
-        if isinstance(entry, list) and len(entry) == 2 and all(isinstance(each, str) for each in entry)
+        if isinstance(entry, list) and len(entry) == 2 and all(isinstance(part, str) for part in entry)
     }

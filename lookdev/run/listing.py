@@ -1,4 +1,4 @@
-"""A plan as text, and as data for a program."""
+"""A plan as text, and as data for other programs."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ class Range:
 
 
 def plan_ranges(plan: Plan) -> Iterator[Range]:
-    """Group the files of a plan, turntable by turntable in the plan's order."""
+    """Yield the files of a plan in ranges, turntable by turntable in the plan's order."""
     linked = {copy.target for copy in plan.copies()}
     turntables: dict[str, list[PlannedFile]] = {}
     for frame in plan.frames:
         for file in frame.files:
             turntables.setdefault("/".join(FrameName.of(file.path).reel), []).append(file)
 
-    def of_file(file: PlannedFile) -> tuple[str, str]:
+    def state_and_reason(file: PlannedFile) -> tuple[str, str]:
         return file.state, LINKED if file.path in linked else file.reason
 
     for turntable, files in turntables.items():
-        for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=of_file):
+        for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=state_and_reason):
             numbers = [FrameName.of(file.path).digits for file in group]
             yield Range(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
 
 
 def plan_text(plan: Plan) -> str:
-    """Return a plan as an aligned table, a line for each scene with skips, and lines of sums."""
+    """Return a plan as text: an aligned table, a line for each scene with skips, and lines with totals."""
     rows = [("turntable", "frames", "state", "reason")]
-    for part in plan_ranges(plan):
-        numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
-        rows.append((part.turntable, numbers, part.state, part.reason))
+    for group in plan_ranges(plan):
+        numbers = group.first if group.count == 1 else f"{group.first}-{group.last}"
+        rows.append((group.turntable, numbers, group.state, group.reason))
     lines = [table(rows)]
     for (look, ibl), skips in groupby(plan.skips, key=lambda skip: (skip.look, skip.ibl)):
         lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
     lines.append(f"{len(plan.pending())} of {len(plan.frames)} frames to render (files: {counts})")
-    sources, programs = _programs(plan)
+    sources, programs = _program_counts(plan)
     if programs < sources:
         lines.append(f"{programs} programs to compile for {sources} looks, of which others differ in numbers alone")
     if plan.pictures:
@@ -62,8 +62,8 @@ def plan_text(plan: Plan) -> str:
     return "\n".join(lines)
 
 
-def _programs(plan: Plan) -> tuple[int, int]:
-    """Count the OSL shaders of the frames to render, and the programs that are compiled for them."""
+def _program_counts(plan: Plan) -> tuple[int, int]:
+    """Return the number of OSL shaders of the frames to render, and the number of programs to compile for them."""
     scenes = {id(task.scene): task.scene for task in plan.pending()}.values()
     sources = {shader for scene in scenes for shader in scene.shaders if isinstance(shader, ShaderSource)}
     return len(sources), len({source.program for source in sources})
@@ -87,7 +87,7 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
         "pictures": [name(path) for path in plan.pictures],
         "skipped": [asdict(skip) for skip in plan.skips],
         "render": len(plan.pending()),
-        **dict(zip(("shaders", "programs"), _programs(plan), strict=True)),
+        **dict(zip(("shaders", "programs"), _program_counts(plan), strict=True)),
     }
 
 

@@ -1,8 +1,8 @@
 """Events as lines of JSON, for programs that follow a run.
 
 Each line is an object with ``time`` (UTC), ``level``, ``event``, ``host``, ``process``, the ``run`` and its ``chunk``.
-What concerns a frame has its name, ``frame``, and its ``id``: the digest that its plan, its worker's log and its EXR
-have too.
+The event of a frame has its name, ``frame``, and its ``id``: the digest of the frame, as in its plan, its worker's log
+and its EXR.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ _LEVELS: dict[type[Event], str] = {FrameFailed: "error", FrameRetried: "warning"
 
 
 class JsonReport:
-    """Writes each event to a stream as it happens."""
+    """A report that writes each event to a stream, at once."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._context: dict[str, object] = {"host": socket.gethostname(), "process": os.getpid()}
 
     def __call__(self, event: Event) -> None:
-        """Write a line."""
+        """Write an event as a line."""
         if isinstance(event, RunJoined):
             self._context |= {"run": event.run, **({"chunk": event.chunk} if event.chunk else {})}
-        own = {("frame" if key.name == "name" else key.name): getattr(event, key.name) for key in fields(event)}
+        values = {("frame" if key.name == "name" else key.name): getattr(event, key.name) for key in fields(event)}
         line = {
             "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
             "level": _LEVELS.get(type(event), "info"),
             "event": re.sub(r"(?<!^)(?=[A-Z])", "_", type(event).__name__).lower(),
             **self._context,
-            **own,
+            **values,
         }
         self._stream.write(json.dumps({key: _plain(value) for key, value in line.items()}) + "\n")
         self._stream.flush()

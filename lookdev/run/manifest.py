@@ -29,36 +29,37 @@ _STATE = f"{STATE_FOLDER}/digests.json"
 
 
 def input_files(job: Job) -> list[Path]:
-    """Return a job file and all files that it reads, those that its USD files compose included."""
+    """Return a job file and all files that it reads, including the files that its USD files compose."""
     composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
     composed += [job.ground.material] if job.ground else []
     for look in job.look:
-        composed += [look.material, look.layer, *(each.material for each in look.assign)]
-    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_of(file) for file in composed if file))
-    return [job.file, *sorted(needed)]
+        composed += [look.material, look.layer, *(assigned.material for assigned in look.assign)]
+    files = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_files(file) for file in composed if file))
+    return [job.file, *sorted(files)]
 
 
-def _composed_of(file: Path) -> set[Path]:
-    found = {file}
-    with suppress(StageError):  # one that was replaced since it was read
+def _composed_files(file: Path) -> set[Path]:
+    """Return a USD or MaterialX file and all files that it composes."""
+    files = {file}
+    with suppress(StageError):  # the file may have been replaced since the run read it
         if not is_document(str(file)):
-            found = dependencies(file)
-    for document in [each for each in found if is_document(str(each))]:
+            files = dependencies(file)
+    for document in [path for path in files if is_document(str(path))]:
         with suppress(StageError, LookError):
             layer = document_layer(str(document))
-            found |= dependencies(layer) - {layer.resolve()}
-    return found
+            files |= dependencies(layer) - {layer.resolve()}
+    return files
 
 
 def record_run(job: Job, plan: Plan) -> Path:
-    """Write the manifest of what a run left on disk.
+    """Write the manifest of an output folder after a run, and return its path.
 
-    Files whose size and time are as they were are not read again. Raises OSError where one cannot be read or written.
+    Files with unchanged size and time are not read again. Raises OSError where a file cannot be read or written.
     """
     digests = _Digests(plan.output / _STATE)
     render = f"lookdev render {shlex.quote(str(job.file))}"
-    turned = (file for reel in plan.reels for file in reel.files)
-    planned = list(dict.fromkeys((*turned, *(file for frame in plan.frames for file in frame.task.files))))
+    turntables = (file for reel in plan.reels for file in reel.files)
+    planned = list(dict.fromkeys((*turntables, *(file for frame in plan.frames for file in frame.task.files))))
 
     def frames() -> Iterator[dict[str, Any]]:
         for file in planned:
@@ -67,56 +68,56 @@ def record_run(job: Job, plan: Plan) -> Path:
                 again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
                 yield digests.entry(file, name) | {"header": read_header(file), "command": again}
 
-    beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
-    made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
+    optional = (key for key in ("charts", "ground") if getattr(job, key) is not None)
+    pictures = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
     manifest = {
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
         "view": asdict(job.outputs.shown("png")),
-        "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
+        "settings": job.model_dump(mode="json", include={"render", "outputs", *optional}),
         "inputs": (digests.entry(file, str(file)) for file in input_files(job) if file.is_file()),
         "planned": len(planned),
         "frames": frames(),
-        "pictures": (digests.entry(file, name) for file, name in made if file.is_file()),
+        "pictures": (digests.entry(file, name) for file, name in pictures if file.is_file()),
     }
-    written = write_manifest(plan.output, manifest)
+    path = write_manifest(plan.output, manifest)
     digests.save()
-    return written
+    return path
 
 
 class _Digests:
-    """SHA-256 of files, kept beside their size and time of change."""
+    """The SHA-256 of files, stored with their size, their time of change and their inode."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._old = _read(file)
+        self._old = _read_object(file)
         self._new: dict[str, list[Any]] = {}
 
     def entry(self, file: Path, name: str) -> dict[str, Any]:
-        """Return the entry of a file under a name."""
+        """Return the entry of a file in the manifest, under a name."""
         status = file.stat()
         stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
-        known = self._old.get(str(file))
-        digest = known[-1] if isinstance(known, list) and known[:-1] == stamp else file_digest(file)
+        old = self._old.get(str(file))
+        digest = old[-1] if isinstance(old, list) and old[:-1] == stamp else file_digest(file)
         self._new[str(file)] = [*stamp, digest]
         return {"file": name, "sha256": digest}
 
     def save(self) -> None:
-        """Keep what was asked for."""
+        """Store the digests of the files of this run."""
         if self._new != self._old:
             with atomic_path(self._file) as temporary:
                 temporary.write_text(json.dumps(self._new))
 
 
 def verify(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:
-    """Return the manifest of an output folder and all that deviates from it; raises as `read_manifest`."""
+    """Return the manifest of an output folder and all deviations from it; raises the errors of `read_manifest`."""
     manifest = read_manifest(folder)
     return manifest, tuple(deviations(folder.absolute(), manifest))
 
 
-def manifest_text(folder: Path, manifest: Mapping[str, Any], found: Iterable[Deviation] | None) -> str:
-    """Return a manifest in short as text, with what was found where it was verified."""
+def manifest_text(folder: Path, manifest: Mapping[str, Any], problems: Iterable[Deviation] | None) -> str:
+    """Return a summary of a manifest as text, with its deviations, `problems`; None means that it was not verified."""
     frames = manifest["frames"]
     errors = [float(frame["header"]["relmse"]) for frame in frames if "relmse" in frame.get("header", {})]
     worst = f", largest relMSE {max(errors):.1e}" if errors else ""
@@ -124,18 +125,18 @@ def manifest_text(folder: Path, manifest: Mapping[str, Any], found: Iterable[Dev
         f"{folder / NAME}: {len(frames)} of {manifest['planned']} frames, {len(manifest['pictures'])} pictures, "
         f"{len(manifest['inputs'])} inputs{worst}"
     ]
-    if found is None:
+    if problems is None:
         return lines[0]
-    problems = list(found)
-    lines += map(str, problems)
-    wrong = sum(problem.fails for problem in problems)
+    listed = list(problems)
+    lines += map(str, listed)
+    wrong = sum(deviation.fails for deviation in listed)
     lines.append(f"{wrong} files are not as they are listed" if wrong else "all files are as they are listed")
     return "\n".join(lines)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_object(path: Path) -> dict[str, Any]:
     try:
-        found = parse_json(read_text(path), path)
-    except TextError:  # lost or spoilt: all files are read
+        data = parse_json(read_text(path), path)
+    except TextError:  # missing or damaged: all files are read
         return {}
-    return found if isinstance(found, dict) else {}
+    return data if isinstance(data, dict) else {}

@@ -1,7 +1,7 @@
-"""The outputs of a plan: files made of finished frames, and made again only when they would differ.
+"""The outputs of a plan: files that are made of finished frames, and made again only where they would differ.
 
-A ledger (`lookdev.run.ledger`) records what each file was made of, the frame digests and the options, and its digest.
-So a new view, another number of frames, or a file that was damaged is noticed although no frame was rendered.
+A ledger (`lookdev.run.ledger`) records the inputs of each file, which are frame digests and options, and its digest.
+A new view, another number of frames, or a damaged file is thus detected, even where no frame was rendered.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats32, Reals
-from lookdev.cache import file_digest, share
+from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
@@ -28,12 +28,12 @@ from lookdev.run.ledger import Ledger
 from lookdev.space import REC709, to_rec709
 
 Background = Callable[[FrameTask], Reals]
-"""Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
+"""Returns the linear light behind a frame, with exposure applied: (H, W, 3), or (3,) for a uniform colour."""
 
 
 @dataclass(frozen=True, eq=False)
 class PictureFile:
-    """A file to come, under each of its paths; its frames in order, and a label of each."""
+    """A file to make, with the same content at all of its paths; its frames in order, and a label for each frame."""
 
     output: Output
     paths: tuple[Path, ...]
@@ -43,69 +43,69 @@ class PictureFile:
     columns: int | None = None
 
 
-class Pictures:
-    """The files that outputs make of frames.
+class PictureWriter:
+    """The writer of the files that outputs make of frames.
 
     Parameters
     ----------
     plan, outputs
-        The frames, and what is made of them.
+        The frames, and the outputs that are made of them.
     background, light
-        What is behind the frames, as the ledger records it, and the light that it has.
+        The background of the frames, as the ledger records it, and its light.
     ledger
-        What was made before, and by other runs; the caller closes it.
+        The record of files that earlier runs and other runs have made; the caller closes it.
     """
 
     def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
         self._outputs = outputs
         self._root = plan.output
-        self._background = light
-        self._behind = background
+        self._background_light = light
+        self._background = background
         self._ledger = ledger
-        self._overdue = set(plan.pictures)
+        self._due = set(plan.pictures)
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
         self._charts = plan.charts
         files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
         self._sheets = [file for output, file in files if output.of != "frame"]
-        self._singles: dict[Path, list[PictureFile]] = {}
+        self._files_of_frame: dict[Path, list[PictureFile]] = {}
         for output, file in files:
             if output.of == "frame":
-                self._singles.setdefault(next(iter(file.frames)), []).append(file)
+                self._files_of_frame.setdefault(next(iter(file.frames)), []).append(file)
 
     def refresh(self, task: FrameTask, done: set[Path]) -> None:
-        """Make what is missing or out of date of a single frame on disk, if the props over it are `done`.
+        """Make the files of a single frame on disk that are missing or out of date, if the props over it are `done`.
 
         Raises
         ------
         OutputError
-            The frame cannot be read, or a file not be written.
+            The frame cannot be read, or a file cannot be written.
         """
-        for file in self._singles.get(task.files[0], ()):
-            if not self._over(file) <= done:
+        for file in self._files_of_frame.get(task.files[0], ()):
+            if not self._props_over(file) <= done:
                 continue
             key = self._key(file)
-            due = [path for path in file.paths if path in self._overdue or not self._is_current(path, key)]
+            due = [path for path in file.paths if path in self._due or not self._is_current(path, key)]
             if due:
                 self._write(file, due)
 
     def write(self, task: FrameTask, beauty: Floats32, alpha: Floats32, done: set[Path]) -> None:
-        """Make what is made of a single frame, which was just rendered, if the props over it are `done`."""
-        for file in self._singles.get(task.files[0], ()):
-            if self._over(file) <= done:
+        """Make the files of a single frame, from its new pixels, if the props over it are `done`."""
+        for file in self._files_of_frame.get(task.files[0], ()):
+            if self._props_over(file) <= done:
                 self._write(file, file.paths, (beauty, alpha))
 
-    def refresh_under(self, task: FrameTask, done: set[Path]) -> None:
-        """Make what is out of date of single frames that are `done`, over which a new frame of props is laid."""
-        under = {self._tasks[frame].files for frame, over in self._charts.items() if over in task.files}
-        for files in under:
+    def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
+        """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
+        frames = {self._tasks[frame].files for frame, props in self._charts.items() if props in task.files}
+        for files in frames:
             if files[0] in done:
                 self.refresh(self._tasks[files[0]], done)
 
     def sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield what is made of several frames, if they are all done; with `task`, only what shows it."""
+        """Yield the files of several frames that are all done; with `task`, only those that show its frame."""
         for file in self._sheets:
-            shown = file.frames.keys() | self._over(file)
-            if shown <= done and not (task is not None and shown.isdisjoint(task.files)):
+            inputs = file.frames.keys() | self._props_over(file)
+            if inputs <= done and not (task is not None and inputs.isdisjoint(task.files)):
                 yield file
 
     def is_due(self, file: PictureFile) -> bool:
@@ -117,20 +117,20 @@ class Pictures:
         self._write(file, file.paths)
 
     def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
+        """Write a file; `pixels` are beauty and alpha of its only frame, which otherwise is read."""
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
-            over = self._charts.get(frame)
+            props = self._charts.get(frame)
             if pixels is None:
-                shown = read_shown(frame)
+                layer = read_shown(frame)
             else:
                 beauty, alpha = pixels
                 space = file.frames[frame].scene.space
-                shown = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
-            return shown if over is None else laid_over(read_shown(over), shown)
+                layer = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+            return layer if props is None else laid_over(read_shown(props), layer)
 
         def light(frame: Path) -> Floats32:
-            return composite(*layers(frame), self._background(file.frames[frame]))
+            return composite(*layers(frame), self._background_light(file.frames[frame]))
 
         frames = Frames(
             tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
@@ -141,21 +141,22 @@ class Pictures:
         for path in paths:
             self._ledger.add(self._name(path), key, digest)
 
-    def _over(self, file: PictureFile) -> set[Path]:
+    def _props_over(self, file: PictureFile) -> set[Path]:
         """Return the frames of props that are laid over the frames of a file."""
         return {self._charts[frame] for frame in file.frames if frame in self._charts}
 
     def _key(self, file: PictureFile) -> str:
+        """Return a digest of the inputs of a file."""
         digests = [task.digest for task in file.frames.values()]
         digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
-        made_of = [digests, file.labels, self._behind, self._options(file.output)]
-        made_of += [file.columns] if file.columns else []
-        return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()
+        inputs = [digests, file.labels, self._background, self._options(file.output)]
+        inputs += [file.columns] if file.columns else []
+        return hashlib.sha256(json.dumps(inputs, default=_view_digest).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
-        own = {name: getattr(self._outputs, name) for name in output.options}
-        burned = {"burn_in": True} if output.name in self._outputs.burn_in else {}
-        return {"view": self._outputs.shown(output.name), **burned, **own}
+        options = {name: getattr(self._outputs, name) for name in output.options}
+        burn_in = {"burn_in": True} if output.name in self._outputs.burn_in else {}
+        return {"view": self._outputs.shown(output.name), **burn_in, **options}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return path.is_file() and self._ledger.has(self._name(path), key, path)
@@ -169,10 +170,10 @@ def _view_digest(view: DisplayView) -> str:
 
 
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
-    """Write the first path, and give the same content to the others."""
+    """Write the first path, and link or copy it to the others."""
     write(paths[0])
     for path in paths[1:]:
-        share(paths[0], path)
+        link_or_copy(paths[0], path)
 
 
 def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
@@ -204,8 +205,8 @@ def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():
             path = plan.output / ibl / (turntable + output.suffix)
-            shown = zip(*(reel.files for reel in reels), strict=True)
-            steps = shown if output.of == "step" else islice(shown, 1)
+            all_steps = zip(*(reel.files for reel in reels), strict=True)
+            steps = all_steps if output.of == "step" else islice(all_steps, 1)
             yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 

@@ -1,4 +1,4 @@
-"""Progress of a run: one live display in a terminal, plain lines in a log file."""
+"""The progress of a run: a live display in a terminal, plain lines in a log file."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from lookdev.run.log import JsonReport
 if TYPE_CHECKING:
     from lookdev.fitting.picture.search import Point
 
-_MOST_BARS = 8  # of frames
+_MAX_BARS = 8  # of frames
 
 
 @contextmanager
 def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[Report]:
-    """Yield a report that writes to `stream`: as text live in a terminal, otherwise a line for each event."""
+    """Yield a report that writes to `stream`: as text, a live display in a terminal, else a line for each event."""
     if form is LogFormat.JSON:
         yield JsonReport(stream)
     elif form is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
-        with _columns(Console(file=stream)) as display:
+        with _live_display(Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
         yield _PlainReport(stream)
@@ -53,30 +53,30 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
 
 @contextmanager
 def show_fit(stream: TextIO) -> Iterator[Callable[[Point], None]]:
-    """Yield a report of the renders that a fit tries: in a terminal a line that is replaced, else nothing."""
+    """Yield a report of the renders that a fit tries: a line that is updated in a terminal, else nothing."""
     counts: Counter[str] = Counter()
     with Console(file=stream).status("reading") if stream.isatty() else nullcontext() as status:
 
         def report(point: Point) -> None:
             counts[point.stage] += 1
             if status is not None:
-                tried = ", ".join(f"{count} {stage}" for stage, count in counts.items())
-                status.update(f"difference {100.0 * max(point.loss, 0.0) ** 0.5:.3g} %  ({tried})")
+                renders = ", ".join(f"{count} {stage}" for stage, count in counts.items())
+                status.update(f"difference {100.0 * max(point.loss, 0.0) ** 0.5:.3g} %  ({renders})")
 
         yield report
 
 
 class Tally:
-    """The events so far, as numbers and text."""
+    """The count of the events so far, and their lines of text."""
 
     def __init__(self) -> None:
         self.total = 0
         self.pending = 0
-        self.settled = 0  # rendered or given up, by this run
+        self.settled = 0  # frames to render that are done or failed
         self._started = time.monotonic()
 
-    def take(self, event: Event) -> str | None:
-        """Count an event; return its line, or None for events of the live display only."""
+    def count(self, event: Event) -> str | None:
+        """Count an event; return its line, or None for events that only the live display shows."""
         match event:
             case Noted():
                 return f"note: {event.text}"
@@ -88,28 +88,28 @@ class Tally:
                 self.settled += 1
                 left = f"  left {left}" if (left := self.time_left()) else ""
                 figures = f"{event.seconds:.1f} s  {event.samples} samples  relMSE {event.relmse:.1e}"
-                return f"{self._place()} {event.name}  {figures}{left}"
+                return f"{self._position()} {event.name}  {figures}{left}"
             case FrameFound():
                 self.settled += 1
-                return f"{self._place()} {event.name}  rendered by another run"
+                return f"{self._position()} {event.name}  rendered by another run"
             case FrameRetried():
                 return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
             case FrameFailed():
                 self.settled += 1
-                return f"{self._place()} {event.name}  FAILED: {event.reason}"
+                return f"{self._position()} {event.name}  FAILED: {event.reason}"
             case SheetWritten():
                 return f"sheet {event.path}"
             case FrameStarted() | FrameProgressed() | RunJoined() | RunEnded():
                 return None
 
     def time_left(self) -> str:
-        """Return the time left, by that since the start; empty before the first frame and after the last."""
+        """Return an estimate of the time left, from the time so far; "" before the first frame and after the last."""
         waiting = self.pending - self.settled
         if not (self.settled and waiting):
             return ""
         return str(timedelta(seconds=round(waiting * (time.monotonic() - self._started) / self.settled)))
 
-    def _place(self) -> str:
+    def _position(self) -> str:
         return f"[{self.total - self.pending + self.settled}/{self.total}]"
 
 
@@ -119,31 +119,31 @@ class _PlainReport:
         self._tally = Tally()
 
     def __call__(self, event: Event) -> None:
-        if (line := self._tally.take(event)) is not None:
+        if (line := self._tally.count(event)) is not None:
             self._stream.write(replace_controls(line) + "\n")
-            self._stream.flush()  # a log file is followed while the run goes on
+            self._stream.flush()  # users follow a log file while the run goes on
 
 
 class _OpenJdReport(_PlainReport):
-    """Messages to a session besides: percent of the frames to render, and of what they are."""
+    """A plain report that also sends messages to a session: percent of the frames, status and failures."""
 
     def __call__(self, event: Event) -> None:
         super().__call__(event)
         tally = self._tally
         if isinstance(event, FrameFailed):
-            self._tell("fail", f"{event.name}: {event.reason}")
+            self._send("fail", f"{event.name}: {event.reason}")
         if isinstance(event, FrameStarted):
-            self._tell("status", f"rendering {event.name}, {tally.settled} of {tally.pending} frames are done")
+            self._send("status", f"rendering {event.name}, {tally.settled} of {tally.pending} frames are done")
         if isinstance(event, RunStarted | FrameDone | FrameFailed | FrameFound):
-            self._tell("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
+            self._send("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
 
-    def _tell(self, what: str, text: str) -> None:
-        self._stream.write(f"openjd_{what}: {' '.join(replace_controls(text).split())}\n")
+    def _send(self, kind: str, text: str) -> None:
+        self._stream.write(f"openjd_{kind}: {' '.join(replace_controls(text).split())}\n")
         self._stream.flush()
 
 
 class _LiveReport:
-    """A bar over all frames and one over the samples of each that is being rendered, below the lines of events."""
+    """A bar for all frames and bars for the samples of frames that are being rendered, below the lines of events."""
 
     def __init__(self, display: Progress) -> None:
         self._display = display
@@ -153,10 +153,10 @@ class _LiveReport:
 
     def __call__(self, event: Event) -> None:
         tally = self._tally
-        if (line := tally.take(event)) is not None:
+        if (line := tally.count(event)) is not None:
             self._display.console.print(replace_controls(line), markup=False, highlight=False, soft_wrap=True)
         match event:
-            case FrameStarted() if len(self._rendering) < _MOST_BARS:
+            case FrameStarted() if len(self._rendering) < _MAX_BARS:
                 bar = self._display.add_task(replace_controls(event.name), total=None, note="starting")
                 self._rendering[event.name] = bar
             case FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
@@ -172,7 +172,7 @@ class _LiveReport:
                     self._display.remove_task(self._rendering.pop(event.name))
 
 
-def _columns(console: Console) -> Progress:
+def _live_display(console: Console) -> Progress:
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=30),

@@ -1,4 +1,4 @@
-"""A plan becomes frames on disk: made by a worker that may fail, written whole, resumed where it stopped."""
+"""Rendering a job or a plan to frames on disk: workers may fail, files are written whole, and a run can be resumed."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from lookdev.rendering.executors import Executor, Place
 from lookdev.rendering.executors.choice import LOCAL, Choice, open_executor
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import PATIENCE
-from lookdev.run.chunks import forget_chunks, plan_of_chunk
+from lookdev.run.chunks import plan_of_chunk, remove_divisions
 from lookdev.run.events import Noted, Report, RunJoined
 from lookdev.run.frame_file import store
-from lookdev.run.frames import Frames, RunResult
+from lookdev.run.frames import RunFrames, RunResult
 from lookdev.run.ledger import Ledger
-from lookdev.run.pictures import Background, Pictures
+from lookdev.run.pictures import Background, PictureWriter
 from lookdev.run.runs import Run
-from lookdev.run.status import forget_failures, record_plan
+from lookdev.run.status import record_plan, remove_failures
 
 if TYPE_CHECKING:
     from lookdev.plan.prepare import Prepared
@@ -38,7 +38,7 @@ Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "Prepared"]
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> Prepared:
-    # Imported while Blender starts: what reads files takes as long to import as the rest of the program.
+    # Imported while Blender starts: the readers of files take as long to import as the rest of the program.
     from lookdev.plan.prepare import plan_job
 
     return plan_job(job, ahead)
@@ -59,19 +59,37 @@ def render_job(
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
-    `rules` are those of paths, `output` takes the place of the job's.
-    A `chunk` of it has its share of the frames, and makes nothing of several frames, nor the manifest. `force`, `only`,
-    `outputs_only` and `report` are as for `run_plan`; `choice` is of what renders; `prepare` is
-    `lookdev.plan.prepare.plan_job` but in tests.
-    Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
+    Parameters
+    ----------
+    path
+        The job file.
+    prepare
+        `lookdev.plan.prepare.plan_job`, except in tests.
+    rules
+        The path rules: they replace beginnings of paths.
+    output
+        The output folder, instead of the job's.
+    chunk
+        Render the frames of this chunk alone, without files of several frames and without the manifest.
+    force, only, outputs_only, report
+        As for `run_plan`.
+    choice
+        The executor that renders.
+
+    Raises
+    ------
+    LookdevError
+        The input is wrong, or another run renders something else to the output.
+    OutputError, RenderError, WorkerError
+        As `run_plan`.
     """
     job = load_mapped_job(path, rules, output, choice.device)
     backend = BACKENDS[job.render.backend]
     with (
         mapped_files(rules),
-        _writing(job.output),
+        _output_errors(job.output),
         Run(job.output, str(chunk or "")) as run,
-        _opened(choice, run, backend.command) as executor,
+        _open_executor(choice, run, backend.command) as executor,
     ):
         if not outputs_only and (force or _lacks_frames(job)):
             if choice.here:
@@ -102,8 +120,8 @@ def render_job(
 
             record_run(job, plan)
             if result.done == result.total and not run.others():
-                forget_chunks(run.state)
-                forget_failures(run.state)
+                remove_divisions(run.state)
+                remove_failures(run.state)
                 run.remove_logs()
         report(result.event)
         return result
@@ -111,7 +129,7 @@ def render_job(
 
 @contextmanager
 def mapped_files(rules: PathRules) -> Iterator[None]:
-    """Let rules of paths count for what USD files name, too."""
+    """Apply path rules to the asset paths in USD files, in the block."""
     if not rules:
         yield
         return
@@ -122,9 +140,9 @@ def mapped_files(rules: PathRules) -> Iterator[None]:
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
-    """Return a job as the options of a run want it: `output` and the kind of `device`, if any, instead of its own.
+    """Load a job, with `output` and the kind of `device` instead of the job's where they are not None.
 
-    Raises JobError, and LookdevError where its backend does not run on the device.
+    Raises JobError, and LookdevError where the backend of the job does not run on the device.
     """
     job = load_job(path, rules)
     if output is not None:
@@ -141,7 +159,7 @@ def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = Non
 
 
 def _lacks_frames(job: Job) -> bool:
-    """Return whether files of a job's frames are missing, as far as their names are known before its files are read."""
+    """Return whether frames of a job are missing, as far as their names follow from the job file alone."""
     turns = Turns(job.turntable, job.output)
     for look in job.look:
         names = [look.name]
@@ -151,8 +169,8 @@ def _lacks_frames(job: Job) -> bool:
             file
             for name in names
             for rig in job.rigs
-            for each in turns.turntables
-            for file in turns.files(name, rig.name, each)
+            for turntable in turns.turntables
+            for file in turns.files(name, rig.name, turntable)
         ]
         if not frames or not all(file.exists() for file in frames):
             return True
@@ -160,35 +178,35 @@ def _lacks_frames(job: Job) -> bool:
 
 
 def _join(run: Run, plan: Plan, report: Report) -> None:
-    """State what a run renders, and report who else does; raises OutputError where others render something else."""
-    others = run.renders(plan.digest)
+    """Announce the plan of a run, and report other runs of the plan; raises OutputError where a run has another."""
+    others = run.announce_plan(plan.digest)
     report(RunJoined(run.info.id, run.info.part, plan.digest))
-    # Of a job in chunks, others are expected.
+    # Other chunks of the job are expected: they are not reported.
     if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
         report(Noted(f"{same[0]}{more} also renders to {plan.output}: each frame is rendered by one of these runs"))
 
 
 @contextmanager
-def _writing(output: Path) -> Iterator[None]:
-    """Let an OSError of a file in the output, or of none that it names, be an OutputError."""
+def _output_errors(output: Path) -> Iterator[None]:
+    """Raise OutputError for an OSError in the block that names a file in the output, or no file."""
     try:
         yield
     except BrokenPipeError:
-        raise  # of the report: frames are not written to pipes
+        raise  # from the report: frames are not written to pipes
     except OSError as error:
-        place = error.filename or output
-        if not Path(str(place)).is_relative_to(output):
+        path = error.filename or output
+        if not Path(str(path)).is_relative_to(output):
             raise
-        raise OutputError(f"{place}: the output cannot be written: {error.strerror or error}") from error
+        raise OutputError(f"{path}: the output cannot be written: {error.strerror or error}") from error
 
 
 @contextmanager
-def _opened(choice: Choice, run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Executor]:
-    """Yield what renders for a run, with its logs and scratch in the state folder, and end it."""
+def _open_executor(choice: Choice, run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Executor]:
+    """Yield an executor for a run, with its logs and temporary files in the state folder, and close it."""
     with (
-        run.scratch() as scratch,
-        open_executor(choice, Place(scratch, run.log, tuple(command), patience), store) as executor,
+        run.scratch_folder() as scratch,
+        open_executor(choice, Place(scratch, run.log_file, tuple(command), patience), store) as executor,
     ):
         yield executor
 
@@ -201,7 +219,7 @@ def render_setups(
     *,
     report: Report = lambda event: None,
 ) -> tuple[Plan, RunResult]:
-    """Render scenes made in memory: join the runs of the output, plan, run the plan; errors as `render_job`."""
+    """Render scenes in memory: join the runs of the output, plan, run the plan. Raises the errors of `render_job`."""
     with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, beside=outputs.beside)
         _join(run, plan, report)
@@ -225,49 +243,50 @@ def run_plan(
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
 
-    Other runs of the same plan may be at work: each frame is rendered by the one that claims it, and this one ends when
-    all are done. Ctrl-C ends the run; finished frames are kept.
+    Other runs of the same plan may render at the same time: each frame is rendered by the run that claims it, and this
+    run ends when all frames are done. Ctrl-C ends the run; finished frames remain.
 
     Parameters
     ----------
     plan, outputs
-        The frames; which pictures and sheets are made, in which view.
+        The frames, and the pictures and sheets to make of them, with their views.
     background
-        Behind the asset in pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
+        The background of pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
     force
         Render every frame, done or not.
     only
-        Render no frames but these, each by the path of one of its files in the output, as "gold/city/element.0001".
+        Render these frames alone. The name of a frame is the path of one of its files, as "gold/city/element.0001".
     outputs_only
-        Render nothing; the result has the names of the frames that are missing.
+        Render nothing; the result has the names of the missing frames.
     behind
-        Returns the light behind each frame, instead of `background_light`.
+        Returns the light behind a frame, instead of `background_light`.
     run
-        The run among those of the output folder, which the caller has joined; None: a new one.
+        A run that the caller has entered; None starts a new run.
     executor
-        What renders, in a context of the caller's; None: one worker here, as `worker_command`, by default that of the
-        backend, and `patience` describe.
+        The executor that renders, which the caller closes; None opens one worker on this machine.
+    worker_command, patience
+        The command of that worker, by default the backend's, and the seconds without an answer after which it fails.
     report
-        Is called with every event.
+        A function that is called with every event.
 
     Raises
     ------
     LookdevError
-        The plan has no frame of a name in `only`.
+        A name in `only` is not the name of a frame of the plan.
     OutputError
         A file cannot be written.
     RenderError
-        The device of the frames cannot be had here.
+        This machine does not have the device of the frames.
     WorkerError
         The worker does not start.
     """
-    with _writing(plan.output), ExitStack() as stack:
+    with _output_errors(plan.output), ExitStack() as stack:
         if run is None:
             run = stack.enter_context(Run(plan.output))
             _join(run, plan, report)
-        ledger = stack.enter_context(_ledger(run))
-        pictures = Pictures(plan, outputs, background, behind or background_light(background), ledger)
-        frames = Frames(plan, pictures, run, report, force)
+        ledger = stack.enter_context(_open_ledger(run))
+        pictures = PictureWriter(plan, outputs, background, behind or background_light(background), ledger)
+        frames = RunFrames(plan, pictures, run, report, force)
         try:
             tasks = frames.bring_up_to_date(only)
             if tasks and not outputs_only:
@@ -277,7 +296,7 @@ def run_plan(
                     if worker_command is None:
                         backend.check_device(scene.device)
                     command = worker_command or backend.command
-                    executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
+                    executor = stack.enter_context(_open_executor(Choice(workers=1), run, command, patience))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()
         except KeyboardInterrupt:
@@ -286,17 +305,17 @@ def run_plan(
 
 
 @contextmanager
-def _ledger(run: Run) -> Iterator[Ledger]:
+def _open_ledger(run: Run) -> Iterator[Ledger]:
     ledger = Ledger(run.state, run.info.id)
     try:
         yield ledger
     finally:
-        with suppress(OSError):  # as on a full disk, which is reported where a frame is written; it is read again
+        with suppress(OSError):  # such as a full disk, which writing a frame reports; the next run merges the files
             ledger.close([other.id for other in run.others()])
 
 
 def background_light(background: Backdrop) -> Background:
-    """Return the light behind each frame."""
+    """Return a function of a frame that returns the light behind it."""
     if background == "ibl":
         from lookdev.output.background import environment_background
 

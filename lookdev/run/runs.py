@@ -1,11 +1,12 @@
 """The runs that write to one output folder, on any number of machines that share it.
 
-Each run has a file in ``.lookdev/runs``, whose time it sets again and again: its sign of life. A run whose process has
-gone, or that shows no sign for a while, is dead: another removes its file, and it stops should it go on. No clock is
-compared with another: a sign is a change, whatever it changes to, and the time without one is that of the observer.
+Each run has a file in ``.lookdev/runs`` and sets its time again and again: the heartbeat of the run. A run is dead if
+its process has ended, or if its heartbeat stops for the time of a lease. Another run then removes its file, and the
+dead run stops should it go on. Clocks of two machines are never compared: each change of the file's time is a
+heartbeat, to whatever time, and the observer measures the time between heartbeats by its own clock.
 
-What a run is about to make it claims: a hard link to its file, which one of many makes. Claims of the dead are void.
-Nothing rests on claims but work: files are written whole, and each has the same content whoever writes it.
+A run claims a file before it makes it, by a hard link to its own file: one run alone can create the link. Claims of
+dead runs are void. Claims only save work: files are written whole, and their content does not depend on the run.
 """
 
 from __future__ import annotations
@@ -34,78 +35,78 @@ from lookdev.output.manifest import STATE_FOLDER
 from lookdev.text import TextError, parse_json, read_text, stated_limit
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
-"""Environment variable: seconds without a sign of life after which a run counts as dead."""
+"""Environment variable: seconds without a heartbeat after which a run counts as dead."""
 
 DEFAULT_LEASE = 60
 
-_SIGNS = 6  # in the time of a lease
+_BEATS = 6  # heartbeats in the time of a lease
 _SCRATCH = "scratch-"
-# The names that lookdev.cache.atomic_path gives.
-_TEMPORARY = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
+# The temporary names of lookdev.cache.atomic_path.
+_TEMPORARY_NAME = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """A run, as its file describes it: who it is, what it renders, and the digest of its plan, once it has one."""
+    """A run, as in its file: its id and process, its chunk, and the digest of its plan, "" before it has one."""
 
-    id: str  # begins with the name of its process, as the names of its temporary files do
+    id: str  # begins with the name of its process, as its temporary files do
     host: str
-    machine: str  # the boot and the namespace of process ids
+    machine: str  # the ids of the boot and of the process namespace
     process: int
-    started: str  # when the process was, as the kernel counts
+    started: str  # the start time of the process, in the kernel's ticks
     since: str  # UTC
-    part: str = ""  # as 2/8
+    part: str = ""  # the chunk, as 2/8
     plan: str = ""
 
     @classmethod
     def of_this_process(cls, part: str) -> Self:
-        """Return a new run of this process."""
+        """Return the description of a new run of this process."""
         pid, now = os.getpid(), datetime.now(UTC).isoformat(timespec="seconds")
         name = f"{process_name()}{secrets.token_hex(4)}"
-        return cls(name, socket.gethostname(), _machine(), pid, _started(pid), now, part)
+        return cls(name, socket.gethostname(), _machine(), pid, _start_time(pid), now, part)
 
     def __str__(self) -> str:
         return f"process {self.process} on {self.host} (since {self.since})"
 
     @property
     def has_ended(self) -> bool:
-        """Whether it was a process of this machine, and is no more."""
-        return self.machine == _machine() and not _runs(self.process, self.started)
+        """Whether the run was on this machine, and its process has ended."""
+        return self.machine == _machine() and not _is_running(self.process, self.started)
 
 
 class Runs:
-    """The runs of an output folder, as one observer sees them."""
+    """The runs of an output folder, watched by one observer."""
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
         self._lease = lease()
-        self._seen: dict[str, tuple[int, float]] = {}
+        self._heartbeats: dict[str, tuple[int, float]] = {}  # the last of each run, and when it was observed
 
     def all(self) -> list[RunInfo]:
-        """Return the runs that have files, the dead included."""
+        """Return the runs that have files, including dead runs."""
         try:
             names = sorted(path.name for path in self._folder.iterdir() if not path.name.startswith("."))
         except FileNotFoundError:
             return []
-        return [found for name in names if (found := _read_run(self._folder / name))]
+        return [run for name in names if (run := _read_run(self._folder / name))]
 
     def alive(self) -> list[RunInfo]:
-        """Return the runs that are not known to be dead; those that are lose their files."""
-        return [run for run in self.all() if self.lives(run)]
+        """Return the runs that are not known to be dead; the files of dead runs are removed."""
+        return [run for run in self.all() if self.is_alive(run)]
 
-    def lives(self, run: RunInfo) -> bool:
-        """Return whether a run is not known to be dead; one that is loses its file."""
+    def is_alive(self, run: RunInfo) -> bool:
+        """Return whether a run is not known to be dead; the file of a dead run is removed."""
         file = self._folder / run.id
         try:
-            # An open file is looked up on the server, where a stat may be as old as a minute.
+            # Opening a file asks the file server for its state; a stat may be as old as a minute.
             with file.open("rb") as stream:
-                sign = os.fstat(stream.fileno()).st_mtime_ns
+                heartbeat = os.fstat(stream.fileno()).st_mtime_ns
         except OSError as error:
             return error.errno not in (errno.ENOENT, errno.ESTALE)
         now = time.monotonic()
-        before, since = self._seen.get(run.id, (None, now))
-        if sign != before:
-            self._seen[run.id] = sign, now
+        before, since = self._heartbeats.get(run.id, (None, now))
+        if heartbeat != before:
+            self._heartbeats[run.id] = heartbeat, now
             since = now
         if not run.has_ended and now - since <= self._lease:
             return True
@@ -113,20 +114,20 @@ class Runs:
             file.unlink()
         return False
 
-    def shows_life(self, run: RunInfo) -> bool:
-        """Wait until a run shows that it lives, or is dead."""
-        if not self.lives(run):
+    def wait_for_heartbeat(self, run: RunInfo) -> bool:
+        """Wait for the next heartbeat of a run; return False where the run is dead."""
+        if not self.is_alive(run):
             return False
-        first = self._seen[run.id][0] if run.id in self._seen else None
-        while self.lives(run):
-            if run.machine == _machine() or self._seen.get(run.id, (first,))[0] != first:
+        first = self._heartbeats[run.id][0] if run.id in self._heartbeats else None
+        while self.is_alive(run):
+            if run.machine == _machine() or self._heartbeats.get(run.id, (first,))[0] != first:
                 return True
-            time.sleep(self._lease / _SIGNS / 4)
+            time.sleep(self._lease / _BEATS / 4)
         return False
 
 
 class Run:
-    """This run. It shows life from a thread of its own until it is left."""
+    """The run of this process, as a context. A thread sets the time of its file until the context ends."""
 
     def __init__(self, output: Path, part: str = "") -> None:
         self.state = output / STATE_FOLDER
@@ -135,10 +136,10 @@ class Run:
         self._lease = lease()
         self._output = output
         self._file = self.state / "runs" / self.info.id
-        self._claims = self.state / "claims"
-        self._held: dict[str, Path] = {}
-        self._ended, self._lost = threading.Event(), False
-        self._pulse = threading.Thread(target=self._beat_on, daemon=True)
+        self._claims_folder = self.state / "claims"
+        self._claim_files: dict[str, Path] = {}
+        self._ended, self._is_lost = threading.Event(), False
+        self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
         try:
@@ -146,23 +147,23 @@ class Run:
             self._remove_scratch()
         except OSError as error:
             raise OutputError(f"{self._output}: the output folder cannot be written: {error.strerror}") from error
-        self._pulse.start()
+        self._heartbeat.start()
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         self._ended.set()
-        self._pulse.join()
+        self._heartbeat.join()
         try:
-            # Others remove the temporary files of a run that they take for dead: what fails then is a consequence.
+            # Others remove the temporary files of a run that they take for dead, which causes such errors.
             if isinstance(error, OutputError | WorkerError | FileNotFoundError):
-                self.check()
+                self.check_alive()
         finally:
             self._leave()
 
     def _leave(self) -> None:
-        """Remove what this run has in the state folder, and the folder's parts for runs if it is the last."""
-        with suppress(OSError):  # what remains is void: the process ends
-            for key in list(self._held):
+        """Remove the files of this run from the state folder, and the folders of runs where it is the last run."""
+        with suppress(OSError):  # remaining files are void, since the process ends
+            for key in list(self._claim_files):
                 self.release(key)
             self._file.unlink(missing_ok=True)
             self._remove_scratch()
@@ -173,57 +174,57 @@ class Run:
         """Return the other runs that are not known to be dead."""
         return [run for run in self.runs.alive() if run.id != self.info.id]
 
-    def renders(self, plan: str) -> list[RunInfo]:
-        """State the digest of this run's plan; return the others, which have the same.
+    def announce_plan(self, plan: str) -> list[RunInfo]:
+        """Write the digest of this run's plan to its file; return the other runs, which have the same plan.
 
-        Raises OutputError where a living run has another: each would replace the frames of the other.
+        Raises OutputError where a living run has another plan: each would replace the frames of the other.
         """
         self.info = replace(self.info, plan=plan)
         self._write()
         for run in self.others():
-            if run.plan not in ("", plan) and self.runs.shows_life(run):
+            if run.plan not in ("", plan) and self.runs.wait_for_heartbeat(run):
                 raise OutputError(
                     f"{self._output}: {run} renders another version of this job, or another job, to it, or has another "
                     "version of this program; wait for its end, or choose another output"
                 )
         return self.others()
 
-    def check(self) -> None:
+    def check_alive(self) -> None:
         """Raise OutputError where this run stood still for so long that others took it for dead."""
         self._beat()
-        if self._lost:
+        if self._is_lost:
             raise OutputError(
                 f"{self._output}: this run stood still for more than {self._lease:g} s, and counts as dead: others may "
                 "have gone on with its frames; run the same command again to continue"
             )
 
     def claim(self, name: str) -> bool:
-        """Claim what has a name; return False where another living run has claimed it; raises as `check`, OSError."""
-        self.check()
+        """Claim a name; return False where another living run has it. Raises as `check_alive`, and OSError."""
+        self.check_alive()
         key = claim_key(name)
         number = 0
         while True:
-            file = self._claims / f"{key}.{number}"
+            file = self._claims_folder / f"{key}.{number}"
             if self._link(file):
-                self._held[key] = file
+                self._claim_files[key] = file
                 return True
             owner = _read_run(file)
             if owner is not None and owner.id == self.info.id:
                 return True
-            if owner is not None and self.runs.lives(owner):
+            if owner is not None and self.runs.is_alive(owner):
                 return False
-            number += file.exists()  # of the dead, whoever makes the next has it; released: this one
+            number += file.exists()  # after the claim of a dead run, the next number; a released claim is tried again
 
     def release(self, name: str) -> None:
-        """Give up a claim, and remove those of dead runs before it."""
-        key = claim_key(name) if name not in self._held else name
-        if (held := self._held.pop(key, None)) is None:
+        """Release the claim of a name, and remove the claims of dead runs before it."""
+        key = claim_key(name) if name not in self._claim_files else name
+        if (file := self._claim_files.pop(key, None)) is None:
             return
-        for number in range(int(held.suffix[1:]) + 1):
-            (self._claims / f"{key}.{number}").unlink(missing_ok=True)
+        for number in range(int(file.suffix[1:]) + 1):
+            (self._claims_folder / f"{key}.{number}").unlink(missing_ok=True)
 
     @contextmanager
-    def scratch(self) -> Iterator[Path]:
+    def scratch_folder(self) -> Iterator[Path]:
         """Yield a folder for temporary files of this run."""
         folder = self.state / f"{_SCRATCH}{self.info.id}-{secrets.token_hex(4)}"
         folder.mkdir()
@@ -232,39 +233,41 @@ class Run:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def log(self, name: str) -> Path:
-        """Return the file of a log of this run in the state folder; the usual one, unless another run has it."""
-        usual = f"{name}.{self.info.part.replace('/', '-')}" if self.info.part else name
-        mine = self.claim(f"log {usual}")
-        return self.state / (f"{usual}.log" if mine else f"{usual}.{self.info.id}.log")
+    def log_file(self, name: str) -> Path:
+        """Return the path of a log of this run in the state folder; it has the run's id if another run has the log."""
+        stem = f"{name}.{self.info.part.replace('/', '-')}" if self.info.part else name
+        is_free = self.claim(f"log {stem}")
+        return self.state / (f"{stem}.log" if is_free else f"{stem}.{self.info.id}.log")
 
     def remove_logs(self) -> None:
-        """Remove the logs of other runs, which have ended and left nothing to explain."""
+        """Remove the logs of other runs; all frames are done, and no other run is left."""
         for file in self.state.glob("worker*.log"):
-            usual = file.name.removesuffix(".log")
-            if claim_key(f"log {usual}") not in self._held and self.info.id not in usual:
+            stem = file.name.removesuffix(".log")
+            if claim_key(f"log {stem}") not in self._claim_files and self.info.id not in stem:
                 file.unlink(missing_ok=True)
 
     def remove_leftovers(self, folders: Iterable[Path]) -> None:
         """Remove the temporary files of dead runs from folders."""
-        found: list[tuple[Path, str]] = []
+        leftovers: list[tuple[Path, str]] = []
         for folder in folders:
             with suppress(FileNotFoundError, NotADirectoryError):
-                found += [(path, named[1]) for path in folder.iterdir() if (named := _TEMPORARY.fullmatch(path.name))]
-        # Asked for after the files: who writes one has joined before.
-        processes = {run.id[: len(process_name())] for run in self.runs.alive()} if found else set()
-        for path, process in found:
+                names = ((path, _TEMPORARY_NAME.fullmatch(path.name)) for path in folder.iterdir())
+                leftovers += [(path, match[1]) for path, match in names if match]
+        # The runs are listed after the files: the run that writes a file has joined before.
+        processes = {run.id[: len(process_name())] for run in self.runs.alive()} if leftovers else set()
+        for path, process in leftovers:
             if process not in {*processes, process_name()}:
                 path.unlink(missing_ok=True)
 
     def _link(self, file: Path) -> bool:
+        """Create the file of a claim; return False where it exists."""
         try:
             os.link(self._file, file)
         except FileExistsError:
             return False
         except FileNotFoundError:
-            self._claims.mkdir(parents=True, exist_ok=True)
-            self.check()
+            self._claims_folder.mkdir(parents=True, exist_ok=True)
+            self.check_alive()
             return self._link(file)
         except OSError as error:
             if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
@@ -273,12 +276,12 @@ class Run:
         return True
 
     def _create(self, file: Path) -> bool:
-        """Claim on a file system without hard links."""
+        """Create the file of a claim on a file system without hard links; return False where it exists."""
         try:
             with file.open("x") as stream:
                 stream.write(self._text())
         except FileExistsError:
-            # Between creation and content nobody knows whose it is.
+            # Between its creation and its content, the owner of a claim is unknown.
             for _ in range(20):
                 if not _is_empty(file):
                     break
@@ -291,10 +294,10 @@ class Run:
 
     def _register(self) -> None:
         for tries in range(5):
-            self._claims.mkdir(parents=True, exist_ok=True)
+            self._claims_folder.mkdir(parents=True, exist_ok=True)
             try:
                 self._write()
-            except FileNotFoundError:  # the last run ends at this moment, and removes the folders
+            except FileNotFoundError:  # the last run ends at this moment and removes the folders
                 if tries == 4:
                     raise
             else:
@@ -304,19 +307,19 @@ class Run:
         with atomic_path(self._file) as temporary:
             temporary.write_text(self._text())
 
-    def _beat_on(self) -> None:
-        while not self._ended.wait(self._lease / _SIGNS):
+    def _beat_until_end(self) -> None:
+        while not self._ended.wait(self._lease / _BEATS):
             self._beat()
 
     def _beat(self) -> None:
         try:
             os.utime(self._file)
-        except OSError as error:  # on a file system that cannot be written for a while, writing frames reports it
-            self._lost = self._lost or error.errno in (errno.ENOENT, errno.ESTALE)
+        except OSError as error:  # where the file system cannot be written for a while, writing frames reports it
+            self._is_lost = self._is_lost or error.errno in (errno.ENOENT, errno.ESTALE)
 
     def _remove_scratch(self) -> None:
         folders = list(self.state.glob(f"{_SCRATCH}*"))
-        # Asked for after the folders: who makes one has joined before.
+        # The runs are listed after the folders: the run that makes a folder has joined before.
         living = {run.id for run in self.runs.alive()} | {self.info.id}
         for folder in folders:
             if folder.name.removeprefix(_SCRATCH).partition("-")[0] not in living:
@@ -324,39 +327,39 @@ class Run:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _remove_state(self) -> None:
-        """Remove what serves runs at work. A run that starts at this moment makes it again."""
+        """Remove the folders of runs and claims. A run that starts at this moment makes them again."""
         self.remove_leftovers([self._file.parent])
-        for file in self._claims.iterdir():
+        for file in self._claims_folder.iterdir():
             file.unlink(missing_ok=True)
-        for folder in (self._claims, self._file.parent):
+        for folder in (self._claims_folder, self._file.parent):
             with suppress(OSError):
                 folder.rmdir()
 
 
 def lease() -> float:
-    """Return the seconds of `LEASE_VARIABLE`; raises OutputError where it states none."""
+    """Return the seconds in `LEASE_VARIABLE`, or the default; raises OutputError where it is not a number."""
     return float(stated_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
 
 
-def claims(state: Path) -> dict[str, list[str]]:
-    """Return the keys of what runs have claimed, by their ids."""
+def read_claims(state: Path) -> dict[str, list[str]]:
+    """Return the keys of the claims of all runs, by the ids of the runs."""
     latest: dict[str, tuple[int, Path]] = {}
     for file in (state / "claims").glob("*.*"):
         latest[file.stem] = max(latest.get(file.stem, (-1, file)), (int(file.suffix[1:]), file))
-    found: dict[str, list[str]] = {}
+    keys: dict[str, list[str]] = {}
     for key, (_, file) in latest.items():
         if run := _read_run(file):
-            found.setdefault(run.id, []).append(key)
-    return found
+            keys.setdefault(run.id, []).append(key)
+    return keys
 
 
 def claim_key(name: str) -> str:
-    """Return what the files of claims are named by: names are longer than files' may be."""
+    """Return the key of a claimed name, for the names of claim files: the name may be too long for a file."""
     return hashlib.sha256(name.encode()).hexdigest()[:32]
 
 
 def _read_run(file: Path) -> RunInfo | None:
-    """Return the run of a file; None where there is none, or it is damaged."""
+    """Return the run in a file; None where the file is missing or damaged."""
     try:
         return RunInfo(**parse_json(read_text(file), file))
     except (TextError, TypeError):
@@ -376,19 +379,19 @@ def _machine() -> str:
     return f"{boot} {Path('/proc/self/ns/pid').readlink()}"
 
 
-def _runs(process: int, started: str) -> bool:
-    """Return whether a process of this machine runs, and has not merely the number of an earlier one."""
+def _is_running(process: int, started: str) -> bool:
+    """Return whether a process of this machine is running: a later process with its number has another start time."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except PermissionError:  # of another user, whose processes /proc may hide
         return True
-    return _started(process) == started
+    return _start_time(process) == started
 
 
-def _started(process: int) -> str:
-    """Return when a process was started, in ticks since boot, by proc(5); "" where there is none, or a zombie."""
+def _start_time(process: int) -> str:
+    """Return the start time of a process, in ticks since boot (proc(5)); "" where it is missing or a zombie."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):

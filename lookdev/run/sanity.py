@@ -1,4 +1,4 @@
-"""What is wrong with a frame by its look alone: faults of inputs and of renderers that leave a picture nobody meant."""
+"""Doubts about a frame, from its pixels alone: faults of inputs and of renderers that produce a useless picture."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from numpy.typing import ArrayLike
 from lookdev.rendering.results import Rendered
 
 
-def doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
-    """Yield what is to be doubted in a frame, each as a sentence without its name.
+def frame_doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
+    """Yield the doubts about a frame, each as a sentence whose subject, the frame, is left out.
 
     Parameters
     ----------
     rendered
         The halves and the alpha.
     beauty : (H, W, 3)
-        Their mean, exposed, as it is written.
+        The mean of the halves, exposed, as in the file.
     constant_light
-        The light is the same from everywhere: halves may then be equal.
+        The radiance is the same from all directions: the halves may then be equal.
     """
-    wrong = ~np.isfinite(beauty).all(axis=-1)
-    if wrong.any():
-        y, x = np.argwhere(wrong)[0]
+    bright = ~np.isfinite(beauty).all(axis=-1)
+    if bright.any():
+        y, x = np.argwhere(bright)[0]
         yield (
-            f"has pixels brighter than a number of 32 bits ({wrong.sum()}, the first in column {x}, row {y}); a lower"
+            f"has pixels brighter than a number of 32 bits ({bright.sum()}, the first in column {x}, row {y}); a lower"
             " exposure of its light would be right"
         )
     covered = rendered.alpha > 0.0
     if not covered.any():
         yield "is empty: no part of the asset is in the picture"
         return
-    lit = (rendered.a[covered] != 0.0).any() or (rendered.b[covered] != 0.0).any()
-    if not lit:
+    is_black = not ((rendered.a[covered] != 0.0).any() or (rendered.b[covered] != 0.0).any())
+    if is_black:
         yield "is black: no light reaches the viewer from the asset"
     elif not constant_light and np.array_equal(rendered.a, rendered.b):
         yield "has two equal halves: its error is unknown, though it is stated as 0"

@@ -1,7 +1,7 @@
-"""How far a job is that any number of runs render: what is done, who renders what, who stands still, what failed.
+"""The status of a job that any number of runs render: frames that are done, rendering or failed, and stalled runs.
 
-A run records its plan, and each frame that it gives up, in the output's state folder. All else is read off the frames
-and the claims on disk, so that nothing has to be running to answer.
+A run records its plan and its failed frames in the output's state folder. The rest of the status is read from the
+frames and the claims on disk, so that no process has to run to answer.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.costs import estimated
 from lookdev.run.listing import table
-from lookdev.run.runs import Run, RunInfo, Runs, claim_key, claims, lease
+from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease, read_claims
 from lookdev.text import TextError, parse_json, read_text
 
 _PLAN, _FAILED = "plan.json", "failed"
 _LARGEST = 1 << 28  # bytes of a plan
-_SHOWN = 10  # failures in the text
+_MAX_FAILURES = 10  # in the text
 
 
 @dataclass(frozen=True)
 class FailedFrame:
-    """A frame that a run gave up."""
+    """A frame whose last try failed in a run."""
 
     name: str
     reason: str
@@ -46,10 +46,10 @@ class FailedFrame:
 
 @dataclass(frozen=True)
 class ActiveRun:
-    """A run that has not ended by itself: its frames, and whether it lives.
+    """A run that has not ended by itself: its frames and its state.
 
-    `silent` are the seconds since its last sign of life, by the clock of the file system; `state` is ``working``,
-    ``stalled`` without a sign for a lease, or ``dead`` where its process is known to have ended.
+    `silent` are the seconds since its last heartbeat, by the clock of the file system. `state` is ``working``,
+    ``stalled`` without a heartbeat for a lease, or ``dead`` where its process is known to have ended.
     """
 
     run: RunInfo
@@ -62,8 +62,8 @@ class ActiveRun:
 class Status:
     """The state of a job's frames in its output folder.
 
-    `frame_seconds` is the mean of the frames that are done, None before the first; `seconds` are the time left, None
-    where no run works.
+    `frame_seconds` is the mean time of the frames that are done, None before the first. `seconds` is the time left,
+    None where no run works.
     """
 
     output: Path
@@ -79,7 +79,7 @@ class Status:
 
 
 def record_plan(run: Run, job: Path, plan: Plan) -> None:
-    """Write what a run renders to the state folder, unless it is there; raises OSError."""
+    """Write the plan of a run to the state folder, unless the folder has it; raises OSError."""
     file = run.state / _PLAN
     if _read_plan(file).get("plan") == plan.digest:
         return
@@ -93,14 +93,14 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
 
 
 def record_failure(run: Run, name: str, reason: str, log: Path | None) -> None:
-    """Write why a run gave up a frame."""
+    """Write the reason of a failed frame to the state folder."""
     failed = FailedFrame(name, reason, run.info.host, str(log or ""))
     with suppress(OSError), atomic_path(run.state / _FAILED / f"{claim_key(name)}.json") as temporary:
         temporary.write_text(json.dumps(asdict(failed)))
 
 
-def forget_failures(state: Path) -> None:
-    """Remove the failures of an output whose frames are all done."""
+def remove_failures(state: Path) -> None:
+    """Remove the failures from a state folder; all frames of the output are done."""
     for file in (state / _FAILED).glob("*.json"):
         file.unlink(missing_ok=True)
     with suppress(OSError):
@@ -122,11 +122,11 @@ def read_status(output: Path) -> Status:
                 times.setdefault(_scene(name), []).append(float(header["seconds"]))
         else:
             left[name] = digest, cost
-    claimed = claims(state)
     names = {claim_key(name): name for name in left}
-    runs = tuple(_active(state, {run: [names[key] for key in keys if key in names] for run, keys in claimed.items()}))
+    claimed = {run: [names[key] for key in keys if key in names] for run, keys in read_claims(state).items()}
+    runs = tuple(_active_runs(state, claimed))
     rendering = {name for run in runs if run.state == "working" for name in run.frames}
-    failed = tuple(each for each in _failures(state) if each.name in left and each.name not in rendering)
+    failed = tuple(frame for frame in _failures(state) if frame.name in left and frame.name not in rendering)
     return Status(
         output,
         plan["job"],
@@ -136,7 +136,7 @@ def read_status(output: Path) -> Status:
         len(rendering),
         failed,
         runs,
-        fmean(each for scene in times.values() for each in scene) if times else None,
+        fmean(seconds for scene in times.values() for seconds in scene) if times else None,
         _time_left(plan["frames"], {name: cost for name, (_, cost) in left.items()}, times, len(rendering)),
     )
 
@@ -150,13 +150,15 @@ def status_text(status: Status) -> str:
     ]
     if status.runs:
         rows = [["run", "chunk", "state", "last sign", "frame"]]
-        for each in status.runs:
-            frames = ", ".join(each.frames[:3]) + ("" if len(each.frames) <= 3 else f" and {len(each.frames) - 3} more")
-            name = f"{each.run.host} {each.run.process}"
-            rows.append([name, each.run.part or "-", each.state, f"{max(each.silent, 0.0):.0f} s ago", frames or "-"])
+        for active in status.runs:
+            more = len(active.frames) - 3
+            frames = ", ".join(active.frames[:3]) + (f" and {more} more" if more > 0 else "")
+            name, sign = f"{active.run.host} {active.run.process}", f"{max(active.silent, 0.0):.0f} s ago"
+            rows.append([name, active.run.part or "-", active.state, sign, frames or "-"])
         lines.append(table(rows))
-    lines += [f"failed: {each.name}: {each.reason} ({each.host}, log: {each.log})" for each in status.failed[:_SHOWN]]
-    lines += [f"and {len(status.failed) - _SHOWN} more failed"] if len(status.failed) > _SHOWN else []
+    failed, more = status.failed[:_MAX_FAILURES], len(status.failed) - _MAX_FAILURES
+    lines += [f"failed: {frame.name}: {frame.reason} ({frame.host}, log: {frame.log})" for frame in failed]
+    lines += [f"and {more} more failed"] if more > 0 else []
     if status.seconds is not None:
         lines.append(f"left: {timedelta(seconds=round(status.seconds))} with {status.rendering} frames at a time")
     elif status.done < status.total:
@@ -180,51 +182,54 @@ def status_metrics(status: Status) -> str:
 
     def gauge(name: str, text: str, values: Mapping[str, float | None], label: str) -> None:
         metric = Gauge(f"lookdev_{name}", text, ["output", label] if label else ["output"], registry=registry)
-        for value, number in values.items():
+        for state, number in values.items():
             if number is not None:
-                metric.labels(str(status.output), *([value] if label else [])).set(number)
+                metric.labels(str(status.output), *([state] if label else [])).set(number)
 
     frames = {"done": status.done, "rendering": status.rendering, "waiting": status.waiting}
     gauge("frames", "Frames of the job, by state.", frames | {"failed": len(status.failed)}, "state")
-    runs = Counter(each.state for each in status.runs)
-    gauge(
-        "runs", "Runs that have not ended by themselves.", {s: runs[s] for s in ("working", "stalled", "dead")}, "state"
-    )
+    runs = Counter(active.state for active in status.runs)
+    states = {state: runs[state] for state in ("working", "stalled", "dead")}
+    gauge("runs", "Runs that have not ended by themselves.", states, "state")
     gauge("frame_seconds", "Mean render time of the frames that are done.", {"": status.frame_seconds}, "")
     gauge("left_seconds", "Estimate of the time until all is rendered.", {"": status.seconds}, "")
     return str(generate_latest(registry).decode())
 
 
-def _active(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:
+def _active_runs(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:
     now = _file_system_time(state)
     for run in Runs(state).all():
         silent = now - (state / "runs" / run.id).stat().st_mtime
-        how = "dead" if run.has_ended else "stalled" if silent > lease() else "working"
-        yield ActiveRun(run, how, silent, tuple(frames.get(run.id, ())))
+        activity = "dead" if run.has_ended else "stalled" if silent > lease() else "working"
+        yield ActiveRun(run, activity, silent, tuple(frames.get(run.id, ())))
 
 
 def _file_system_time(folder: Path) -> float:
-    """Return the time of the clock that gives files theirs; this machine's where nothing can be written."""
+    """Return the time of the file system's clock, or this machine's where no file can be written."""
     file = folder / f".time.{os.getpid()}"
     try:
         file.touch()
-        found = file.stat().st_mtime
+        now = file.stat().st_mtime
         file.unlink()
     except OSError:
         return time.time()
-    return found
+    return now
 
 
 def _time_left(
     planned: Mapping[str, tuple[str, float]], left: Mapping[str, float], times: Mapping[str, list[float]], at_once: int
 ) -> float | None:
-    """Return the time of the frames left, by those of their scenes, else by their costs in the ratio of the others."""
+    """Return an estimate of the time left; None where no frame is being rendered.
+
+    A frame takes the mean time of its scene's frames. In a scene without frames it takes its estimated cost times the
+    mean ratio of time to cost in the other scenes.
+    """
     if not at_once:
         return None
-    known = {scene: fmean(each) for scene, each in times.items()}
-    ratios = [known[_scene(name)] / cost for name, (_, cost) in planned.items() if _scene(name) in known and cost]
+    means = {scene: fmean(seconds) for scene, seconds in times.items()}
+    ratios = [means[_scene(name)] / cost for name, (_, cost) in planned.items() if _scene(name) in means and cost]
     ratio = fmean(ratios) if ratios else 1.0
-    return sum(known.get(_scene(name), ratio * cost) for name, cost in left.items()) / at_once
+    return sum(means.get(_scene(name), ratio * cost) for name, cost in left.items()) / at_once
 
 
 def _scene(name: str) -> str:
@@ -246,7 +251,7 @@ def _failures(state: Path) -> Iterator[FailedFrame]:
 
 def _read_plan(file: Path) -> dict[str, Any]:
     try:
-        found = parse_json(read_text(file, _LARGEST), file)
+        plan = parse_json(read_text(file, _LARGEST), file)
     except TextError:
         return {}
-    return found if isinstance(found, dict) and found.keys() >= {"plan", "job", "frames"} else {}
+    return plan if isinstance(plan, dict) and plan.keys() >= {"plan", "job", "frames"} else {}

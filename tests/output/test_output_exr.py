@@ -144,7 +144,7 @@ def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, monkeypatch: pytes
         yield temporary
         temporary.unlink()
 
-    monkeypatch.setattr("lookdev.cache._temporary", on_full)
+    monkeypatch.setattr("lookdev.cache._temporary_path", on_full)
     with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
         write_frame(tmp_path / "a.exr", *frame, {})
     with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):

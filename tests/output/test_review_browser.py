@@ -12,7 +12,7 @@ import pytest
 import review_case as case
 from chromium import Page
 
-from lookdev.cache import share
+from lookdev.cache import link_or_copy
 from lookdev.metrics import noise_ratio
 from lookdev.output.color import VIEWS
 from lookdev.output.display import composite, to_display
@@ -338,7 +338,7 @@ def test_fifty_looks_load_in_two_seconds(opened: Open, tmp_path: Path) -> None:
     for look in range(50):
         for rig in range(4):
             for frame in (first / "look" / "rig").iterdir():
-                share(frame, out / f"look_{look:02d}" / f"rig_{rig}" / frame.name)
+                link_or_copy(frame, out / f"look_{look:02d}" / f"rig_{rig}" / frame.name)
     file, times = review(out)[0], []
     for _ in range(3):  # other processes may be at work
         started = time.perf_counter()

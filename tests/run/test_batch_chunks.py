@@ -1,4 +1,4 @@
-"""Chunks of a job in one output folder, what they cost, and the status of a job that several runs render."""
+"""Chunks of a job in one output folder, their costs, and the status of a job that several runs render."""
 
 import io
 import json
@@ -18,7 +18,7 @@ from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, stor
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.run.log import JsonReport
 from lookdev.run.render import RunResult
-from lookdev.run.runs import Run, claim_key, claims
+from lookdev.run.runs import Run, claim_key, read_claims
 from lookdev.run.status import read_status, status_data, status_metrics, status_text
 
 METRIC = r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)"
@@ -43,8 +43,8 @@ def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> N
 def test_costs_are_measured_where_frames_are(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
     case.run(tmp_path, only=("gold/city/element.0002",))
-    assert measured(case.make_plan(job)).frames == (0.125,) * 6  # the fake's time, of the scene's other frames too
-    # Of twice the samples, twice the time is expected.
+    assert measured(case.make_plan(job)).frames == (0.125,) * 6  # the fake's time, for all frames of the scene
+    # A frame of twice the samples is expected to take twice the time.
     finer = case.make_job(tmp_path, render=case.RENDER.replace("samples = 8", "samples = 16"))
     assert measured(case.make_plan(finer)).frames == (0.25,) * 6
 
@@ -77,10 +77,10 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 
     def report(event: Event) -> None:
         if isinstance(event, FrameDone):  # its claim has ended
-            held = [key for keys in claims(tmp_path / "out" / ".lookdev").values() for key in keys]
-            assert claim_key(event.name) not in held
+            claims = [key for keys in read_claims(tmp_path / "out" / ".lookdev").values() for key in keys]
+            assert claim_key(event.name) not in claims
         if isinstance(event, FrameDone) and not any(isinstance(entry, FrameDone) for entry in events):
-            render_file(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
+            render_file(chunk=Chunk(2, Division(2)))  # another run, during this run
         events.append(event)
 
     result = render_file(report=report)

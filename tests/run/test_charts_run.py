@@ -1,4 +1,4 @@
-"""Frames of reference props in a run: which frames are rendered, and what pictures, movies and pages show."""
+"""Frames of reference props in a run: the frames that are rendered, and the props in pictures, movies and pages."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ STRIP = Strip("bottom", 0.5, (case.WIDTH, case.HEIGHT))
 
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the readings of props to other tests: this worker renders none."""
+    """Replace the readings of props, which other tests cover: this worker renders no props."""
     monkeypatch.setattr(Strip, "too_small", lambda self: "")
     monkeypatch.setattr("lookdev.checks.charts.check_charts", lambda *_: ())
     monkeypatch.setattr("lookdev.checks.charts.charts_doubts", lambda readings: [DOUBT])
@@ -39,10 +39,10 @@ def plan_of(folder: Path, source: str = "props") -> Plan:
     props = replace(task, shaders=(ShaderSource(source, f"shader {source}() {{}}", (), (), source),))
     sampling = job.render.sampling
     scene = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), task.lights[0], task.resolution)
-    shown = Setup("gold", "city", scene, task, sampling, exposure=-1.0)
-    over = Setup("charts", "city", scene, props, sampling, around=True, exposure=-1.0)
+    look = Setup("gold", "city", scene, task, sampling, exposure=-1.0)
+    charts = Setup("charts", "city", scene, props, sampling, around=True, exposure=-1.0)
     turns = Turns(job.turntable, job.output, job.camera.azimuth)
-    return build_plan([shown], turns, read_header, beside=(".png",), charts=Charts((over,), STRIP))
+    return build_plan([look], turns, read_header, beside=(".png",), charts=Charts((charts,), STRIP))
 
 
 def run(folder: Path, source: str = "props", **options: object) -> RunResult:
@@ -53,11 +53,11 @@ def run(folder: Path, source: str = "props", **options: object) -> RunResult:
 
 def test_props_are_rendered_once_for_each_place_of_the_light(finished: Path, tmp_path: Path) -> None:
     before = {file: file.read_bytes() for file in (tmp_path / "out/gold").glob("city/*.exr")}
-    asked = len(case.requests(tmp_path))
+    requests = len(case.requests(tmp_path))
     result = run(tmp_path)
-    # Three places of the light, one of which all frames of the element turntable share. No frame of a look is new.
+    # The light has three positions; all frames of the element turntable share one. No frame of a look is new.
     assert result.rendered == 3
-    assert len(case.requests(tmp_path)) == asked + 3
+    assert len(case.requests(tmp_path)) == requests + 3
     assert {file: file.read_bytes() for file in before} == before
     props = tmp_path / "out/charts/city"
     assert (props / "element.0001.exr").samefile(props / "element.0004.exr")
@@ -68,12 +68,12 @@ def test_pictures_show_the_props_over_the_frame(finished: Path, tmp_path: Path) 
     picture = tmp_path / "out/gold/city/element.0002.png"
     plain = oiio.ImageBuf(str(picture)).get_pixels()
     run(tmp_path)
-    shown = oiio.ImageBuf(str(picture)).get_pixels()
-    # Of the fake: beauty .25 after exposure, alpha .5; the same twice, over the background.
+    with_props = oiio.ImageBuf(str(picture)).get_pixels()
+    # The fake renders beauty .25 after exposure and alpha .5: twice, props over frame over background.
     behind = np.array([0.5, 0.25, 0.0])
     once = 0.25 + 0.5 * behind
     np.testing.assert_allclose(plain, np.broadcast_to(once, plain.shape), atol=1 / 255)
-    np.testing.assert_allclose(shown, np.broadcast_to(0.25 + 0.5 * once, shown.shape), atol=1 / 255)
+    np.testing.assert_allclose(with_props, np.broadcast_to(0.25 + 0.5 * once, with_props.shape), atol=1 / 255)
 
 
 def test_new_props_make_pictures_and_sheets_anew_and_no_frame(tmp_path: Path) -> None:
@@ -81,12 +81,12 @@ def test_new_props_make_pictures_and_sheets_anew_and_no_frame(tmp_path: Path) ->
     frame = tmp_path / "out/gold/city/element.0001.exr"
     outputs = [frame.with_suffix(".png"), frame.with_name("element.sheet.png")]
     before, times = frame.read_bytes(), [path.stat().st_mtime_ns for path in outputs]
-    asked = len(case.requests(tmp_path))
+    requests = len(case.requests(tmp_path))
     run(tmp_path)
-    assert len(case.requests(tmp_path)) == asked
+    assert len(case.requests(tmp_path)) == requests
     assert [path.stat().st_mtime_ns for path in outputs] == times
     run(tmp_path, "others")
-    assert len(case.requests(tmp_path)) == asked + 3
+    assert len(case.requests(tmp_path)) == requests + 3
     assert frame.read_bytes() == before
     assert all(path.stat().st_mtime_ns > time for path, time in zip(outputs, times, strict=True))
 
@@ -116,7 +116,7 @@ def test_a_review_shows_props_and_what_is_wrong_with_them(tmp_path: Path) -> Non
     frame = reels["gold", "city", "element"].frames[0]
     assert frame.over == tmp_path / "out/charts/city/element.0001.exr"
     assert reels["charts", "city", "element"].frames[0].over is None
-    # Each picture of props once, under whichever of its names.
+    # Each picture of props is listed once, under one of its names.
     assert len(version.problems) == 3
     assert version.problems[0].endswith("charts/city/element.0001.exr: grey ball -50 %")
     pixels, alone = read_pixels(frame.file, frame.over), read_pixels(frame.file)
@@ -124,5 +124,5 @@ def test_a_review_shows_props_and_what_is_wrong_with_them(tmp_path: Path) -> Non
     np.testing.assert_allclose(pixels.beauty, 0.25 + 0.5 * 0.25)
     assert pixels.error is not None
     assert alone.error is not None
-    # Half of the frame's noise is seen, and all of that of the props.
+    # The pixel has half of the frame's noise and all of the props' noise.
     np.testing.assert_allclose(pixels.error, np.sqrt(1.25) * alone.error, rtol=1e-3)

@@ -1,4 +1,4 @@
-"""The manifest: what a run writes into it, and what its verification finds."""
+"""The manifest: its content after a run, and its verification."""
 
 import json
 import os
@@ -70,7 +70,7 @@ def test_a_run_that_changes_nothing_leaves_the_manifest_and_reads_no_file(
     assert (out / "manifest.json").stat().st_mtime_ns == before
     monkeypatch.undo()
     whole = (out / "manifest.json").read_bytes()
-    (out / ".lookdev" / "digests.json").write_text("{")  # spoilt: made again
+    (out / ".lookdev" / "digests.json").write_text("{")  # damaged: made again
     record_run(job, plan)
     assert (out / "manifest.json").read_bytes() == whole
 

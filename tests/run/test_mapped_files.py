@@ -1,4 +1,4 @@
-"""Jobs whose USD and MaterialX files name absolute paths, moved to another machine: rules of paths find these."""
+"""Jobs whose USD and MaterialX files have absolute paths, on another machine: path rules map these paths."""
 
 import json
 from pathlib import Path
@@ -43,7 +43,7 @@ def studio(tmp_path: Path) -> Path:
     return folder
 
 
-def planned(job: Path, rules: PathRules) -> tuple[list[str], set[Path]]:
+def plan_digests(job: Path, rules: PathRules) -> tuple[list[str], set[Path]]:
     """Return the digests of frames, and all files that the job reads."""
     with mapped_files(rules):
         prepared = plan_job(load_mapped_job(job, rules))
@@ -60,13 +60,14 @@ def rules(folder: Path, source: Path, target: Path) -> PathRules:
 def test_a_moved_job_finds_what_its_files_name_and_its_frames_are_the_same(
     studio: Path, tmp_path: Path, target: str
 ) -> None:
-    there, files = planned(studio / "job.toml", ())
+    digests, files = plan_digests(studio / "job.toml", ())
     assert {file.relative_to(studio).as_posix() for file in files} == {*FILES, "parts/color.png"}
     aside = studio.rename(tmp_path / "aside")
     (tmp_path / target).parent.mkdir(exist_ok=True)
     farm = aside.rename(tmp_path / target)
     moved = rules(tmp_path, studio, farm)
-    for _ in range(2):  # in one process, whose layers may still be open
-        assert planned(farm / "job.toml", moved) == (there, {farm / file.relative_to(studio) for file in files})
-    with pytest.raises(LookdevError, match=f"{studio}/parts/base.usda"):  # without rules, what is missing is named
+    for _ in range(2):  # twice in one process: layers may still be open
+        assert plan_digests(farm / "job.toml", moved) == (digests, {farm / file.relative_to(studio) for file in files})
+    # Without rules, the message names the missing file.
+    with pytest.raises(LookdevError, match=f"{studio}/parts/base.usda"):
         plan_job(load_mapped_job(farm / "job.toml", moved))

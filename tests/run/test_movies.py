@@ -1,4 +1,4 @@
-"""Movies of a batch: made when their frames are done, and again exactly when they would differ."""
+"""Movies of a batch: made when their frames are done, and made again only where they would differ."""
 
 import subprocess
 from pathlib import Path
@@ -12,7 +12,7 @@ from lookdev.errors import JobError
 av = pytest.importorskip("av")
 
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
-WANTED = "sheet = false\nmovie = true\nprores = true\nvp9 = true\ngrid = true\n"
+OUTPUTS = "sheet = false\nmovie = true\nprores = true\nvp9 = true\ngrid = true\n"
 SUFFIXES = (".mp4", ".mov", ".webm")
 KINDS = ("element", "lighting")
 NAMES = sorted(
@@ -21,7 +21,7 @@ NAMES = sorted(
 )
 
 
-def run(folder: Path, outputs: str = WANTED) -> dict[str, bytes]:
+def run(folder: Path, outputs: str = OUTPUTS) -> dict[str, bytes]:
     """Run a job of two looks, and return its movies."""
     case.run(folder, case.make_job(folder, case.TURNTABLES + TIN, case.RENDER + outputs))
     root = folder / "out"
@@ -71,8 +71,8 @@ def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path, first: di
     assert run(tmp_path) == first
     assert ages(tmp_path) == written
     assert not any(leftover.exists() for leftover in leftovers)
-    assert all(content != first[name] for name, content in run(tmp_path, WANTED + "fps = 12.0\n").items())
-    assert run(tmp_path, WANTED + "movie_turns = 2\n").keys() == first.keys()
+    assert all(content != first[name] for name, content in run(tmp_path, OUTPUTS + "fps = 12.0\n").items())
+    assert run(tmp_path, OUTPUTS + "movie_turns = 2\n").keys() == first.keys()
     assert frame_count(tmp_path / "out" / "gold" / "city" / "element.mov") == 8
     (tmp_path / "out" / "gold" / "city" / "element.0002.exr").unlink()
     assert run(tmp_path) == first  # the same pixels make the same bytes
@@ -82,7 +82,7 @@ def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path, first: di
     assert [name for name, age in ages(tmp_path).items() if age != written[name]] == ["tin/city/lighting.mov"]
 
 
-# Of both turntables, and of one.
+# The first frame is in both turntables, the second in one.
 @pytest.mark.parametrize("last", ["element_0001", pytest.param("lighting_0002", marks=pytest.mark.proof)])
 def test_an_interrupted_batch_ends_with_the_same_movies(
     tmp_path: Path, whole: tuple[Path, dict[str, bytes]], last: str
@@ -108,16 +108,16 @@ def test_a_movie_needs_pyav_and_options_need_a_movie(tmp_path: Path, monkeypatch
 
 def test_turns_double_no_frame_and_a_slate_precedes_them_once(tmp_path: Path) -> None:
     job = case.make_job(tmp_path, render=case.RENDER + "movie = true\nmovie_turns = 3\nslate = 0.5\n")
-    # Each pose is before another grey, so that frames differ.
+    # Each pose has another grey background, so that frames differ.
     case.run(tmp_path, job, behind=lambda task: np.full(3, 0.1 + task.pose.element / 500.0))
     with av.open(str(tmp_path / "out" / "gold" / "city" / "element.mp4")) as container:
         frames = [np.frombuffer(bytes(frame.planes[0]), np.uint8) for frame in container.decode(video=0)]
-    shown = [float(frame.reshape(6, -1)[:, :8].mean()) for frame in frames]
-    assert len(shown) == 12 + 3 * 4
-    # 0.25, and half of what is behind, as luma of 16 to 235 in the Raw view.
+    luma = [float(frame.reshape(6, -1)[:, :8].mean()) for frame in frames]
+    assert len(luma) == 12 + 3 * 4
+    # 0.25 plus half of the background, as luma from 16 to 235 in the Raw view.
     turn = [16.0 + 219.0 * (0.25 + 0.5 * (0.1 + angle / 500.0)) for angle in (0.0, 90.0, 180.0, 270.0)]
-    assert shown[12:] == pytest.approx(turn * 3, abs=2.0)
-    assert max(shown[:12]) < min(turn) - 10.0
+    assert luma[12:] == pytest.approx(turn * 3, abs=2.0)
+    assert max(luma[:12]) < min(turn) - 10.0
 
 
 def test_pictures_are_clean_unless_text_is_wanted(finished: Path) -> None:

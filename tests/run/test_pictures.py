@@ -1,4 +1,4 @@
-"""Pictures and sheets of a batch: shared by links, made when frames are done, and again only if they would differ."""
+"""Pictures and sheets: shared by links, made when frames are done, and made again only where they would differ."""
 
 import errno
 import os
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lookdev.build.wedges import WedgeSheet
-from lookdev.cache import share
+from lookdev.cache import link_or_copy
 from lookdev.output.sheet import write_sheet
 from lookdev.run.pictures import write_shared
 from lookdev.run.render import RunResult, run_plan
@@ -40,10 +40,10 @@ def test_files_are_shared_as_links_or_as_copies(tmp_path: Path, monkeypatch: pyt
     second.write_text("old")
     os.utime(first, ns=(10**18, 10**18))
     copy = tmp_path / "copy"
-    share(first, copy)
+    link_or_copy(first, copy)
     assert not first.samefile(copy)
     assert copy.read_text() == first.read_text()
-    assert copy.stat().st_mtime_ns == 10**18  # as a link would have it: pictures are compared by age
+    assert copy.stat().st_mtime_ns == 10**18  # as of a link: the age of pictures is compared
 
 
 @pytest.mark.parametrize("spoilt", ["", "{", "[]"])
@@ -75,7 +75,7 @@ def test_large_frames_are_averaged_for_the_sheet(finished: Path, monkeypatch: py
 
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> Written:
-    """Return what sheets are written: the end of the path, labels, the first pixel of each frame, title and columns."""
+    """Return the sheets that are written: end of path, labels, first pixel of each frame, title and columns."""
     sheets: Written = []
 
     def note(
@@ -92,7 +92,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> Written:
 def run(
     folder: Path, outputs: str, looks: tuple[str, ...] = ("tin", "copper"), wedges: tuple[WedgeSheet, ...] = ()
 ) -> RunResult:
-    """Run a job of gold and other looks, each before its own colour, with sheets of wedges."""
+    """Run a job of gold and other looks, each in front of a colour of its own, with sheets of wedges."""
     folder.mkdir(exist_ok=True)
     more = "".join(f'[[look]]\nname = "{name}"\nmaterial = "gold.usda"\n' for name in looks)
     job = case.make_job(folder, TURNTABLES + more, case.RENDER + outputs)
@@ -107,7 +107,7 @@ def run(
 
 
 def code_values(*looks: str) -> list[list[int]]:
-    """Return what is in a corner of each look's frames: 0.25 and half of what is behind, in the Raw view."""
+    """Return the corner pixel of each look's frames: 0.25 plus half of the background, in the Raw view."""
     return [[int((0.25 + 0.5 * value) * 255 + 0.5) for value in COLORS[look]] for look in looks]
 
 

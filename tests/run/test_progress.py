@@ -29,7 +29,7 @@ class Terminal(io.StringIO):
 
 
 class LogFile(io.StringIO):
-    """Counts what has reached the disk."""
+    """Counts the characters that are flushed."""
 
     flushed = 0
 
@@ -85,19 +85,19 @@ def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch, clock
             clock[0] += event.seconds if isinstance(event, events.FrameDone) else 0.0
             report(event)
         report(events.FrameProgressed("gold/city/element.0003", 16, 64, 3e-3))
-    shown = terminal.getvalue()
-    assert "\x1b[?25l" in shown  # the cursor is hidden while it lives
-    assert "\x1b[?25h" in shown
-    last = shown.rpartition("\x1b[2K")[2]
+    output = terminal.getvalue()
+    assert "\x1b[?25l" in output  # the display hides the cursor
+    assert "\x1b[?25h" in output
+    last = output.rpartition("\x1b[2K")[2]
     assert "gold/city/element.0003" in last
     assert "16/64 samples  relMSE 3.0e-03" in last
-    assert "4/5  left 0:00:20" in shown
-    assert "died [of SIGKILL]" in shown  # brackets are text, not markup
+    assert "4/5  left 0:00:20" in output
+    assert "died [of SIGKILL]" in output  # brackets are text, not markup
 
 
 def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(clock: list[float]) -> None:
     tally, left = Tally(), []
-    tally.take(events.RunStarted(total=10, pending=4))
+    tally.count(events.RunStarted(total=10, pending=4))
     assert tally.time_left() == ""
     # Two at once, of 15 s each: they overlap.
     for seconds, event in (
@@ -107,6 +107,6 @@ def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(cl
         (1.0, events.FrameDone("d", 15.0, 64, 0.0)),
     ):
         clock[0] += seconds
-        tally.take(event)
+        tally.count(event)
         left.append(tally.time_left())
     assert left == ["0:00:30", "0:00:12", "0:00:08", ""]

@@ -1,4 +1,4 @@
-"""Runs of a batch by a fake worker: what is rendered, tried again and made again, and what a killed one leaves."""
+"""Runs of a batch by a fake worker: frames are rendered, tried again and made again, and a killed run is resumed."""
 
 import os
 import re
@@ -83,7 +83,7 @@ def test_a_frame_has_its_origin_and_the_error_of_its_pixels_exposed_as_they_are(
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", header["time"])
     error = read_layer(task.files[0], "error")
     assert error is not None
-    np.testing.assert_array_equal(error, np.float32(0.125))  # of 0.25 and 0.75, a stop darker
+    np.testing.assert_array_equal(error, np.float32(0.125))  # the error of 0.25 and 0.75, one stop down
     assert read_layer(task.files[0], "raw") is None
 
 
@@ -103,10 +103,10 @@ def test_a_second_run_does_nothing_unless_all_is_rendered_again_by_force(finishe
     assert sheet.stat().st_ino != inode
 
 
-def altered(place_from_end: int) -> Callable[[bytes], bytes]:
+def altered(distance_from_end: int) -> Callable[[bytes], bytes]:
     def alter(content: bytes) -> bytes:
-        at = len(content) - place_from_end
-        return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+        index = len(content) - distance_from_end
+        return content[:index] + bytes([content[index] ^ 1]) + content[index + 1 :]
 
     return alter
 
@@ -123,7 +123,7 @@ PICTURES = ("element.0001.png", "element.sheet.png")
     [
         ("lighting.0002.exr", None),
         ("element.0003.exr", cut(-20)),
-        *(("element.0003.exr", altered(place_from_end)) for place_from_end in (1, 30, 300)),
+        *(("element.0003.exr", altered(distance)) for distance in (1, 30, 300)),
         ("lighting.0001.png", None),
         ("element.sheet.png", None),
         *((name, harm) for name in PICTURES for harm in (cut(0), cut(100), altered(20))),
@@ -303,7 +303,7 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
 
 def test_a_run_of_another_version_of_the_job_is_refused(tmp_path: Path, render_file: RenderFile) -> None:
     with Run(tmp_path / "out") as run:
-        run.renders("another plan")
+        run.announce_plan("another plan")
         with pytest.raises(OutputError, match=f"process {os.getpid()} on .* another version of this job"):
             render_file()
     assert render_file().exit_code == 0
@@ -358,9 +358,9 @@ def test_pictures_lie_over_the_given_background_and_a_doubtful_frame_is_kept_and
     events: list[Event] = []
     assert case.run(tmp_path, behind=lambda task: behind, report=events.append).exit_code == 0
     assert background_light("black")(case.make_plan(case.make_job(tmp_path)).frames[0].task).tolist() == [0, 0, 0]
-    shown = pixels(frames_folder(tmp_path) / "element.0002.png")
-    assert (shown[0] == 191).all()  # 0.25 + 0.5 * 1
-    assert (shown[1:] == 64).all()  # 0.25
+    picture = pixels(frames_folder(tmp_path) / "element.0002.png")
+    assert (picture[0] == 191).all()  # 0.25 + 0.5 * 1
+    assert (picture[1:] == 64).all()  # 0.25
     assert [event.text for event in of_kind(Noted, events)] == [
         "gold/city/element.0003: is empty: no part of the asset is in the picture"
     ]

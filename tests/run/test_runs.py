@@ -12,7 +12,7 @@ import pytest
 from lookdev.errors import OutputError
 from lookdev.run.runs import Run, RunInfo, Runs
 
-# Another process that is killed as it writes its file.
+# A program that is killed while it writes its file.
 HALF = """
 import os, sys
 from pathlib import Path
@@ -33,7 +33,7 @@ def state(out: Path) -> list[str]:
 def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
     with case.hold_frame(out, FRAME) as other, Run(out) as run:
-        assert [info.process for info in run.renders("plan")] == [other.pid]
+        assert [info.process for info in run.announce_plan("plan")] == [other.pid]
         assert not run.claim(FRAME)
         assert run.claim("gold/city/element.0002")
         other.communicate()
@@ -48,14 +48,14 @@ def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
     subprocess.run((sys.executable, "-c", HALF, str(tmp_path / ".lookdev/runs/0123456789abcdef")), check=False)
     assert len(state(tmp_path)) == 5
     with Run(tmp_path) as run:
-        assert run.renders("another plan") == []
+        assert run.announce_plan("another plan") == []
         assert run.claim(FRAME)
     assert state(tmp_path) == []
 
 
 @pytest.fixture
 def _short_lease(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let other processes show life six times a second, and count as dead here without a sign for half a second."""
+    """Let other processes have six heartbeats a second, and count as dead here after half a second without one."""
     monkeypatch.setenv("LOOKDEV_LEASE", "1")
     monkeypatch.setattr("lookdev.run.runs.lease", lambda: 0.5)
 
@@ -73,7 +73,7 @@ def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path) -> No
         other.send_signal(signal.SIGSTOP)
         case.wait_until(lambda: run.claim(FRAME))
         for failed in (OutputError("scratch-0: a frame cannot be written"), FileNotFoundError("scratch-0/frame.npz")):
-            # Its scratch files are gone, too: that it stood still is why they are.
+            # Its scratch files are gone, too, because it stood still.
             with pytest.raises(OutputError, match=r"stood still for more than 0\.5 s"), dead_for_others(tmp_path):
                 raise failed
         with pytest.raises(OutputError, match="disk full"), Run(tmp_path):
@@ -88,8 +88,8 @@ def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path) -> No
 def test_what_clocks_show_does_not_matter(tmp_path: Path, skew: int) -> None:
     with case.hold_frame(tmp_path, FRAME) as other, Run(tmp_path) as run:
         for file in (tmp_path / ".lookdev" / "runs").iterdir():
-            there = file.stat().st_mtime + skew
-            os.utime(file, (there, there))
+            skewed = file.stat().st_mtime + skew
+            os.utime(file, (skewed, skewed))
         assert not run.claim(FRAME)
         other.send_signal(signal.SIGSTOP)
         case.wait_until(lambda: run.claim(FRAME))
@@ -122,16 +122,16 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
     frames.mkdir()
     with Run(tmp_path / "other") as other:
         process = other.info.id[:8]
-    left = [folder / ".pictures.0123abcd-0a1b2c3d.json"]
-    left += [frames / f".element.0001.{name}" for name in ("77-0a1b2c3d.exr", "0123abcd-0a1b2c3d.png")]
+    leftovers = [folder / ".pictures.0123abcd-0a1b2c3d.json"]
+    leftovers += [frames / f".element.0001.{name}" for name in ("77-0a1b2c3d.exr", "0123abcd-0a1b2c3d.png")]
     intact = [folder / "pictures.json", frames / f".element.0001.{process}-0a1b2c3d.exr", frames / "element.0001.exr"]
     intact += [frames / name for name in (".element.0001.exr", ".notes.77-0a1b2c.txt", "element.77-0a1b2c3d.exr")]
-    for path in left + intact:
+    for path in leftovers + intact:
         path.touch()
     with Run(tmp_path) as run:
         assert not (folder / "scratch-abc").exists()
         run.remove_leftovers([folder, frames, tmp_path / "not_made_yet"])
-    assert not any(path.exists() for path in left)
+    assert not any(path.exists() for path in leftovers)
     assert all(path.exists() for path in intact)
 
 
@@ -145,10 +145,10 @@ def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
         def alive_late(self: Runs) -> list[RunInfo]:
             living = alive(self)
             if not joined:
-                # Another run joins just after the living were looked up, and begins to write.
+                # Another run joins just after the living runs were listed, and begins to write.
                 joined.append(Run(tmp_path))
                 stack.enter_context(joined[0])
-                stack.enter_context(joined[0].scratch())
+                stack.enter_context(joined[0].scratch_folder())
             return living
 
         monkeypatch.setattr(Runs, "alive", alive_late)
