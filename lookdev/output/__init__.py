@@ -1,4 +1,4 @@
-"""What a user gets: float EXR frames, and the files that are made of them, a record each in one registry."""
+"""The files that a job writes: float EXR frames, and a registry of the outputs that are made from them."""
 
 from typing import Annotated, Any
 
@@ -61,7 +61,7 @@ OUTPUTS: dict[str, Output] = {
         ),
     )
 }
-"""Every output but the EXR frames, by its name."""
+"""All outputs except the EXR frames, by name."""
 
 __all__ = [
     "OUTPUTS", "Frames", "Output", "composite", "laid_over", "read_frame", "read_header", "to_display", "write_frame",
