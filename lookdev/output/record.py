@@ -110,7 +110,7 @@ def write_picture(path: Path, frames: Frames) -> None:
 
 
 def _downscale(rgb: Floats32, largest: int) -> Floats32:
-    """Average whole blocks of pixels."""
+    """Return the averages of square blocks of pixels, without incomplete blocks at the right and the bottom."""
     height, width = rgb.shape[:2]
     block = min(max(height, width) // largest, height, width)
     if block < 2:

@@ -25,7 +25,7 @@ Frame = tuple[np.ndarray, np.ndarray]
 @pytest.fixture
 def frame() -> Frame:
     rng = np.random.default_rng(1)
-    beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # negative and huge values are kept too
+    beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # with negative and huge values
     return beauty, rng.random((30, 20)).astype(np.float32)
 
 

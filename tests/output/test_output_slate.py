@@ -23,7 +23,7 @@ def frame(path: Path, **changed: str) -> Path:
 
 
 class Line(NamedTuple):
-    """A line of text, as it is given to `write_text`."""
+    """The arguments of a call of `write_text`."""
 
     text: str
     x: int
@@ -47,7 +47,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[Line]:
 
 
 def check_rows(lines: list[Line], width: int) -> None:
-    """Check that texts side by side leave each other room, use what there is, and that rows do not overlap."""
+    """Check that texts in a row do not overlap and fill its width, and that rows do not overlap."""
     in_order = sorted(lines, key=attrgetter("baseline", "x"))
     rows = [list(row) for _, row in groupby(in_order, key=attrgetter("baseline"))]
     for row in rows:
