@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,18 +14,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lookdev.cache import atomic_path
 from lookdev.checks.finding import Finding, Picture, Plot, Series
 from lookdev.errors import replace_controls
-
-_STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
-table { border-collapse: collapse; width: 100%; }
-th, td { text-align: left; vertical-align: top; padding: .35rem .7rem .35rem 0; border-bottom: 1px solid #ddd; }
-.agrees { color: #186a3b; } .disagrees { color: #b03a2e; font-weight: bold; } .skipped { color: #666; }
-img { max-width: 100%; }
-pre { white-space: pre-wrap; overflow-wrap: anywhere; background: #f5f5f5; padding: .6rem; font-size: 12px; }
-"""
+from lookdev.html_page import write_html_page
 
 
 def print_findings(findings: Sequence[Finding], console: Console) -> None:
@@ -56,24 +45,10 @@ def verdict(findings: Sequence[Finding]) -> str:
 
 def write_html(findings: Sequence[Finding], file: Path, title: str) -> None:
     """Write an HTML page with all figures, worst cases and plots. It loads no files and runs no scripts."""
-    rows = "".join(
-        f'<tr><td>{_escape(finding.check)}</td><td><a href="#finding{number}">{_escape(finding.subject)}</a></td>'
-        f"<td>{_badge(finding)}</td><td>{_escape(_summary(finding))}</td></tr>\n"
-        for number, finding in enumerate(findings)
+    template = Path(__file__).with_suffix(".html")
+    write_html_page(
+        file, template, title, findings=findings, verdict=verdict, result=_result, summary=_summary, draw_svg=draw_svg
     )
-    page = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        # A browser loads nothing, whatever names and plots contain.
-        '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; img-src data:; '
-        "style-src 'unsafe-inline'\">\n"
-        f"<title>{_escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<h1>{_escape(title)}</h1>\n"
-        f"<p>{_escape(verdict(findings))}.</p>\n"
-        f"<table>\n<tr><th>check</th><th>of</th><th></th><th>figures</th></tr>\n{rows}</table>\n"
-        + "".join(_format_section(number, finding) for number, finding in enumerate(findings))
-        + "</body>\n</html>\n"
-    )
-    with atomic_path(file) as path:
-        path.write_text(page, encoding="utf-8")
 
 
 def _result(finding: Finding) -> str:
@@ -84,29 +59,6 @@ def _summary(finding: Finding) -> str:
     if not finding.skipped:
         return finding.summary
     return f"{finding.summary}; skipped: {finding.skipped}" if finding.summary else f"skipped: {finding.skipped}"
-
-
-def _escape(text: str) -> str:
-    return html.escape(replace_controls(text))
-
-
-def _badge(finding: Finding) -> str:
-    return f'<span class="{_result(finding).lower()}">{_result(finding)}</span>'
-
-
-def _format_section(number: int, finding: Finding) -> str:
-    parts = [
-        f'<h2 id="finding{number}">{_escape(finding.check)}: {_escape(finding.subject)}</h2>',
-        f"<p>{_badge(finding)}: {_escape(_summary(finding))}</p>",
-    ]
-    for plot in finding.plots:
-        image = base64.b64encode(draw_svg(plot)).decode("ascii")
-        parts.append(f'<p><img alt="{_escape(plot.title)}" src="data:image/svg+xml;base64,{image}"></p>')
-    if finding.details:
-        lines = "\n".join(map(_escape, finding.details))
-        open_attribute = "" if finding.passed else " open"
-        parts.append(f"<details{open_attribute}><summary>Worst cases</summary><pre>{lines}</pre></details>")
-    return "\n".join(parts) + "\n"
 
 
 def draw_svg(plot: Plot) -> bytes:

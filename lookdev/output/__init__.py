@@ -1,4 +1,4 @@
-"""What a user gets: float EXR frames, and the files that are made of them, a record each in one registry."""
+"""The files that a job writes: float EXR frames, and a registry of the outputs that are made from them."""
 
 from typing import Annotated, Any
 
@@ -10,13 +10,17 @@ from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Frames, Output, write_picture
 from lookdev.output.sheet import write_overview, write_sheet, write_turntable, write_wedge
 
-_COLUMNS = Field(default=None, description="Looks in a row of an overview; default: what fills a page of 16:10.")
+_COLUMNS = Field(default=None, description="Looks in a row of an overview; by default as many as fill a page of 16:10.")
 
 _FPS = Field(
-    default=24.0, description="Frames a second of movies; 23.976, 29.97 and 59.94 are 1000/1001 of whole ones."
+    default=24.0,
+    description="Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001.",
 )
-_TURNS = Field(default=1, description="How often a movie shows its turntable; no frame is doubled between.")
-_SLATE = Field(default=0.0, description="Seconds that a slate precedes each movie; 0: none.")
+_TURNS = Field(
+    default=1,
+    description="Number of times that a movie shows its turntable; no frame is doubled where it starts again.",
+)
+_SLATE = Field(default=0.0, description="Seconds of a slate before each movie; 0 for no slate.")
 _MOVIE: dict[str, Any] = {
     "options": {
         "fps": (Annotated[float, Field(ge=1.0, le=240.0)], _FPS),
@@ -61,7 +65,7 @@ OUTPUTS: dict[str, Output] = {
         ),
     )
 }
-"""Every output but the EXR frames, by its name."""
+"""All outputs except the EXR frames, by name."""
 
 __all__ = [
     "OUTPUTS", "Frames", "Output", "composite", "laid_over", "read_frame", "read_header", "to_display", "write_frame",

@@ -1,4 +1,4 @@
-"""How linear light is shown: a view of a display of an OpenColorIO config.
+"""Views: the transforms of OpenColorIO from linear light to code values of a display.
 
 The config is the one that ships (`lookdev.output.config`), a file, or one that is built into OpenColorIO.
 """
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
 SOURCE = OCIO_NAMES[REC709]
-"""The colour space in which views take light, by its name in OpenColorIO's built-in configs."""
+"""The colour space of the light that views take, by its name in OpenColorIO's built-in configs."""
 
 SHIPPED = NAME
 """The name of the config that ships."""
@@ -29,7 +29,7 @@ VIEWS: tuple[str, ...] = (NAME, "ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
 """The views of `DISPLAY` in the config that ships, the default first."""
 
 BUILT_IN = "ocio://"
-"""What comes before the name of a config that is built into OpenColorIO."""
+"""Prefix of the name of a config that is built into OpenColorIO."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class DisplayView:
     config
         `SHIPPED`, the path of a config, or ``ocio://`` and the name of one that is built into OpenColorIO.
     space
-        The config's name of linear Rec.709; "": OpenColorIO finds it by the interchange roles of the config.
+        The config's name of linear Rec.709; where "", OpenColorIO identifies it by the interchange roles of the config.
     """
 
     view: str = VIEWS[0]
@@ -49,28 +49,28 @@ class DisplayView:
 
     @cached_property
     def processor(self) -> ocio.CPUProcessor:
-        """The transform from linear Rec.709 to code values; raises OutputError where the config has none."""
+        """The transform from linear Rec.709 to code values; raises OutputError where the config does not have one."""
         return self.transform.getDefaultCPUProcessor()
 
     @property
     def transform(self) -> ocio.Processor:
-        """The same transform for any device; errors as `processor`."""
+        """The same transform, for any device; errors as `processor`."""
         return _processor(self)
 
     @property
     def digest(self) -> str:
-        """What the pictures in this view depend on: the operations of the transform, tables included."""
+        """A digest of the operations of the transform, tables included, on which pictures in this view depend."""
         if self._is_shipped:
             return ", ".join((hashlib.sha256(FILE.read_bytes()).hexdigest(), self.display, self.view))
         return str(self.processor.getCacheID())
 
     @property
     def _is_shipped(self) -> bool:
-        """Whether it is known without OpenColorIO, whose import takes 0.1 s."""
+        """Whether the view is one of `VIEWS` in the config that ships; saves the import of OpenColorIO, 0.1 s."""
         return self == DisplayView(self.view) and self.view in VIEWS
 
     def check(self) -> None:
-        """Raise OutputError where a picture cannot be shown so: a name is unknown, or the config is broken."""
+        """Raise OutputError where the view cannot be used: a name is unknown, or the config is broken."""
         if not self._is_shipped:
             _ = self.processor
 
@@ -79,7 +79,7 @@ class DisplayView:
 
 
 def default_display(config: str) -> str:
-    """Return the default display of a config; raises OutputError where it cannot be read."""
+    """Return the default display of a config; raises OutputError where the config cannot be read."""
     return DISPLAY if config == SHIPPED else str(_config(config).getDefaultDisplay())
 
 
@@ -87,13 +87,13 @@ def default_view(config: str, display: str) -> str:
     """Return the default view of a display; raises OutputError where there is no such display."""
     if (config, display) == (SHIPPED, DISPLAY):
         return VIEWS[0]
-    _known(config, "display", display, tuple(_config(config).getDisplays()))
+    _require_name(config, "display", display, tuple(_config(config).getDisplays()))
     return str(_config(config).getDefaultView(display))
 
 
 @lru_cache(maxsize=8)
 def _config(name: str) -> ocio.Config:
-    import PyOpenColorIO as ocio  # not at the top: most jobs write their first picture late
+    import PyOpenColorIO as ocio  # not at the top: most jobs do not write a picture until late
 
     try:
         if name.startswith(BUILT_IN):
@@ -101,48 +101,48 @@ def _config(name: str) -> ocio.Config:
         config = ocio.Config.CreateFromFile(str(FILE) if name == SHIPPED else name)
         config.validate()
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        known = ", ".join(BUILT_IN + each[0] for each in ocio.BuiltinConfigRegistry().getBuiltinConfigs())
+        known = ", ".join(BUILT_IN + entry[0] for entry in ocio.BuiltinConfigRegistry().getBuiltinConfigs())
         also = f"; built-in ones are {known}" if name.startswith(BUILT_IN) else ""
         raise OutputError(f"OpenColorIO cannot read the config {name}: {_first_line(error)}{also}") from error
     return config
 
 
 @lru_cache(maxsize=32)
-def _processor(wanted: DisplayView) -> ocio.Processor:
+def _processor(view: DisplayView) -> ocio.Processor:
     import PyOpenColorIO as ocio
 
-    config = _config(wanted.config)
-    _known(wanted.config, "display", wanted.display, tuple(config.getDisplays()))
-    _known(wanted.config, f"view of {wanted.display}", wanted.view, tuple(config.getViews(wanted.display)))
-    ends = (wanted.display, wanted.view, ocio.TRANSFORM_DIR_FORWARD)
+    config = _config(view.config)
+    _require_name(view.config, "display", view.display, tuple(config.getDisplays()))
+    _require_name(view.config, f"view of {view.display}", view.view, tuple(config.getViews(view.display)))
+    ends = (view.display, view.view, ocio.TRANSFORM_DIR_FORWARD)
     try:
-        if wanted.space:
-            if config.getColorSpace(wanted.space) is None:
-                _known(wanted.config, "colour space", wanted.space, tuple(config.getColorSpaceNames()))
-            return config.getProcessor(wanted.space, *ends)
-        if wanted.config == SHIPPED:
+        if view.space:
+            if config.getColorSpace(view.space) is None:
+                _require_name(view.config, "colour space", view.space, tuple(config.getColorSpaceNames()))
+            return config.getProcessor(view.space, *ends)
+        if view.config == SHIPPED:
             return config.getProcessor(SOURCE, *ends)
-        ours = ocio.Config.CreateFromBuiltinConfig(BASE)
-        name = ocio.Config.IdentifyBuiltinColorSpace(config, ours, SOURCE)
+        base = ocio.Config.CreateFromBuiltinConfig(BASE)
+        name = ocio.Config.IdentifyBuiltinColorSpace(config, base, SOURCE)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        if wanted.space or wanted.config == SHIPPED:
-            raise OutputError(f"{wanted.config}: cannot show '{wanted}': {_first_line(error)}") from error
+        if view.space or view.config == SHIPPED:
+            raise OutputError(f"{view.config}: cannot show '{view}': {_first_line(error)}") from error
         name = ""
     try:
         if name:
             return config.getProcessor(name, *ends)
-        return ocio.Config.GetProcessorFromConfigs(ours, SOURCE, config, *ends)
+        return ocio.Config.GetProcessorFromConfigs(base, SOURCE, config, *ends)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        why = _first_line(error)
+        reason = _first_line(error)
         hint = "" if name else "; name its colour space of linear Rec.709 by 'ocio_space'"
-        raise OutputError(f"{wanted.config}: cannot show '{wanted}': {why}{hint}") from error
+        raise OutputError(f"{view.config}: cannot show '{view}': {reason}{hint}") from error
 
 
-def _known(config: str, what: str, name: str, names: Sequence[str]) -> None:
+def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
-        hint, every = nearest_hint(name, names), f"known: {', '.join(names)}"
-        also = f"; {every}" if hint != every and len(names) <= 20 else ""
-        raise OutputError(f"{config} has no {what} called '{name}' ({hint}{also})")
+        hint, all_names = nearest_hint(name, names), f"known: {', '.join(names)}"
+        also = f"; {all_names}" if hint != all_names and len(names) <= 20 else ""
+        raise OutputError(f"{config} has no {kind} called '{name}' ({hint}{also})")
 
 
 def _first_line(error: Exception) -> str:

@@ -1,10 +1,11 @@
 """The OpenColorIO config that ships: ``python -m lookdev.output.config`` writes it.
 
 It is OpenColorIO's built-in ACES CG config with one more view, ``lookdev``, on every display of standard range, and as
-the default. The view is what Burley 2012, section 6.2, asks of a tone curve: it preserves colours for most of the
+the default. The view does what Burley 2012, section 6.2, demands of a tone curve: it preserves colours over most of the
 range of the display, and rolls off the top end while it preserves colour and contrast. Each colour is scaled in linear
-Rec.709, so that its hue and saturation stay exactly. The scale is that of a curve on its luminance, in units of the
-largest luminance that Rec.709 shows of this hue and saturation; that is the largest of R, G and B, the value V of HSV:
+Rec.709, so that its hue and saturation stay exactly the same. The scale follows from a curve on the luminance, in units
+of the largest luminance that Rec.709 shows of the colour's hue and saturation. In these units, luminance is the largest
+of R, G and B, the value V of HSV:
 
     f(V) = V                                   for V <= KNEE
     f(V) = KNEE + a ln(1 + (V - KNEE) / a)     above, with a such that f(WHITE) = 1
@@ -26,30 +27,30 @@ if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
 KNEE = 0.6
-"""V up to which a colour is shown as it is: code value 203 of 255 on an sRGB display."""
+"""V up to which the view leaves a colour unchanged: code value 203 of 255 on an sRGB display."""
 
 WHITE = 64.0
-"""V that is shown as the brightest of its hue and saturation: 6 stops above 1."""
+"""V from which a colour becomes the brightest of its hue and saturation: 6 stops above 1."""
 
 FILE = Path(__file__).with_name("data") / "lookdev.ocio"
 NAME = "lookdev"
 _SOURCE = OCIO_NAMES[REC709]
 _STANDARD_RANGE = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
-_BEYOND = 2.0  # above every hue and saturation: the curve leaves these channels alone
+_BEYOND = 2.0  # above every hue and saturation: the curve leaves these two channels unchanged
 
 
 def shoulder(knee: float = KNEE, white: float = WHITE) -> float:
-    """Return a, the scale of the logarithm of the curve, by bisection; ``0 < knee < 1 < white``."""
+    """Return a, the scale of the logarithm in the curve, by bisection; ``0 < knee < 1 < white``."""
     low, high = 1e-6, 1e6
     for _ in range(200):
         middle = math.sqrt(low * high)
         above = knee + middle * math.log1p((white - knee) / middle) > 1.0
         low, high = (low, middle) if above else (middle, high)
-    return round(low, 12)  # the same text on every machine
+    return round(low, 12)  # so that every machine writes the same text
 
 
 def make_config() -> ocio.Config:
-    """Return the config."""
+    """Return OpenColorIO's built-in config with the view ``lookdev`` added."""
     import PyOpenColorIO as ocio
 
     config = ocio.Config.CreateFromBuiltinConfig(BASE)
@@ -64,9 +65,9 @@ def make_config() -> ocio.Config:
     hsv = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV)
     rgb = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV, direction=ocio.TRANSFORM_DIR_INVERSE)
     # HSV would take the hue from a negative channel, which Rec.709 does not show.
-    shown = ocio.RangeTransform(minInValue=0.0, minOutValue=0.0)
+    non_negative = ocio.RangeTransform(minInValue=0.0, minOutValue=0.0)
     at_most_one = ocio.RangeTransform(maxInValue=1.0, maxOutValue=1.0)
-    steps = [to_rec709, shown, hsv, _curve(), at_most_one, rgb, from_rec709, plain]
+    steps = [to_rec709, non_negative, hsv, _curve(), at_most_one, rgb, from_rec709, plain]
     transform.setTransform(ocio.GroupTransform(steps), ocio.VIEWTRANSFORM_DIR_FROM_REFERENCE)
     config.addViewTransform(transform)
     config.addSharedView(NAME, NAME, "<USE_DISPLAY_NAME>")
@@ -79,7 +80,7 @@ def make_config() -> ocio.Config:
 
 
 def _curve() -> ocio.LogCameraTransform:
-    """Return f on the third channel, and the same curve with a knee that no value reaches on hue and saturation."""
+    """Return f on the third channel, V; on hue and saturation, its knee is a value that they never reach."""
     import PyOpenColorIO as ocio
 
     a = shoulder()

@@ -1,4 +1,4 @@
-"""From linear light to what a screen shows, as 8-bit PNG."""
+"""Conversion of linear light to code values of a display, and to 8-bit PNG."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from lookdev.output.color import DisplayView
 def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) uint8, rounded to nearest.
 
-    `view` is a view, or the name of one of the default display of the config that ships; its ``Raw`` only quantises.
-    Errors as `display_codes`.
+    `view` is a view, or the name of a view of the default display in the config that ships, whose ``Raw`` only
+    quantises. Errors as `display_codes`.
     """
-    return quantised(display_codes(rgb, view))
+    return quantise(display_codes(rgb, view))
 
 
 def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
@@ -28,14 +28,14 @@ def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
 
     Raises OutputError as `DisplayView.processor`, or for pixels that are not finite.
     """
-    seen = DisplayView(view) if isinstance(view, str) else view
-    shown = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
-    broken = np.argwhere(~np.isfinite(shown).all(axis=-1))
+    display_view = DisplayView(view) if isinstance(view, str) else view
+    codes = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
+    broken = np.argwhere(~np.isfinite(codes).all(axis=-1))
     if broken.size:
         row, column = broken[0]
         raise OutputError(f"{len(broken)} pixels are NaN or infinite, the first in row {row}, column {column}")
-    seen.processor.applyRGB(shown)
-    return np.clip(shown, 0.0, 1.0)
+    display_view.processor.applyRGB(codes)
+    return np.clip(codes, 0.0, 1.0)
 
 
 def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) -> Floats32:
@@ -50,37 +50,40 @@ def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) ->
     return np.concatenate([display_codes(straight, view), np.clip(coverage, 0.0, 1.0)], axis=-1)
 
 
-def quantised(codes: Floats32) -> Bytes:
+def quantise(codes: Floats32) -> Bytes:
     """Return code values in [0, 1] as 8 bits, rounded to nearest."""
     return (codes * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
 
 
 def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats32:
-    """Lay premultiplied beauty (H, W, 3) with alpha (H, W) over linear light (H, W, 3) or one colour (3,)."""
+    """Return premultiplied beauty (H, W, 3) with alpha (H, W) over linear light (H, W, 3) or one colour (3,)."""
     uncovered = 1.0 - np.asarray(alpha, dtype=np.float32)[..., None]
     return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
 
 
 def laid_over(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32]) -> tuple[Floats32, Floats32]:
-    """Lay one premultiplied picture (H, W, 3), with its alpha (H, W), over another."""
+    """Return the light (H, W, 3) and the alpha (H, W) of one premultiplied picture over another."""
     (light, alpha), (light_under, alpha_under) = over, under
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
 
 
 def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: DisplayView | str) -> None:
-    """Write linear light (H, W, 3) as a PNG, whole or not at all; raises OutputError as `to_display`, or on writing.
+    """Write linear light (H, W, 3) as a PNG, complete or not at all.
 
-    With `alpha` (H, W), `rgb` is premultiplied, and the picture is that of `straight_codes`: PNG stores unassociated
-    alpha. Without alpha, the picture is opaque.
+    With `alpha` (H, W), `rgb` is premultiplied, and the pixels are those of `straight_codes`, because PNG stores
+    unassociated alpha. Without alpha, the picture is opaque. Raises OutputError as `to_display` and `write_pixels`.
     """
     if alpha is None:
         write_pixels(path, to_display(rgb, view))
         return
-    write_pixels(path, quantised(straight_codes(rgb, alpha, view)))
+    write_pixels(path, quantise(straight_codes(rgb, alpha, view)))
 
 
 def write_pixels(path: Path, pixels: Bytes) -> None:
-    """Write (H, W, 3 or 4) sRGB-encoded pixels, alpha unassociated, as a PNG, whole or not at all, or OutputError."""
+    """Write sRGB-encoded pixels (H, W, 3 or 4) as a PNG, complete or not at all; alpha is unassociated.
+
+    Raises OutputError where the file cannot be written.
+    """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")

@@ -1,8 +1,8 @@
 """Frames as EXR: one part, scanlines, float32 R, G, B, A, and a header with the origin of the frame.
 
-Header entries are string attributes named ``lookdev:<key>``. Numbers are strings too, because OpenEXR's numbers of 32
-bits cannot hold a 64-bit seed or an error estimate exactly. ``lookdev:checksum`` is a CRC-32 of the file as it is on
-disk, but for these 8 digits: it takes a twentieth of the time of decoding the pixels.
+Header entries are string attributes named ``lookdev:<key>``. Numbers are strings, too, because OpenEXR's numbers of 32
+bits cannot store a 64-bit seed or an error estimate exactly. ``lookdev:checksum`` is a CRC-32 of all bytes of the file
+except its own 8 digits. To check it takes a twentieth of the time of decoding the pixels.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space
 PREFIX = "lookdev:"
 
 LARGEST = 1 << 28
-"""Pixels of a frame: 16384 x 16384."""
+"""Largest number of pixels of a frame: 16384 x 16384."""
 
-_ROWS_OF_A_BLOCK = 16  # of ZIP_COMPRESSION
+_ROWS_OF_A_BLOCK = 16  # with ZIP_COMPRESSION
 _CHECKSUM = (PREFIX + "checksum").encode()
 _NO_CHECKSUM = b"00000000"
-_STRIP = 1 << 20  # bytes read at once
+_STRIP = 1 << 20  # number of bytes to read at once
 _MAGIC = b"\x76\x2f\x31\x01"
-_HEAD = 1 << 14  # bytes in which a header usually ends
+_HEAD = 1 << 14  # number of bytes within which a header usually ends
 
 
 def write_frame(
@@ -50,43 +50,53 @@ def write_frame(
     attributes: Mapping[str, str] = MappingProxyType({}),
     space: Space = REC709,
 ) -> None:
-    """Write a frame, whole or not at all; makes folders.
+    """Write a frame, complete or not at all, and make its folders.
 
-    `beauty` is premultiplied radiance of a `space`, (H, W, 3), as are the other `layers` by their names; `alpha` is
-    coverage in [0, 1], (H, W). `planes` (H, W) are further channels by their names, `attributes` entries of the
-    header as they are. `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
-    the file cannot be written.
+    beauty, layers
+        Premultiplied radiance in `space`, (H, W, 3); `layers` has further pictures of this kind by name.
+    alpha
+        Coverage in [0, 1], (H, W).
+    header
+        Entries that `read_header` returns as strings.
+    planes
+        Further channels by name, (H, W).
+    attributes
+        Attributes of the EXR, written under their own names.
+
+    Raises OutputError where the shapes differ or the file cannot be written.
     """
     rgb, coverage = np.asarray(beauty, np.float32), np.asarray(alpha, np.float32)
     if rgb.shape != (*coverage.shape, 3) or coverage.ndim != 2:
         raise OutputError(f"{path}: beauty {rgb.shape} and alpha {coverage.shape} must be (H, W, 3) and (H, W)")
-    pictures = {"": rgb, **{f"{name}.": np.asarray(each, np.float32) for name, each in (layers or {}).items()}}
-    written = {
-        f"{k}{name}": np.ascontiguousarray(p[..., i]) for k, p in pictures.items() for i, name in enumerate("RGB")
+    pictures = {"": rgb, **{f"{name}.": np.asarray(layer, np.float32) for name, layer in (layers or {}).items()}}
+    channels = {
+        f"{prefix}{name}": np.ascontiguousarray(picture[..., index])
+        for prefix, picture in pictures.items()
+        for index, name in enumerate("RGB")
     }
-    written["A"] = np.ascontiguousarray(coverage)
-    written |= {name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
+    channels["A"] = np.ascontiguousarray(coverage)
+    channels |= {name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
     entries: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
     entries |= attributes
-    if space != REC709:  # that of an EXR without the attribute
+    if space != REC709:  # an EXR without the attribute has primaries of Rec.709
         entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
     try:
         with atomic_path(path) as temporary, from_memory(temporary) as name:
-            with OpenEXR.File(entries, written) as exr:
+            with OpenEXR.File(entries, channels) as exr:
                 exr.write(name)
             with Path(name).open("r+b") as stream:
-                _, place, _ = _Header.read(stream).places[_CHECKSUM]
-                checksum = _checksum(stream, place)
-                stream.seek(place)
+                _, offset, _ = _Header.read(stream).places[_CHECKSUM]
+                checksum = _checksum(stream, offset)
+                stream.seek(offset)
                 stream.write(checksum)
     except OSError as error:
         raise OutputError(f"{path}: cannot write the frame: {error.strerror}") from error
 
 
 def read_frame(path: Path) -> tuple[Floats32, Floats32]:
-    """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where it is damaged."""
+    """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where the file is damaged."""
     try:
         with open_image(path, OutputError, LARGEST) as image:
             names = list(image.spec().channelnames)
@@ -94,7 +104,7 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
                 raise OutputError(f"{path}: has channels {', '.join(names[:20])}")
             pixels = whole_image(image, path, range(len(names)), OutputError)
         with path.open("rb") as stream:
-            _check(path, stream, _Header.read(stream))
+            _verify_checksum(path, stream, _Header.read(stream))
     except (OutputError, OSError, ValueError, struct.error) as error:
         reason = str(error).removeprefix(f"{path}: ")
         raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {reason}") from error
@@ -103,14 +113,14 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
 
 
 def read_shown(path: Path) -> tuple[Floats32, Floats32]:
-    """Return beauty and alpha as `read_frame`, the light in linear Rec.709, in which views and pages take it."""
+    """Return beauty in linear Rec.709, the space that views and pages take, and alpha; otherwise as `read_frame`."""
     beauty, alpha = read_frame(path)
-    space = space_of(path)
+    space = frame_space(path)
     return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
 
 
-def space_of(path: Path) -> Space:
-    """Return the space of a frame that `read_frame` has read; raises OutputError for one that is not known."""
+def frame_space(path: Path) -> Space:
+    """Return the colour space of a frame that `read_frame` has read; raises OutputError where it is not known."""
     with open_image(path, OutputError, LARGEST) as image:
         name = image.spec().get_string_attribute(PREFIX + "space") or REC709
     if name not in OCIO_NAMES:
@@ -119,56 +129,57 @@ def space_of(path: Path) -> Space:
 
 
 def read_layer(path: Path, name: str) -> Floats32 | None:
-    """Return a layer (H, W, 3) of a frame, as given to `write_frame`; None where it has none of this name.
+    """Return a layer (H, W, 3) of a frame as `write_frame` got it; None where the frame has no layer of this name.
 
-    Only for a frame that `read_frame` has read: nothing is checked again. Raises OutputError where it cannot be read.
+    The checksum is not verified: `read_frame` must have read the file before. Raises OutputError where the layer cannot
+    be read.
     """
     with open_image(path, OutputError, LARGEST) as image:
         names = list(image.spec().channelnames)
-        wanted = [f"{name}.{channel}" for channel in "RGB"]
-        if not {*wanted} <= {*names}:
+        channels = [f"{name}.{channel}" for channel in "RGB"]
+        if not {*channels} <= {*names}:
             return None
         pixels = whole_image(image, path, range(len(names)), OutputError)
-    return np.ascontiguousarray(pixels[..., [names.index(each) for each in wanted]])
+    return np.ascontiguousarray(pixels[..., [names.index(channel) for channel in channels]])
 
 
 def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
-    """Return the header given to `write_frame`, as strings, without decoding pixels; empty for another EXR.
+    """Return the header that `write_frame` got, as strings, without decoding pixels; empty for another program's EXR.
 
-    It has the ``resolution`` of the pixels, "width x height", too. Raises OutputError where the header cannot be read,
-    or, if that is to be checked, the file was changed since it was written.
+    The key ``resolution`` is added: "width x height" in pixels. Raises OutputError where the header cannot be read, or
+    where `check` is set and the file was changed since it was written.
     """
     try:
         if not path.is_file():
             raise ValueError("not a file")
         with path.open("rb") as stream:
             header = _Header.read(stream)
-            own = header.strings(PREFIX)
-            if own:
+            entries = header.strings(PREFIX)
+            if entries:
                 left, top, right, bottom = struct.unpack("<4i", header.value(b"dataWindow"))
                 width, height = right - left + 1, bottom - top + 1
                 if check:
                     if not _has_all_rows(stream, header.end, height):
                         raise ValueError("its pixels are cut off")
-                    _check(path, stream, header)
-                own.pop("checksum", None)
-                own["resolution"] = f"{width} x {height}"
+                    _verify_checksum(path, stream, header)
+                entries.pop("checksum", None)
+                entries["resolution"] = f"{width} x {height}"
     except (ValueError, KeyError, OSError, struct.error) as error:
         raise OutputError(f"{path}: no readable EXR header: {error}") from error
-    return own
+    return entries
 
 
 @dataclass(frozen=True)
 class _Header:
     """The attributes of an EXR. Source: "OpenEXR File Layout"."""
 
-    data: bytes  # from the start of the file
-    places: dict[bytes, tuple[bytes, int, int]]  # by name: type, place and size of the value
+    data: bytes  # of the file, from its start
+    places: dict[bytes, tuple[bytes, int, int]]  # by name: type, offset and size of the value
     end: int
 
     @classmethod
     def read(cls, stream: BinaryIO) -> Self:
-        """Read the first header of a file; raises ValueError where it is none, or is cut off."""
+        """Read the first header of a file; raises ValueError where the file is not an EXR or its header is cut off."""
         size = _HEAD
         while True:
             stream.seek(0)
@@ -181,39 +192,39 @@ class _Header:
             size *= 4
 
     def value(self, name: bytes) -> bytes:
-        """Return the bytes of a value; raises KeyError where there is none of this name."""
-        _, place, size = self.places[name]
-        return self.data[place : place + size]
+        """Return the bytes of an attribute's value; raises KeyError where there is no attribute of this name."""
+        _, offset, size = self.places[name]
+        return self.data[offset : offset + size]
 
     def strings(self, prefix: str) -> dict[str, str]:
-        """Return the texts whose names begin with a prefix, by what follows it."""
+        """Return the strings whose names begin with a prefix, by their names without the prefix."""
         start = prefix.encode()
         return {
-            name[len(start) :].decode(): self.data[place : place + size].decode()
-            for name, (kind, place, size) in self.places.items()
+            name[len(start) :].decode(): self.data[offset : offset + size].decode()
+            for name, (kind, offset, size) in self.places.items()
             if kind == b"string" and name.startswith(start)
         }
 
 
 def _attributes(data: bytes) -> tuple[dict[bytes, tuple[bytes, int, int]], int]:
-    """Return type, place and size of each attribute of the first header of an EXR, and where it ends."""
+    """Return type, offset and size of each attribute in the first header of an EXR, and the offset of its end."""
     if data[:4] != _MAGIC:
         raise ValueError("not an EXR")
     places: dict[bytes, tuple[bytes, int, int]] = {}
-    at = 8
-    while data[at : at + 1] != b"\0":
-        name_end = data.index(b"\0", at)
+    start = 8
+    while data[start : start + 1] != b"\0":
+        name_end = data.index(b"\0", start)
         kind_end = data.index(b"\0", name_end + 1)
         (size,) = struct.unpack_from("<I", data, kind_end + 1)
-        places[data[at:name_end]] = data[name_end + 1 : kind_end], kind_end + 5, size
-        at = kind_end + 5 + size
-        if at >= len(data):
+        places[data[start:name_end]] = data[name_end + 1 : kind_end], kind_end + 5, size
+        start = kind_end + 5 + size
+        if start >= len(data):
             raise ValueError("its header is cut off")
-    return places, at + 1
+    return places, start + 1
 
 
 def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
-    """Return whether a file that `write_frame` wrote has its last block of rows; its header has an end."""
+    """Return whether a file by `write_frame` has its last block of rows; `end` is the offset of the header's end."""
     blocks = -(-height // _ROWS_OF_A_BLOCK)
     stream.seek(end)
     start = max(struct.unpack(f"<{blocks}Q", stream.read(8 * blocks)))
@@ -222,19 +233,19 @@ def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
     return bool(start) and start + 8 + size <= os.fstat(stream.fileno()).st_size
 
 
-def _check(path: Path, stream: BinaryIO, header: _Header) -> None:
-    """Raise OutputError where a file differs from what was written; one of an earlier version has no checksum."""
+def _verify_checksum(path: Path, stream: BinaryIO, header: _Header) -> None:
+    """Raise OutputError where a file was changed since it was written; a file of an earlier version has no checksum."""
     if _CHECKSUM in header.places:
         expected = _checksum(stream, header.places[_CHECKSUM][1])
         if header.value(_CHECKSUM) != expected:
             raise OutputError(f"{path}: it was changed since it was written: its checksum differs")
 
 
-def _checksum(stream: BinaryIO, place: int) -> bytes:
-    """Return the checksum of a file, but for what is at the place of the checksum itself, as 8 digits."""
+def _checksum(stream: BinaryIO, offset: int) -> bytes:
+    """Return the checksum of a file as 8 digits; it leaves out the digits of the stored checksum at `offset`."""
     stream.seek(0)
-    checksum = zlib.crc32(stream.read(place))
+    checksum = zlib.crc32(stream.read(offset))
     stream.seek(len(_NO_CHECKSUM), os.SEEK_CUR)
-    while part := stream.read(_STRIP):
-        checksum = zlib.crc32(part, checksum)
+    while strip := stream.read(_STRIP):
+        checksum = zlib.crc32(strip, checksum)
     return b"%08x" % checksum

@@ -28,7 +28,7 @@ class FrameName:
 
     @property
     def digits(self) -> str:
-        """The number as it is in the name."""
+        """The number with at least four digits, as in the name."""
         return f"{self.number:04d}"
 
     @property
@@ -42,7 +42,7 @@ class FrameName:
 
     @classmethod
     def of(cls, file: Path) -> Self:
-        """Return the name of the frame in an EXR; raises ValueError where no frame has such a file."""
+        """Return the name of the frame with this EXR; raises ValueError where the path is not that of a frame."""
         name = _FILE_NAME.fullmatch(file.name)
         if name is None or len(file.parts) < 3:
             raise ValueError(f"{file} is not a frame, {FRAME_PATTERN}.exr")
@@ -51,7 +51,7 @@ class FrameName:
 
 
 def frame_files(output: Path) -> Iterator[tuple[FrameName, Path]]:
-    """Yield the name and the EXR of each frame in an output folder, by the order of their paths."""
+    """Yield the name and the EXR of each frame in an output folder, sorted by path."""
     for file in sorted(output.glob("*/*/*.exr")):
         if _FILE_NAME.fullmatch(file.name):
             yield FrameName.of(file), file

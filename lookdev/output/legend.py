@@ -25,7 +25,7 @@ def write_legend(
     entries: Sequence[tuple[str, tuple[float, float, float]]],
     view: DisplayView | str,
 ) -> None:
-    """Write a picture (H, W, 3) as PNG, a list of names with their linear colours on its right.
+    """Write a picture (H, W, 3) as PNG, with a list of names and their linear colours on its right.
 
     Raises OutputError where the file cannot be written.
     """

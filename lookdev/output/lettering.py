@@ -7,22 +7,25 @@ import OpenImageIO as oiio
 from lookdev.errors import OutputError, replace_controls
 
 FONT = "DroidSans"
-"""Ships with OpenImageIO, under the Apache License 2.0."""
+"""A font that ships with OpenImageIO, under the Apache License 2.0."""
 
 
 def text_width(text: str, size: int) -> int:
-    """Return the width of a line of text, pixels."""
+    """Return the width of a line of text in pixels."""
     width: int = oiio.ImageBufAlgo.text_size(replace_controls(text), size, FONT).width
     return width
 
 
 def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
-    """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
+    """Write one line of text, at most `room` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
+
+    Longer text is shortened in its middle, because names of looks often differ at their end.
+    """
     text = replace_controls(text)
-    shown, kept = text, len(text)
-    while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
-        kept -= 1
-        shown = f"{text[: (kept + 1) // 2]}…{text[len(text) - kept // 2 :]}" if kept > 0 else ""
+    line, count = text, len(text)
+    while line and oiio.ImageBufAlgo.text_size(line, size, FONT).width > room:
+        count -= 1
+        line = f"{text[: (count + 1) // 2]}…{text[len(text) - count // 2 :]}" if count > 0 else ""
     color = (ink / 255.0,) * 3
-    if shown and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, shown, size, FONT, color):
+    if line and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, line, size, FONT, color):
         raise OutputError(f"cannot write '{text}' on a picture: {canvas.geterror().strip()}")

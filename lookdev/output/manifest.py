@@ -1,12 +1,12 @@
-"""``manifest.json``: what a job's output consists of and what it was made of, each file by its SHA-256.
+"""``manifest.json``: the files of a job's output, and the inputs of its render, each with its SHA-256.
 
-It is one JSON document:
+The manifest is one JSON document:
 
     format, job, command, versions, view, settings, inputs, planned, frames, pictures
 
 ``inputs`` are ``{file, sha256}`` with absolute paths; ``frames`` and ``pictures`` have paths relative to the manifest's
-folder. A frame has its ``header`` too, and the ``command`` that makes it again. ``planned`` is the number of files of
-frames that the job has: a run that was interrupted lists fewer.
+folder. A frame also has its ``header``, and the ``command`` that renders it again. ``planned`` is the job's number of
+files of frames: the manifest of an interrupted run lists fewer.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lookdev.text import TextError, parse_json, read_text
 NAME = "manifest.json"
 FORMAT = 1
 STATE_FOLDER = ".lookdev"
-"""Folder inside the output for runs, claims, logs, ledgers and scratch files."""
+"""Folder inside the output for runs, claims, logs, ledgers and temporary files."""
 
 State = Literal["missing", "changed", "unlisted"]
 _LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit
@@ -34,7 +34,7 @@ _LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit
 
 @dataclass(frozen=True)
 class Deviation:
-    """A file that is not as a manifest lists it; `unlisted`: an EXR in the output that no entry names."""
+    """A file that differs from its entry in a manifest; ``unlisted`` is an EXR in the output without an entry."""
 
     file: Path
     state: State
@@ -42,7 +42,7 @@ class Deviation:
 
     @property
     def fails(self) -> bool:
-        """Whether the manifest is wrong because of it."""
+        """Whether the deviation makes the manifest wrong."""
         return self.state != "unlisted"
 
     def __str__(self) -> str:
@@ -50,9 +50,9 @@ class Deviation:
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
-    """Write the manifest of an output folder, whole or not at all, and return its path.
+    """Write the manifest of an output folder, complete or not at all, and return its path.
 
-    Its time is kept where it is as it was. Lists may be iterators: their entries are written one after the other.
+    A file with the same content keeps its time. Lists may be iterators, whose entries are written one after the other.
     """
     path = folder / NAME
     with atomic_path(path) as temporary:
@@ -64,14 +64,14 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
 
 
 def _lines(manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a manifest as text, each entry of its lists on a line of its own: with an indent, json is far slower."""
+    """Yield the text of a manifest with one line for each entry of a list; json with an indent is far slower."""
     yield "{"
     for number, (key, value) in enumerate(manifest.items()):
         yield f"{',' if number else ''}\n {json.dumps(key)}: "
         if isinstance(value, (list, Iterator)):
             yield "["
-            for place, entry in enumerate(value):
-                yield f"{',' if place else ''}\n  {json.dumps(entry)}"
+            for index, entry in enumerate(value):
+                yield f"{',' if index else ''}\n  {json.dumps(entry)}"
             yield "\n ]"
         else:
             yield json.dumps(value)
@@ -79,19 +79,19 @@ def _lines(manifest: Mapping[str, Any]) -> Iterator[str]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest of an output folder; raises OutputError where there is none, or it is damaged."""
+    """Return the manifest of an output folder; raises OutputError where it is missing or damaged."""
     path = folder / NAME
     try:
-        found = parse_json(read_text(path, _LARGEST), path)
+        manifest = parse_json(read_text(path, _LARGEST), path)
     except TextError as error:
         raise OutputError(f"{error}; 'lookdev render' of the job writes the manifest of its output") from error
-    if not isinstance(found, dict) or found.get("format") != FORMAT or not _is_complete(found):
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT or not _is_complete(manifest):
         raise OutputError(f"{path}: is not a manifest of format {FORMAT}; 'lookdev render' of the job makes it again")
-    return found
+    return manifest
 
 
 def deviations(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Deviation]:
-    """Yield what is missing, changed or not listed in an output folder, and inputs that are missing or changed."""
+    """Yield the missing, changed and unlisted files of an output folder, and the missing and changed inputs."""
     listed = set()
     for kind in ("frame", "picture", "input"):
         for entry in manifest[f"{kind}s"]:
@@ -110,10 +110,8 @@ def deviations(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Deviation]
 
 def _is_complete(manifest: Mapping[str, Any]) -> bool:
     lists: Sequence[Any] = [manifest.get(key) for key in ("frames", "pictures", "inputs")]
-    return all(
-        isinstance(each, list)
-        and all(
-            isinstance(e, dict) and isinstance(e.get("file"), str) and isinstance(e.get("sha256"), str) for e in each
-        )
-        for each in lists
-    )
+    return all(isinstance(entries, list) and all(map(_is_file_entry, entries)) for entries in lists)
+
+
+def _is_file_entry(entry: Any) -> bool:
+    return isinstance(entry, dict) and isinstance(entry.get("file"), str) and isinstance(entry.get("sha256"), str)

@@ -1,9 +1,9 @@
 """Movies of turntables by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
 
 Pictures become Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded once. Where
-chroma is halved it is sited as H.264 and VP9 assume it: on the left column, between two rows. A frame of an odd size is
-padded by its last column or row there. Encoders run with a fixed number of threads, and containers carry no time and no
-random number, so that the same frames make the same bytes.
+chroma is halved, it is sited as H.264 and VP9 assume it: on the left column, between two rows. There, a frame of an odd
+size is padded by its last column or row. Encoders run with a fixed number of threads, and containers have no time and
+no random number, so that the same frames give the same bytes.
 """
 
 from __future__ import annotations
@@ -23,17 +23,20 @@ from lookdev.cache import atomic_path
 from lookdev.errors import OutputError
 from lookdev.output.record import Frames
 from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
-from lookdev.output.slate import slate
+from lookdev.output.slate import draw_slate
 
 _KR, _KB = 0.2126, 0.0722  # BT.709-6, item 3.2
 _BT709, _LIMITED = 1, 1  # ITU-T H.273: primaries, transfer and matrix alike; FFmpeg's number of the range
 _THREADS = 4
-_PAGE_WIDTH = 1920  # pixels, about, of looks in step
+_PAGE_WIDTH = 1920  # pixels, about, of a page of looks in step
 
 
 @dataclass(frozen=True)
 class Codec:
-    """How a movie is encoded: FFmpeg's names; `bits` of a sample, and whether chroma is halved in both directions."""
+    """Encoding of a movie by FFmpeg's names.
+
+    `bits` is the number of bits of a sample, `halved` whether chroma is halved in both directions.
+    """
 
     encoder: str
     container: str
@@ -70,53 +73,53 @@ def write_vp9(path: Path, frames: Frames) -> None:
 
 
 def write_grid(path: Path, frames: Frames) -> None:
-    """Write all looks in step, side by side with their names, as H.264; the files are in the order of time."""
-    _write(path, frames, _pages(frames), H264)
+    """Write all looks in step, side by side with their names, as H.264; the frames are in the order of time."""
+    _write(path, frames, _grid_pages(frames), H264)
 
 
 def _write(path: Path, frames: Frames, pictures: Iterable[Floats32], codec: Codec) -> None:
     rate, options = frame_rate(frames.options["fps"]), frames.options
-    write_movie(path, _with_slate(frames, pictures, round(options["slate"] * rate)), codec, rate)
+    write_movie(path, _movie_pictures(frames, pictures, round(options["slate"] * rate)), codec, rate)
 
 
-def _with_slate(frames: Frames, pictures: Iterable[Floats32], held: int) -> Iterator[Floats32]:
-    """Yield a slate for so many frames, and then the pictures as often as they are wanted."""
+def _movie_pictures(frames: Frames, pictures: Iterable[Floats32], slate_frames: int) -> Iterator[Floats32]:
+    """Yield the slate `slate_frames` times, and then the pictures as often as the option ``movie_turns`` says."""
     turns = frames.options["movie_turns"]
-    shown: list[Floats32] = []
+    turn: list[Floats32] = []
     for number, picture in enumerate(pictures):
-        if number == 0 and held:
+        if number == 0 and slate_frames:
             (height, width, channels), view = picture.shape, frames.options["view"]
-            page = slate(frames.files, frames.title, view, frames.options["fps"], (height, width), channels)
-            yield from repeat(page, held)
+            page = draw_slate(frames.files, frames.title, view, frames.options["fps"], (height, width), channels)
+            yield from repeat(page, slate_frames)
         yield picture
         if turns > 1:
-            shown.append(picture)
+            turn.append(picture)
     for _ in range(turns - 1):
-        yield from shown
+        yield from turn
 
 
-def _pages(frames: Frames) -> Iterator[Floats32]:
+def _grid_pages(frames: Frames) -> Iterator[Floats32]:
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
     most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
-    while shown := list(islice(cells, looks)):
-        cell = min(max(OVERVIEW_CELLS[0], *(side for each in shown for side in each.shape[:2])), most)
-        yield sheet_page(shown, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
+    while pictures := list(islice(cells, looks)):
+        cell = min(max(OVERVIEW_CELLS[0], *(side for picture in pictures for side in picture.shape[:2])), most)
+        yield sheet_page(pictures, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
 
 
 def frame_rate(fps: float) -> Fraction:
-    """Return the rate of frames that is meant: 23.976, 29.97 and 59.94 are 24, 30 and 60 times 1000/1001."""
+    """Return the exact rate of frames: 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."""
     ntsc = Fraction(round(fps * 1.001) * 1000, 1001)
     return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
 
 
 def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fraction) -> None:
-    """Write a movie, whole or not at all.
+    """Write a movie, complete or not at all.
 
     `pictures` are code values of a display in [0, 1], (H, W, 3), or (H, W, 4) with straight alpha where the codec has
-    it. Raises OutputError where the file cannot be written.
+    alpha. Raises OutputError where the file cannot be written.
     """
-    import av  # takes 0.1 s, and is an extra
+    import av  # not at the top: it takes 0.1 s, and is an extra
 
     try:
         with (
@@ -138,7 +141,7 @@ def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fr
                 frame.pts, frame.time_base = number, 1 / rate
                 frame.colorspace, frame.color_range = _BT709, _LIMITED
                 for plane, values in zip(frame.planes, planes, strict=True):
-                    plane.update(_rows(values, plane.line_size))
+                    plane.update(_pad_rows(values, plane.line_size))
                 container.mux(stream.encode(frame))
             if stream is not None:
                 container.mux(stream.encode(None))
@@ -147,7 +150,7 @@ def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fr
 
 
 def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16]]:
-    """Return Y', Cb, Cr, and alpha where the codec has it, of code values (H, W, 3 or 4) in [0, 1]."""
+    """Return the planes Y', Cb, Cr, and alpha where the codec has it, from code values (H, W, 3 or 4) in [0, 1]."""
     if codec.halved:
         height, width = picture.shape[:2]
         picture = np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
@@ -155,25 +158,25 @@ def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16
     luma = np.float32(_KR) * red + np.float32(1.0 - _KR - _KB) * green + np.float32(_KB) * blue
     chroma = [(blue - luma) / np.float32(2.0 - 2.0 * _KB), (red - luma) / np.float32(2.0 - 2.0 * _KR)]
     if codec.halved:
-        chroma = [_halved(each) for each in chroma]
+        chroma = [_halve_chroma(plane) for plane in chroma]
     unit = 2.0 ** (codec.bits - 8)
-    planes = [(219.0 * luma + 16.0) * unit, *((224.0 * each + 128.0) * unit for each in chroma)]
+    planes = [(219.0 * luma + 16.0) * unit, *((224.0 * plane + 128.0) * unit for plane in chroma)]
     if codec.alpha:
         planes.append(picture[..., 3] * (2.0**codec.bits - 1.0))
-    kind = np.uint8 if codec.bits == 8 else np.uint16
-    return [np.floor(plane + 0.5).astype(kind) for plane in planes]
+    dtype = np.uint8 if codec.bits == 8 else np.uint16
+    return [np.floor(plane + 0.5).astype(dtype) for plane in planes]
 
 
-def _halved(chroma: Floats32) -> Floats32:
-    """Return every other column, weighed 1 2 1 with its neighbours, and the means of two rows."""
+def _halve_chroma(chroma: Floats32) -> Floats32:
+    """Return every other column, weighted 1 2 1 with its neighbours, averaged over pairs of rows."""
     padded = np.pad(chroma, ((0, 0), (1, 0)), mode="edge")
     columns = (padded[:, :-1:2] + 2.0 * padded[:, 1::2] + padded[:, 2::2]) / 4.0
     halved: Floats32 = (columns[::2] + columns[1::2]) / 2.0
     return halved
 
 
-def _rows(plane: Bytes | NDArray[np.uint16], line_size: int) -> bytes:
-    """Return a plane whose rows begin every so many bytes."""
+def _pad_rows(plane: Bytes | NDArray[np.uint16], line_size: int) -> bytes:
+    """Return the bytes of a plane, each row padded with zeros to `line_size` bytes."""
     rows = np.zeros((len(plane), line_size), np.uint8)
     data = plane.view(np.uint8).reshape(len(plane), -1)
     rows[:, : data.shape[1]] = data

@@ -1,6 +1,6 @@
-"""What an output is: which finished frames one of its files is made of, and the function that writes it.
+"""The description of an output: the finished frames that go into one of its files, and the function that writes it.
 
-An output is an `Output` in `lookdev.output.OUTPUTS`: job files, plans and runs follow that registry.
+The outputs are the `Output` entries of `lookdev.output.OUTPUTS`: job files, plans and runs follow that registry.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from typing import Any, Literal
 import numpy as np
 
 from lookdev.arrays import Bytes, Floats32
-from lookdev.output.display import display_codes, quantised, straight_codes, write_pixels
-from lookdev.output.slate import burned_in
+from lookdev.output.display import display_codes, quantise, straight_codes, write_pixels
+from lookdev.output.slate import burn_in
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The finished frames that one file is made of, in their order, at least one.
+    """The finished frames that go into one file, in their order, at least one.
 
     files, labels
-        Their EXRs, and a short label of each.
+        The EXRs of the frames, and a short label of each.
     title
-        What they show.
+        A name of the contents of the frames.
     options
-        The ``view``, a `DisplayView`, ``burn_in`` where it is wanted, and the values of the output's own keys.
+        The ``view``, a `DisplayView`; ``burn_in``, whether frames have text; the values of the output's own keys.
     light
-        From one of the files to linear light over the background, (H, W, 3).
+        Function from one of the files to linear light over the background, (H, W, 3).
     layers
-        From one of the files to premultiplied light (H, W, 3) and alpha (H, W).
+        Function from one of the files to premultiplied light (H, W, 3) and alpha (H, W).
     columns
-        How many of them stand in a row, where what they show decides it.
+        Number of frames in a row, where their contents decide it, as those of a wedge do.
     """
 
     files: tuple[Path, ...]
@@ -46,49 +46,51 @@ class Frames:
     def pictures(self, largest: int | None = None) -> Iterator[Bytes]:
         """Yield each frame as display pixels in the view, (H, W, 3) uint8.
 
-        The longer side is averaged down to less than twice `largest`, so that a page of many fits into memory.
+        Blocks of pixels are averaged until the longer side is less than twice `largest`, so that a page of many frames
+        fits into memory.
         """
         for number, file in enumerate(self.files):
             rgb = self.light(file)
-            codes = display_codes(rgb if largest is None else _shrunk(rgb, largest), self.options["view"])
-            yield quantised(self._burned(codes, number))
+            codes = display_codes(rgb if largest is None else _downscale(rgb, largest), self.options["view"])
+            yield quantise(self._add_burn_in(codes, number))
 
     def codes(self, *, alpha: bool = False) -> Iterator[Floats32]:
-        """Yield each frame as code values in the view, (H, W, 3) in [0, 1]; with straight `alpha`, (H, W, 4)."""
+        """Yield code values in [0, 1] of each frame in the view: (H, W, 3), or (H, W, 4) with straight `alpha`."""
         view = self.options["view"]
         for number, file in enumerate(self.files):
             codes = straight_codes(*self.layers(file), view) if alpha else display_codes(self.light(file), view)
-            yield self._burned(codes, number)
+            yield self._add_burn_in(codes, number)
 
-    def _burned(self, codes: Floats32, number: int) -> Floats32:
+    def _add_burn_in(self, codes: Floats32, number: int) -> Floats32:
         if not self.options.get("burn_in"):
             return codes
-        return burned_in(codes, self.files[number], self.title, self.labels[number], self.options["view"])
+        return burn_in(codes, self.files[number], self.title, self.labels[number], self.options["view"])
 
 
 @dataclass(frozen=True)
 class Output:
-    """A kind of file that is written of finished frames.
+    """A kind of file that is made from finished frames.
 
     Parameters
     ----------
     name, help
-        The key of ``[outputs]`` that turns it on, and what it writes.
+        The key of ``[outputs]`` that turns the output on, and a sentence about the file.
     of
-        What one file is made of: a frame; the frames of a turntable; a light's looks, the first frame of each; these
-        looks in step, all frames of each, in the order of time; or the cells of a wedge, the first frame of each.
+        The frames that go into one file: "frame": a single frame; "turntable": the frames of a turntable; "looks": the
+        first frame of each look under a light; "step": all frames of these looks in step, in the order of time;
+        "wedge": the first frame of each cell of a wedge.
     suffix
-        What follows the name of the frame, or of the turntable, in the name of the file.
+        End of the file name, after the name of the frame or of the turntable.
     write
-        Writes the file, whole or not at all, or raises OutputError.
+        Function that writes the file, complete or not at all, or raises OutputError.
     default
-        Whether it is on without its key.
+        Whether the output is on where a job does not have its key.
     options
-        Further keys of ``[outputs]``, each with its type and its pydantic field; outputs may share one.
+        Further keys of ``[outputs]``, each with its type and its pydantic field; outputs may share a key.
     extra
-        The extra of this package that it needs, and the module that shows whether it is installed.
+        The extra of this package that the output needs, and the module whose presence shows that it is installed.
     burns
-        Whether text can be burned into its frames.
+        Whether text can be burned into the frames.
     """
 
     name: str
@@ -107,8 +109,8 @@ def write_picture(path: Path, frames: Frames) -> None:
     write_pixels(path, *frames.pictures())
 
 
-def _shrunk(rgb: Floats32, largest: int) -> Floats32:
-    """Average whole blocks of pixels."""
+def _downscale(rgb: Floats32, largest: int) -> Floats32:
+    """Return the averages of square blocks of pixels, without incomplete blocks at the right and the bottom."""
     height, width = rgb.shape[:2]
     block = min(max(height, width) // largest, height, width)
     if block < 2:

@@ -19,13 +19,13 @@ PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190
 TITLE_INK = 235
 PAGE_ASPECT = 1.6
-SRGB_GAMMA = 2.2  # near enough to sRGB for averaging pixels
+SRGB_GAMMA = 2.2  # close enough to the sRGB curve to average pixels
 
 SOURCE_SIZE = 512
-"""Pixels. Larger frames are averaged down before a sheet shows them."""
+"""Longer side in pixels, about, to which larger frames are averaged down before they go on a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Pixels, smallest and largest: small frames are not blown up more than the names under them need."""
+"""Smallest and largest cell in pixels: small frames are enlarged only as far as the names below them need."""
 
 
 def write_turntable(path: Path, frames: Frames) -> None:
@@ -35,9 +35,9 @@ def write_turntable(path: Path, frames: Frames) -> None:
 
 def write_overview(path: Path, frames: Frames) -> None:
     """Write the sheet of looks side by side; errors are those of `write_sheet`."""
-    shown, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
-    cell = min(max(least, *(side for each in shown for side in each.shape[:2])), most)
-    write_sheet(path, shown, frames.labels, frames.title, frames.options["overview_columns"], cell)
+    pictures, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
+    cell = min(max(least, *(side for picture in pictures for side in picture.shape[:2])), most)
+    write_sheet(path, pictures, frames.labels, frames.title, frames.options["overview_columns"], cell)
 
 
 def write_wedge(path: Path, frames: Frames) -> None:
@@ -48,7 +48,7 @@ def write_wedge(path: Path, frames: Frames) -> None:
 def write_sheet(
     path: Path, frames: Sequence[Bytes], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
-    """Write a `sheet_page` as PNG, whole or not at all; raises OutputError as that, or on writing."""
+    """Write a `sheet_page` as PNG, complete or not at all; raises its OutputError, or one where writing fails."""
     try:
         page = sheet_page(frames, labels, title, columns, cell)
     except OutputError as error:
@@ -61,9 +61,9 @@ def sheet_page(
 ) -> Bytes:
     """Return a contact sheet.
 
-    Each frame is (H, W, 3) display pixels, with its label below; `columns` None makes a page near 16:10; `cell` is the
-    longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, or labels
-    do not match.
+    Each frame has (H, W, 3) display pixels, with its label below. `columns` None gives a page of about 16:10. `cell` is
+    the longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, or the
+    number of labels is not that of frames.
     """
     if not frames or len(labels) != len(frames):
         counts = f"{len(frames)} frames and {len(labels)} labels"
@@ -79,7 +79,7 @@ def sheet_page(
     step_x, step_y = width + gap, height + 2 * gap + text
     if columns is None:
         columns = math.ceil(math.sqrt(len(frames) * PAGE_ASPECT * step_y / step_x))
-        columns = math.ceil(len(frames) / math.ceil(len(frames) / columns))  # as many rows, evenly filled
+        columns = math.ceil(len(frames) / math.ceil(len(frames) / columns))  # the same number of rows, evenly filled
     columns = max(1, min(columns, len(frames)))
     rows = math.ceil(len(frames) / columns)
     margin, top = 2 * gap, 4 * gap + heading
@@ -97,7 +97,7 @@ def sheet_page(
 
 
 def _thumbnail(frame: Bytes, width: int, height: int) -> Bytes:
-    """Resize in near-linear light; averages of encoded values are too dark."""
+    """Resize in nearly linear light, because averages of encoded values are too dark."""
     light = (frame / np.float32(255.0)) ** np.float32(SRGB_GAMMA)
     small = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(light)), roi=oiio.ROI(0, width, 0, height))
     if small.has_error:

@@ -1,7 +1,7 @@
-"""What a picture is of, on it: a burn-in on each frame, and a slate before a movie.
+"""Text that identifies a picture: a burn-in on each frame, and a slate before a movie.
 
-All of it is in the headers of the frames. The date is the day of the render, UTC: so a frame that is rendered again on
-the same day makes the same picture.
+All facts are from the headers of the frames. The date is the day of the render in UTC, so that a frame that is rendered
+again on the same day gives the same picture.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from lookdev.arrays import Floats32
 from lookdev.output.exr import read_header
 from lookdev.output.lettering import text_width, write_text
 
-_LINES = 30  # of text in the height of a frame: 16 pixels at 480
-_SMALLEST = 8  # pixels of text
-_BAND = np.float32(0.35)  # of the picture behind text
+_LINES = 30  # lines of text in the height of a frame: 16 pixels each at 480
+_SMALLEST = 8  # size of text in pixels
+_BAND = np.float32(0.35)  # factor of the picture behind text
 _INK = np.float32(0.92)
 _PAGE = np.float32(0.12)
 
 Fact = tuple[str, str]
 
 
-def burned_in(codes: Floats32, file: Path, title: str, number: str, view: object) -> Floats32:
-    """Return a frame (H, W, 3 or 4) in [0, 1] with lines of text on bands at its top and bottom.
+def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) -> Floats32:
+    """Return code values (H, W, 3 or 4) in [0, 1] with lines of text on bands at the top and the bottom.
 
-    `file` is its EXR, `title` what it shows, `number` that of the frame. Alpha is at least what the bands cover. Raises
-    OutputError where the header cannot be read.
+    `file` is the EXR of the frame, `title` a name of its contents, `number` the number of the frame. Alpha is at least
+    the coverage of the bands. Raises OutputError where the header cannot be read.
     """
     facts = dict(frame_facts(read_header(file)))
     size = max(_SMALLEST, codes.shape[0] // _LINES)
@@ -40,11 +40,11 @@ def burned_in(codes: Floats32, file: Path, title: str, number: str, view: object
     ]
     burned = codes.copy()
     height = codes.shape[0]
-    for lines, start in ((top, 0), (bottom, height - _height(bottom, size))):
-        stop = min(start + _height(lines, size), height)
-        if start < 0 or stop - start < _height(lines, size):
-            continue  # a frame of few pixels has no room
-        ink = _text([*lines], codes.shape[1], size)[..., None]
+    for lines, start in ((top, 0), (bottom, height - _band_height(bottom, size))):
+        stop = min(start + _band_height(lines, size), height)
+        if start < 0 or stop - start < _band_height(lines, size):
+            continue  # the frame is too small for the band
+        ink = _text_coverage([*lines], codes.shape[1], size)[..., None]
         band = burned[start:stop]
         band[..., :3] = band[..., :3] * _BAND * (1.0 - ink) + _INK * ink
         if codes.shape[2] == 4:
@@ -52,19 +52,19 @@ def burned_in(codes: Floats32, file: Path, title: str, number: str, view: object
     return burned
 
 
-def slate(
+def draw_slate(
     files: Sequence[Path], title: str, view: object, rate: float, size: tuple[int, int], channels: int
 ) -> Floats32:
-    """Return the page that precedes a movie of some EXRs, `size` (H, W), opaque; errors as `burned_in`.
+    """Return the page, (H, W, channels) and opaque, that precedes a movie of EXRs; `size` is (H, W).
 
-    The error is that of the worst frame.
+    The page has the largest error of all frames. Raises OutputError where a header cannot be read.
     """
     headers = [read_header(file) for file in files]
     worst = max(headers, key=lambda header: float(header["relmse"]))
     facts = dict(frame_facts(worst))
     samples = sorted({int(header["samples"]) for header in headers})
     dates = sorted({dict(frame_facts(header))["date"] for header in headers})
-    shown = [
+    rows = [
         ("job", facts["job"]),
         ("shows", title),
         ("look", ", ".join(dict.fromkeys(header["look"] for header in headers))),
@@ -82,17 +82,17 @@ def slate(
     page = np.full((height, width, 3), _PAGE, np.float32)
     canvas = oiio.ImageBuf(page)
     left, column = text, 6 * text
-    for number, (key, value) in enumerate(shown):
+    for number, (key, value) in enumerate(rows):
         baseline = 2 * text + number * text * 2
         if baseline < height:
             write_text(canvas, key, left, baseline, text, column - text, 140)
             write_text(canvas, value, left + column, baseline, text, width - column - 2 * left, 235)
-    drawn = np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)
-    return drawn if channels == 3 else np.concatenate([drawn, np.ones((height, width, 1), np.float32)], axis=-1)
+    pixels = np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)
+    return pixels if channels == 3 else np.concatenate([pixels, np.ones((height, width, 1), np.float32)], axis=-1)
 
 
 def frame_facts(header: dict[str, str]) -> Iterator[Fact]:
-    """Yield what the header of a frame contains, as text for people; "?" is what another program left out."""
+    """Yield the name and the value of each fact in the header of a frame, as readable text; "?" is a missing value."""
     yield "job", Path(header.get("job", "?")).stem
     yield "rig", header.get("ibl", "?")
     yield "date", header.get("time", "?").partition("T")[0]
@@ -103,19 +103,19 @@ def frame_facts(header: dict[str, str]) -> Iterator[Fact]:
     yield "resolution", header.get("resolution", "?")
 
 
-def _height(lines: Sequence[Fact], size: int) -> int:
+def _band_height(lines: Sequence[Fact], size: int) -> int:
     return (len(lines) * 5 * size) // 4 + size // 2
 
 
-def _text(lines: Sequence[Fact], width: int, size: int) -> Floats32:
-    """Return the coverage by lines of text, (H, W), each from both sides."""
-    canvas = oiio.ImageBuf(np.zeros((_height(lines, size), width, 3), np.float32))
+def _text_coverage(lines: Sequence[Fact], width: int, size: int) -> Floats32:
+    """Return the coverage by lines of text, (H, W); a line has a text at its left and one at its right."""
+    canvas = oiio.ImageBuf(np.zeros((_band_height(lines, size), width, 3), np.float32))
     margin = size // 2
     for number, (left, right) in enumerate(lines):
         baseline = (number * 5 * size) // 4 + size + size // 4
         room = width - 2 * margin
-        wide = min(text_width(right, size), room // 3)
-        write_text(canvas, right, width - margin - wide, baseline, size, wide + 1, 255)
-        write_text(canvas, left, margin, baseline, size, room - wide - size, 255)
+        right_width = min(text_width(right, size), room // 3)
+        write_text(canvas, right, width - margin - right_width, baseline, size, right_width + 1, 255)
+        write_text(canvas, left, margin, baseline, size, room - right_width - size, 255)
     coverage: Floats32 = np.clip(np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)[..., 0], 0.0, 1.0)
     return coverage

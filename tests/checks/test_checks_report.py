@@ -23,7 +23,7 @@ CURVES = Plot(
         Series("counts", np.linspace(0.0, 1.0, 6), X, style="bars"),
     ),
 )
-PICTURES = Plot("Frame", pictures=(Picture("frame", np.zeros((4, 4, 3))), Picture("t", np.eye(4), -6.0, 6.0)))
+PICTURES = Plot('Frame "1" <i>', pictures=(Picture("frame", np.zeros((4, 4, 3))), Picture("t", np.eye(4), -6.0, 6.0)))
 GOOD = Finding("points", "gold", True, "40000 cases", {"cases": 4e4}, ("case 1",), (CURVES,))
 WORST = "pixel [red]1,2[/red] " + "x" * 300
 BAD = Finding("image", "<b>gold</b>, city", False, "t 9 & more", {}, (WORST,), (PICTURES,))
@@ -60,6 +60,7 @@ def test_the_page_stands_alone(tmp_path: Path) -> None:
     assert "default-src 'none'" in page
     assert "<title>check &lt;gold&gt;</title>" in page
     assert "&lt;b&gt;gold&lt;/b&gt;" in page
+    assert 'alt="Frame &#34;1&#34; &lt;i&gt;"' in page
     drawings = re.findall(r"base64,([^\"]*)", page)
     assert len(drawings) == 2
     for drawing in drawings:

@@ -11,7 +11,7 @@ from test_passes import CAMERA, GREY, POSE, SIZE, balls, render_task
 
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.output.exr import read_frame, read_header, read_shown, space_of
+from lookdev.output.exr import frame_space, read_frame, read_header, read_shown
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
@@ -90,8 +90,8 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
         header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)
     assert header["colorInteropID"] == "lin_ap1_scene"
-    assert read_header(other.files[0])["space"] == space_of(other.files[0]) == "acescg"
-    assert space_of(plain.files[0]) == "rec709"
+    assert read_header(other.files[0])["space"] == frame_space(other.files[0]) == "acescg"
+    assert frame_space(plain.files[0]) == "rec709"
     assert "space" not in read_header(plain.files[0])
     (ours, _), (displayed, _), (raw, _) = (
         read_frame(plain.files[0]),

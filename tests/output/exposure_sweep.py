@@ -18,13 +18,13 @@ STOPS = (-2, 0, 2, 4, 6)
 LABEL = 18
 
 
-def sweep(frames: list[Path]) -> oiio.ImageBuf:
+def draw_sweep(frames: list[Path]) -> oiio.ImageBuf:
     rows = []
     for frame in frames:
         rgb, _ = read_frame(frame)
         for view in VIEWS[:3]:
-            shown = [to_display(rgb * 2.0**stops, view) for stops in STOPS]
-            rows += [np.full((LABEL, rgb.shape[1] * len(STOPS), 3), PAGE, np.uint8), np.hstack(shown)]
+            row = [to_display(rgb * 2.0**stops, view) for stops in STOPS]
+            rows += [np.full((LABEL, rgb.shape[1] * len(STOPS), 3), PAGE, np.uint8), np.hstack(row)]
     page = oiio.ImageBuf(np.ascontiguousarray(np.vstack(rows)))
     height, width = read_frame(frames[0])[0].shape[:2]
     for number in range(3 * len(frames)):
@@ -38,4 +38,4 @@ def sweep(frames: list[Path]) -> oiio.ImageBuf:
 
 if __name__ == "__main__":
     picture, *frames = map(Path, sys.argv[1:])
-    sweep(frames).write(str(picture), oiio.UINT8)
+    draw_sweep(frames).write(str(picture), oiio.UINT8)

@@ -15,7 +15,7 @@ NOISE = 0.05  # standard deviation of a half, relative
 
 
 def picture(look: int, rig: int, turn: float, size: tuple[int, int] = (WIDTH, HEIGHT)) -> tuple[np.ndarray, np.ndarray]:
-    """Return a ball that a light goes round, without noise: premultiplied (H, W, 3) and alpha (H, W)."""
+    """Return a ball under a light that orbits it, without noise: premultiplied (H, W, 3) and alpha (H, W)."""
     width, height = size
     y, x = np.mgrid[:height, :width]
     u, v = (x + 0.5 - width / 2) / (0.45 * height), (y + 0.5 - height / 2) / (0.45 * height)
@@ -37,15 +37,15 @@ def write_job(
     size: tuple[int, int] = (WIDTH, HEIGHT),
     error: bool = True,
 ) -> Path:
-    """Write all frames of a job; `gain` multiplies the first look, as a change of it would; return the folder."""
+    """Write all frames of a job, with the first look multiplied by `gain`, and return the folder."""
     rng = np.random.default_rng(seed)
     for number, look in enumerate(looks):
-        for other, rig in enumerate(rigs):
+        for rig_number, rig in enumerate(rigs):
             for turntable, count in turntables.items():
                 for frame in range(count):
                     degrees = 360.0 * frame / count
                     factor = 1.0 if number else gain
-                    clean, alpha = picture(number, other, np.radians(degrees), size)
+                    clean, alpha = picture(number, rig_number, np.radians(degrees), size)
                     noise = NOISE * rng.standard_normal((2, *clean.shape))
                     a, b = (factor * clean * (1.0 + noise)).astype(np.float32)
                     header = header_of(look, rig, turntable, degrees, seed, factor)

@@ -1,4 +1,4 @@
-"""Names of frames: written, read, and found in a folder."""
+"""Names of frames: as text, from paths, and in a folder."""
 
 from pathlib import Path
 

@@ -16,15 +16,15 @@ from lookdev.output.config import BASE, FILE, KNEE, WHITE, make_config, shoulder
 STUDIO = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
 
 
-def shown(rgb: object, view: str = SHIPPED) -> np.ndarray:
-    """Code values in [0, 1] as float32, not rounded."""
+def view_codes(rgb: object, view: str = SHIPPED) -> np.ndarray:
+    """Return code values in [0, 1] of colours in a view of the config that ships, not rounded."""
     pixels = np.array(rgb, np.float32).reshape(1, -1, 3)
     DisplayView(view).processor.applyRGB(pixels)
     return pixels[0].astype(np.float64)
 
 
-def linear(code: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1."""
+def decode_srgb(code: np.ndarray) -> np.ndarray:
+    """Return linear values of sRGB code values by IEC 61966-2-1."""
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
@@ -41,15 +41,15 @@ def test_the_shipped_config_is_what_its_program_writes() -> None:
 
 
 def test_the_rest_of_the_shipped_config_is_opencolorio_s() -> None:
-    own, base = make_config(), ocio.Config.CreateFromBuiltinConfig(BASE)
+    config, base = make_config(), ocio.Config.CreateFromBuiltinConfig(BASE)
     for view in VIEWS[1:]:
-        one, other = (
-            each.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor().getCacheID()
-            for each in (own, base)
+        shipped, builtin = (
+            cfg.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor().getCacheID()
+            for cfg in (config, base)
         )
-        assert one == other
+        assert shipped == builtin
     for display in ("Rec.1886 Rec.709 - Display", "Display P3 - Display", "P3-D65 - Display"):
-        assert own.getDefaultView(display) == "lookdev"
+        assert config.getDefaultView(display) == "lookdev"
 
 
 # OpenColorIO computes in float32, with fast logarithms and powers of about 1e-5.
@@ -57,28 +57,28 @@ TOLERANCE = 1e-4
 
 
 def test_hue_and_saturation_stay(colors: np.ndarray) -> None:
-    for given, seen in zip(colors, linear(shown(colors)), strict=True):
-        hue, saturation, value = colorsys.rgb_to_hsv(*given)
-        own_hue, own_saturation, own_value = colorsys.rgb_to_hsv(*seen)
-        if own_value < 0.01:
+    for light, display in zip(colors, decode_srgb(view_codes(colors)), strict=True):
+        hue, saturation, value = colorsys.rgb_to_hsv(*light)
+        display_hue, display_saturation, display_value = colorsys.rgb_to_hsv(*display)
+        if display_value < 0.01:
             continue  # hue is a ratio of differences, which have no digits left
-        assert own_saturation == pytest.approx(saturation, abs=10 * TOLERANCE)
-        assert abs((own_hue - hue + 0.5) % 1.0 - 0.5) * saturation < 10 * TOLERANCE
+        assert display_saturation == pytest.approx(saturation, abs=10 * TOLERANCE)
+        assert abs((display_hue - hue + 0.5) % 1.0 - 0.5) * saturation < 10 * TOLERANCE
         a = shoulder()
         curve = value if value <= KNEE else min(KNEE + a * np.log1p((value - KNEE) / a), 1.0)
-        assert own_value == pytest.approx(curve, abs=10 * TOLERANCE)
+        assert display_value == pytest.approx(curve, abs=10 * TOLERANCE)
 
 
 def test_the_curve_rises_to_white_without_a_corner() -> None:
     values = np.geomspace(1e-3, WHITE, 4000)
-    curve = linear(shown(np.repeat(values[:, None], 3, axis=-1)))[:, 0]
+    curve = decode_srgb(view_codes(np.repeat(values[:, None], 3, axis=-1)))[:, 0]
     assert (np.diff(curve) > 0.0).all()
     assert curve[-1] == pytest.approx(1.0, abs=TOLERANCE)
-    assert shown([[WHITE * 100.0] * 3]) == pytest.approx(1.0, abs=TOLERANCE)
+    assert view_codes([[WHITE * 100.0] * 3]) == pytest.approx(1.0, abs=TOLERANCE)
 
 
 def test_what_rec709_does_not_show_is_clipped_first() -> None:
-    np.testing.assert_allclose(shown([[-0.3, 0.5, 0.2]]), shown([[0.0, 0.5, 0.2]]), atol=TOLERANCE)
+    np.testing.assert_allclose(view_codes([[-0.3, 0.5, 0.2]]), view_codes([[0.0, 0.5, 0.2]]), atol=TOLERANCE)
 
 
 @pytest.mark.both_pythons
@@ -93,7 +93,7 @@ def test_a_studio_s_config_knows_linear_rec709_by_its_roles() -> None:
 
 
 def studio(folder: Path, gain: float = 2.0) -> Path:
-    """Write a config as small as one can be, without interchange roles, with a table beside it."""
+    """Write a minimal config without interchange roles, with a table beside it."""
     folder.mkdir(exist_ok=True)
     config = ocio.Config()
     config.setVersion(2, 0)

@@ -11,7 +11,7 @@ from lookdev.output.display import write_pixels
 
 
 def read_png(path: Path) -> tuple[np.ndarray, oiio.ImageSpec]:
-    """Pixels as the file has them: alpha unassociated."""
+    """Return the pixels in a file, alpha unassociated, and its spec."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = oiio.ImageInput.open(str(path), config)

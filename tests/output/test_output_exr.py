@@ -25,7 +25,7 @@ Frame = tuple[np.ndarray, np.ndarray]
 @pytest.fixture
 def frame() -> Frame:
     rng = np.random.default_rng(1)
-    beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # negative and huge values are kept too
+    beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # with negative and huge values
     return beauty, rng.random((30, 20)).astype(np.float32)
 
 
@@ -57,13 +57,13 @@ def test_a_file_is_one_part_of_floats_and_has_a_header_of_any_length(tmp_path: P
 
 def test_a_frame_of_another_space_is_shown_in_rec709(tmp_path: Path, frame: Frame) -> None:
     path = tmp_path / "a.exr"
-    for space, shown in (("rec709", frame[0]), ("acescg", to_rec709(frame[0], "acescg").astype(np.float32))):
+    for space, expected in (("rec709", frame[0]), ("acescg", to_rec709(frame[0], "acescg").astype(np.float32))):
         write_frame(path, *frame, {"space": space}, space=space)
-        np.testing.assert_array_equal(read_shown(path)[0], shown)
+        np.testing.assert_array_equal(read_shown(path)[0], expected)
 
 
 def test_the_resolution_is_that_of_the_data_window(tmp_path: Path) -> None:
-    """Other programs may have moved it."""
+    """Other programs may move the data window."""
     spec = oiio.ImageSpec(4, 3, 4, oiio.FLOAT)
     spec.x, spec.y = 7, 5
     spec["lookdev:look"] = "paint"
@@ -94,9 +94,9 @@ def test_an_altered_byte_is_detected(tmp_path: Path, frame: Frame) -> None:
     path = tmp_path / "a.exr"
     write_frame(path, *frame, HEADER)
     whole = path.read_bytes()
-    named = whole.index(b"lookdev:checksum")  # altered, the name is that of another attribute: the pixels are right
-    for place in (each for each in range(0, len(whole), 41) if not 0 <= each - named < 20):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+    name_start = whole.index(b"lookdev:checksum")  # a change here renames the attribute: no checksum, right pixels
+    for offset in (offset for offset in range(0, len(whole), 41) if not 0 <= offset - name_start < 20):
+        path.write_bytes(whole[:offset] + bytes([whole[offset] ^ 4]) + whole[offset + 1 :])
         for read in (read_header, read_frame):
             with pytest.raises(OutputError, match=re.escape(str(path))):
                 read(path)
@@ -135,7 +135,7 @@ def test_shapes_must_belong_together(tmp_path: Path) -> None:
 
 
 def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frame: Frame) -> None:
-    """The libraries do not report what is lost as they close a file."""
+    """The libraries do not report data that is lost when they close a file."""
 
     @contextmanager
     def on_full(final: Path) -> Iterator[Path]:

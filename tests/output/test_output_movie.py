@@ -35,42 +35,42 @@ def turntable(width: int = 96, height: int = 64, count: int = COUNT) -> list[np.
 
 
 def away_from_edges(alpha: np.ndarray) -> np.ndarray:
-    """Where no pixel of another side is so near that halved chroma mixes the colours of both."""
+    """Return where no pixel of another alpha is so near that halved chroma mixes the colours of both."""
     return minimum_filter(alpha, 9) == maximum_filter(alpha, 9)
 
 
 def cells(picture: np.ndarray) -> np.ndarray:
-    """The means of 8 x 8 pixels."""
+    """Return the means of 8 x 8 pixels."""
     return picture.reshape(8, 8, 12, 8, 3).mean(axis=(1, 3))
 
 
-def decoded(path: Path, decoder: str | None = None) -> list[list[np.ndarray]]:
-    """The planes of each frame, as numbers of their bits."""
+def decode(path: Path, decoder: str | None = None) -> list[list[np.ndarray]]:
+    """Return the planes of each frame, as integers of their number of bits."""
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         context = av.CodecContext.create(decoder, "r") if decoder else None
         frames = []
         for packet in container.demux(stream):
-            frames += [planes(frame) for frame in (context.decode(packet) if context else packet.decode())]
+            frames += [frame_planes(frame) for frame in (context.decode(packet) if context else packet.decode())]
     return frames
 
 
-def planes(frame: object) -> list[np.ndarray]:
-    kind = np.uint16 if "10" in frame.format.name or "12" in frame.format.name else np.uint8
-    made = []
+def frame_planes(frame: object) -> list[np.ndarray]:
+    dtype = np.uint16 if "10" in frame.format.name or "12" in frame.format.name else np.uint8
+    arrays = []
     for plane in frame.planes:
         rows = np.frombuffer(bytes(plane), np.uint8).reshape(plane.height, plane.line_size)
-        made.append(np.ascontiguousarray(rows[:, : plane.width * kind().itemsize]).view(kind))
-    return made
+        arrays.append(np.ascontiguousarray(rows[:, : plane.width * dtype().itemsize]).view(dtype))
+    return arrays
 
 
-def as_rgb(shown: list[np.ndarray], bits: int) -> np.ndarray:
+def as_rgb(planes: list[np.ndarray], bits: int) -> np.ndarray:
     """R'G'B' of BT.709 in [0, 255] (H, W, 3); halved chroma is repeated. The inverse matrix, written out."""
     unit = 2.0 ** (bits - 8)
-    luma = (shown[0] / unit - 16.0) / 219.0
-    cb, cr = ((each / unit - 128.0) / 224.0 for each in shown[1:3])
+    luma = (planes[0] / unit - 16.0) / 219.0
+    cb, cr = ((plane / unit - 128.0) / 224.0 for plane in planes[1:3])
     if cb.shape != luma.shape:
-        cb, cr = (each.repeat(2, axis=0).repeat(2, axis=1) for each in (cb, cr))
+        cb, cr = (plane.repeat(2, axis=0).repeat(2, axis=1) for plane in (cb, cr))
     green = luma - 0.1873242729 * cb - 0.4681242729 * cr
     return 255.0 * np.stack([luma + 1.5748 * cr, green, luma + 1.8556 * cb], axis=-1)
 
@@ -79,7 +79,7 @@ def as_rgb(shown: list[np.ndarray], bits: int) -> np.ndarray:
 @pytest.mark.parametrize("name", CODECS)
 def test_a_movie_has_the_frames_rate_size_and_tags(tmp_path: Path, name: str) -> None:
     codec, suffix = CODECS[name]
-    path, again = (tmp_path / f"{each}{suffix}" for each in "ab")
+    path, again = (tmp_path / f"{stem}{suffix}" for stem in "ab")
     for file in (path, again):
         write_movie(file, iter(turntable()), codec, Fraction(24000, 1001))
     assert path.read_bytes() == again.read_bytes()
@@ -102,7 +102,7 @@ def test_the_first_frame_is_that_of_the_png(tmp_path: Path, name: str) -> None:
     codec, suffix = CODECS[name]
     path, pictures = tmp_path / f"a{suffix}", turntable()
     write_movie(path, pictures, codec, Fraction(24))
-    first, *_ = decoded(path, "libvpx-vp9" if name == "vp9" else None)
+    first, *_ = decode(path, "libvpx-vp9" if name == "vp9" else None)
     bits = 12 if name == "prores" and first[0].max() > 1023 else codec.bits
     seen, png = as_rgb(first, bits), to_display(pictures[0][..., :3], "Raw").astype(float)
     # Rounding Y'CbCr to 8 bits alone moves a pixel by up to .5 (255 / 219 + 1.8556 * 255 / 224) = 1.6 in blue, and
@@ -120,7 +120,7 @@ def test_the_first_frame_is_that_of_the_png(tmp_path: Path, name: str) -> None:
 def test_planes_are_those_of_bt709(bits: int) -> None:
     codec = Codec("", "", "", bits, False, False)
     colors = np.array([[[0, 0, 0], [1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0.5]]], np.float32)
-    luma, cb, cr = (each[0].tolist() for each in to_planes(colors, codec))
+    luma, cb, cr = (plane[0].tolist() for plane in to_planes(colors, codec))
     if bits == 8:  # BT.709 bars at 100 %, as test generators have them
         bars = [16, 235, 63, 173, 32], [128, 128, 102, 42, 240], [128, 128, 240, 26, 118]
         assert (luma[:5], cb[:5], cr[:5]) == bars
@@ -142,7 +142,7 @@ def test_odd_sizes_are_padded(tmp_path: Path, name: str) -> None:
     codec, suffix = CODECS[name]
     pictures = turntable(33, 21, 2)
     write_movie(tmp_path / f"a{suffix}", pictures, codec, Fraction(24))
-    assert decoded(tmp_path / f"a{suffix}")[0][0].shape == ((22, 34) if codec.halved else (21, 33))
+    assert decode(tmp_path / f"a{suffix}")[0][0].shape == ((22, 34) if codec.halved else (21, 33))
     if codec.halved:
         luma = to_planes(pictures[0], codec)[0]
         assert (luma[:, -1] == luma[:, -2]).all()
@@ -159,7 +159,7 @@ def test_a_movie_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         write_movie(tmp_path / "a.mp4", interrupted(), H264, Fraction(24))
-    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
 def test_rates_are_exact() -> None:
@@ -205,11 +205,11 @@ def test_chromium_plays_what_the_png_shows(tmp_path: Path, tab: Any) -> None:
         assert answer["size"] == [96, 64]
         assert answer["time"] == 0.0
         assert answer["duration"] == pytest.approx(COUNT / 24, abs=0.05)
-        shown = np.array(answer["first"], float).reshape(64, 96, 4)
-        difference = (shown[..., :3] - png) * inside[..., None]
+        pixels = np.array(answer["first"], float).reshape(64, 96, 4)
+        difference = (pixels[..., :3] - png) * inside[..., None]
         # With alpha Chromium converts by libyuv, whose factor of blue is 2 instead of 2.112: it has 8 bits.
         clipped = 0.112 * np.abs(to_planes(pictures[0], PLAIN)[1] - 128.0) * inside * (name == "a.webm")
         excess = np.abs(cells(difference)) - cells(clipped[..., None] * (0.0, 0.0, 1.0)) - 2.0
-        assert excess.max() <= 0.0, (name, excess.max(), np.argwhere(excess > 0.0)[:8], shown.mean(axis=(0, 1)))
+        assert excess.max() <= 0.0, (name, excess.max(), np.argwhere(excess > 0.0)[:8], pixels.mean(axis=(0, 1)))
         if name == "a.webm":
-            assert np.abs(shown[..., 3] / 255.0 - pictures[0][..., 3]).max() <= 8.0 / 255.0
+            assert np.abs(pixels[..., 3] / 255.0 - pictures[0][..., 3]).max() <= 8.0 / 255.0

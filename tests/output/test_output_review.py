@@ -1,4 +1,4 @@
-"""The folder of the review page: what is made, kept, made again and removed; how versions are compared."""
+"""The folder of the review page: files that are written, kept, written again and removed; comparison of versions."""
 
 import base64
 import json
@@ -29,8 +29,8 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def called(script: Path) -> list:
-    """Return the two arguments of the call that a script is."""
+def call_arguments(script: Path) -> list:
+    """Return the two arguments of the only call in a script."""
     match = re.fullmatch(r"review\.put\((.*)\);\n", script.read_text(), re.DOTALL)
     assert match is not None
     return json.loads(f"[{match[1]}]")
@@ -60,9 +60,9 @@ def test_a_page_has_every_frame_and_a_second_run_makes_nothing(tmp_path: Path) -
 def test_numbers_are_the_nearest_half_floats(tmp_path: Path, error: bool) -> None:
     out = case.write_job(tmp_path, **LOOK, error=error)
     page, _, _ = review(out)
-    frame = called(page.parent / index_of(page)["reels"][0]["script"])[1][2]
+    frame = call_arguments(page.parent / index_of(page)["reels"][0]["script"])[1][2]
     file = Path(frame["file"])
-    key, entry = called(page.parent / "data" / "frames" / f"{frame['key']}.js")
+    key, entry = call_arguments(page.parent / "data" / "frames" / f"{frame['key']}.js")
     assert key == frame["key"]
     planes = zlib.decompress(base64.b64decode(entry["data"]))
     halves = np.frombuffer(planes, np.uint8).reshape(entry["planes"], 2, -1).swapaxes(1, 2).copy().view(">f2")
@@ -149,7 +149,8 @@ def test_versions_are_compared_by_inputs_and_by_what_noise_explains(tmp_path: Pa
     page, _, _ = review(new, old, tmp_path / "page")
     index = index_of(page)
     assert [version["name"] for version in index["versions"]] == ["v2", "v1"]
-    by_look = {look: [each for each in index["changes"] if each["look"] == look] for look in ("gold", "tin", "lead")}
+    changes = index["changes"]
+    by_look = {look: [change for change in changes if change["look"] == look] for look in ("gold", "tin", "lead")}
     for change in by_look["gold"]:
         assert (change["state"], change["changed"]) == ("changed", ["look", "render"])
         assert change["beyond"] > 0.05
@@ -157,7 +158,7 @@ def test_versions_are_compared_by_inputs_and_by_what_noise_explains(tmp_path: Pa
         assert (change["state"], change["changed"]) == ("same picture", ["render"])
         assert change["beyond"] <= 0.003
     assert {change["state"] for change in by_look["lead"]} == {"removed"}
-    assert {change["state"] for change in index["changes"] if change["look"] == "zinc"} == {"new"}
+    assert {change["state"] for change in changes if change["look"] == "zinc"} == {"new"}
     with pytest.raises(OutputError, match="is the same folder"):
         review(new, new)
 
@@ -202,7 +203,7 @@ def test_small_pictures_have_the_shape_of_the_frames_and_a_cell_each(tmp_path: P
 
 @pytest.mark.parametrize("size", [1, 3, 7])
 def test_noise_alone_is_rarely_beyond_3(size: int) -> None:
-    """z is above 3 in at most .27 % of pixels, plus 4 of the deviations of that count; a spike of one half nowhere."""
+    """z is above 3 in at most 0.27 % of pixels plus 4 deviations of that count, and not at a spike in one half."""
     rng = np.random.default_rng(5)
     shape, spread = (256, 256, 3), 0.1
     level = 1.0 + (np.arange(256)[:, None, None] > 128)  # an edge, with noise in proportion
@@ -211,7 +212,7 @@ def test_noise_alone_is_rarely_beyond_3(size: int) -> None:
     a, b = (halves[0] + halves[1]) / 2, (halves[2] + halves[3]) / 2
     errors = [pooled_error(standard_error(*pair)) for pair in (halves[:2], halves[2:])]
     z = noise_ratio(a, b, *errors, size)
-    # A square holds size^2 independent pixels: so many are beyond together.
+    # Pixels in one square of size^2 exceed 3 together.
     assert (z > 3.0).mean() <= 0.0027 + 4.0 * np.sqrt(0.0027 / z.size) * size
     assert z[20, 20] <= 3.0 * (1.0 + 5.0 * spread / 50.0)  # the spike is 50 in a mean, noise five deviations
     assert np.median(noise_ratio(a + 0.1 * level, b, *errors, size)) > 0.8 * size

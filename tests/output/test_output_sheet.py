@@ -18,9 +18,9 @@ def sheet(path: Path, *arguments: object, **options: object) -> np.ndarray:
     return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
 
 
-def cells(page: np.ndarray, shown: np.ndarray) -> int:
+def cells(page: np.ndarray, frame: np.ndarray) -> int:
     """Count the pixels of a frame's own colour; resizing a flat frame may round by one."""
-    return int((np.abs(page.astype(int) - shown[0, 0]).max(axis=-1) <= 1).sum())
+    return int((np.abs(page.astype(int) - frame[0, 0]).max(axis=-1) <= 1).sum())
 
 
 def test_every_frame_is_shown_whole(tmp_path: Path) -> None:
@@ -31,11 +31,11 @@ def test_every_frame_is_shown_whole(tmp_path: Path) -> None:
 
 
 def test_frames_run_row_by_row(tmp_path: Path) -> None:
-    shown = frames(4, (40, 40))
-    page = sheet(tmp_path / "s.png", shown, [""] * 4, "", columns=3, cell=40)
-    places = [np.argwhere(np.abs(page.astype(int) - f[0, 0]).max(axis=-1) <= 1)[0] for f in shown]
-    assert places[0][0] == places[1][0] == places[2][0] < places[3][0]
-    assert places[0][1] == places[3][1] < places[1][1] < places[2][1]
+    squares = frames(4, (40, 40))
+    page = sheet(tmp_path / "s.png", squares, [""] * 4, "", columns=3, cell=40)
+    corners = [np.argwhere(np.abs(page.astype(int) - f[0, 0]).max(axis=-1) <= 1)[0] for f in squares]
+    assert corners[0][0] == corners[1][0] == corners[2][0] < corners[3][0]
+    assert corners[0][1] == corners[3][1] < corners[1][1] < corners[2][1]
 
 
 @pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (7, 4), (24, 6), (36, 9)])
@@ -47,11 +47,11 @@ def test_page_is_filled_evenly(tmp_path: Path, count: int, columns: int) -> None
 
 
 def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
-    shown = [np.full((80, 80, 3), PAGE, np.uint8)] * 2
-    bare = sheet(tmp_path / "a.png", shown, ["", ""], "", cell=80, columns=2)
+    blank = [np.full((80, 80, 3), PAGE, np.uint8)] * 2
+    bare = sheet(tmp_path / "a.png", blank, ["", ""], "", cell=80, columns=2)
     assert (bare == PAGE).all()
     for labels, title in ((["0001", ""], ""), (["", ""], "A title"), (["W" * 300, "é °"], "W" * 300)):
-        page = sheet(tmp_path / "b.png", shown, labels, title, cell=80, columns=2)
+        page = sheet(tmp_path / "b.png", blank, labels, title, cell=80, columns=2)
         ink = np.argwhere((page != PAGE).any(axis=-1))
         assert len(ink) > 20
         assert page.shape == bare.shape
@@ -62,8 +62,8 @@ def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("labels", ["clearcoatGloss_000 clearcoatGloss_100", "first_of_many_looks last_of_many_looks"])
 def test_names_too_long_differ_where_they_differ(tmp_path: Path, labels: str) -> None:
-    shown = [np.full((48, 48, 3), PAGE, np.uint8)]
-    first, second = (sheet(tmp_path / "s.png", shown, [label], "", cell=48) for label in labels.split())
+    blank = [np.full((48, 48, 3), PAGE, np.uint8)]
+    first, second = (sheet(tmp_path / "s.png", blank, [label], "", cell=48) for label in labels.split())
     assert first.shape == second.shape  # no wider than a frame
     assert (first != second).any()
 
@@ -78,11 +78,11 @@ def test_resizing_averages_light(tmp_path: Path) -> None:
 
 
 def test_what_makes_no_sheet(tmp_path: Path) -> None:
-    for shown, labels, message in (
+    for pictures, labels, message in (
         ([], [], "at least one frame"),
         (frames(2), ["one"], "2 frames and 1 labels"),
         ([*frames(1), *frames(1, (10, 10))], ["", ""], "of one size"),
     ):
         with pytest.raises(OutputError, match=message):
-            write_sheet(tmp_path / "s.png", shown, labels, "t")
+            write_sheet(tmp_path / "s.png", pictures, labels, "t")
     assert not list(tmp_path.iterdir())

@@ -39,8 +39,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return review(case.write_job(folder / "v2", seed=2, gain=1.05), old, folder / "page")[0]
 
 
-class Shown(Page):
-    """A page in the browser."""
+class ReviewPage(Page):
+    """A review page in the browser."""
 
     def __init__(self, browser: Any, page: Path, state: str = "", size: tuple[int, int] = (1440, 900)) -> None:
         self.folder = page.parent
@@ -51,13 +51,13 @@ class Shown(Page):
     def state(self) -> dict[str, Any]:
         return dict(self.js("return review.state"))
 
-    def drawn(self) -> list[str]:
+    def drawn_keys(self) -> list[str]:
         """Wait until the canvas shows the state, and return the keys of A and B."""
         return list(self.js(f"await until(() => {DRAWN}); return review.drawnKeys"))
 
     def canvas(self) -> np.ndarray:
         """Return what the canvas shows, (H, W, 3) uint8."""
-        self.drawn()
+        self.drawn_keys()
         pixels = self.bytes(
             "const c = document.getElementById('canvas'), gl = c.getContext('webgl2');"
             "const pixels = new Uint8Array(4 * c.width * c.height);"
@@ -68,7 +68,7 @@ class Shown(Page):
 
     def frame(self, side: int = 0) -> Path:
         """Return the EXR that A (0) or B (1) shows."""
-        key = self.drawn()[side]
+        key = self.drawn_keys()[side]
         for script in self.folder.glob("data/reels/*.js"):
             for frame in json.loads(script.read_text().partition(", ")[2].removesuffix(");\n")):
                 if frame["key"] == key:
@@ -99,89 +99,89 @@ class Shown(Page):
             self.browser.execute_cdp_cmd(f"Input.dispatch{kind.title()}Event", {"type": name, **event})
 
 
-Open = Callable[..., Shown]
+OpenPage = Callable[..., ReviewPage]
 
 
 @pytest.fixture
-def opened(tab: Any, page: Path) -> Iterator[Open]:
+def open_page(tab: Any, page: Path) -> Iterator[OpenPage]:
     """Return a function that opens the page; whatever it writes to the console fails the test."""
-    yield lambda state="", size=(1440, 900), file=page: Shown(tab, file, state, size)
+    yield lambda state="", size=(1440, 900), file=page: ReviewPage(tab, file, state, size)
     assert [entry for entry in tab.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")] == []
 
 
 @pytest.mark.parametrize("view", [VIEWS[0], *(pytest.param(view, marks=pytest.mark.proof) for view in VIEWS[1:])])
-def test_the_canvas_shows_what_pictures_show_at_any_exposure(opened: Open, tmp_path: Path, view: str) -> None:
+def test_the_canvas_shows_what_pictures_show_at_any_exposure(open_page: OpenPage, tmp_path: Path, view: str) -> None:
     out = case.write_job(tmp_path, ["gold"], ["city"], {"element": 2})
-    shown = opened(file=review(out, view=view)[0])
-    pixels = read_pixels(shown.frame())
+    viewer = open_page(file=review(out, view=view)[0])
+    pixels = read_pixels(viewer.frame())
     for stops, behind in ((0, 0.0), (3, 0.18), (-4, 1.0)):
-        shown.js(
+        viewer.js(
             "for (const [k, id] of ['exposure', 'behind'].entries()) {"
             "  at(id).value = given[k]; at(id).dispatchEvent(new Event('input')); }",
             *(stops, str(behind).removesuffix(".0")),
         )
         light = composite(pixels.beauty, pixels.alpha, np.full(3, behind)) * 2.0**stops
-        difference = np.abs(shown.canvas().astype(int) - to_display(light, view))
+        difference = np.abs(viewer.canvas().astype(int) - to_display(light, view))
         assert difference.max() <= 2, (stops, behind)
 
 
 @pytest.mark.both_pythons
-def test_dragging_turns_the_asset_with_mouse_and_touch(opened: Open) -> None:
-    shown = opened()
-    assert shown.frame().name == "element.0001.exr"
-    shown.drag("mouse", 0.2, 0.72)  # the width is a whole turn of four frames
-    assert shown.frame().name == "element.0003.exr"
-    shown.find("[data-radio='turntable=lighting']").click()
-    assert shown.frame().name == "lighting.0003.exr"
-    shown.drag("touch", 0.8, 0.45)
-    assert shown.frame().name == "lighting.0002.exr"
-    assert np.abs(shown.canvas().astype(int) - to_display(read_pixels(shown.frame()).beauty, VIEWS[0])).max() <= 2
+def test_dragging_turns_the_asset_with_mouse_and_touch(open_page: OpenPage) -> None:
+    viewer = open_page()
+    assert viewer.frame().name == "element.0001.exr"
+    viewer.drag("mouse", 0.2, 0.72)  # the width is a whole turn of four frames
+    assert viewer.frame().name == "element.0003.exr"
+    viewer.find("[data-radio='turntable=lighting']").click()
+    assert viewer.frame().name == "lighting.0003.exr"
+    viewer.drag("touch", 0.8, 0.45)
+    assert viewer.frame().name == "lighting.0002.exr"
+    assert np.abs(viewer.canvas().astype(int) - to_display(read_pixels(viewer.frame()).beauty, VIEWS[0])).max() <= 2
 
 
-def test_a_cell_of_the_grid_turns_under_the_pointer_and_opens(opened: Open) -> None:
-    shown = opened()
-    cell = shown.find(".cell[aria-label='tin under studio']")
-    shown.js("given[0].scrollIntoView({block: 'center'})", cell)
-    ActionChains(shown.browser).move_to_element_with_offset(cell, int(0.4 * cell.rect["width"]), 0).perform()
+def test_a_cell_of_the_grid_turns_under_the_pointer_and_opens(open_page: OpenPage) -> None:
+    viewer = open_page()
+    cell = viewer.find(".cell[aria-label='tin under studio']")
+    viewer.js("given[0].scrollIntoView({block: 'center'})", cell)
+    ActionChains(viewer.browser).move_to_element_with_offset(cell, int(0.4 * cell.rect["width"]), 0).perform()
     assert cell.get_attribute("data-number") == "3"
-    WebDriverWait(shown.browser, 5).until(lambda _: "data/reels/" in cell.value_of_css_property("background-image"))
-    ActionChains(shown.browser).move_to_element_with_offset(cell, -int(0.4 * cell.rect["width"]), 0).perform()
+    WebDriverWait(viewer.browser, 5).until(lambda _: "data/reels/" in cell.value_of_css_property("background-image"))
+    ActionChains(viewer.browser).move_to_element_with_offset(cell, -int(0.4 * cell.rect["width"]), 0).perform()
     assert cell.get_attribute("data-number") == "0"
     cell.click()
-    assert shown.frame().parts[-3:-1] == ("tin", "studio")
-    other = shown.find(".cell[aria-label='gold under city']")
-    ActionChains(shown.browser).key_down(Keys.SHIFT).click(other).key_up(Keys.SHIFT).perform()
-    assert shown.state["mode"] == "wipe"
-    assert shown.frame(1).parts[-4:-1] == ("v1", "gold", "city")
+    assert viewer.frame().parts[-3:-1] == ("tin", "studio")
+    other = viewer.find(".cell[aria-label='gold under city']")
+    ActionChains(viewer.browser).key_down(Keys.SHIFT).click(other).key_up(Keys.SHIFT).perform()
+    assert viewer.state["mode"] == "wipe"
+    assert viewer.frame(1).parts[-4:-1] == ("v1", "gold", "city")
 
 
-def test_a_wipe_shows_the_new_version_on_its_left_and_the_old_one_on_its_right(opened: Open) -> None:
-    shown = opened("#mode=wipe")
-    new, old = shown.frame(0), shown.frame(1)
+def test_a_wipe_shows_the_new_version_on_its_left_and_the_old_one_on_its_right(open_page: OpenPage) -> None:
+    viewer = open_page("#mode=wipe")
+    new, old = viewer.frame(0), viewer.frame(1)
     assert (new.parts[-4], old.parts[-4]) == ("v2", "v1")
     expected = [to_display(read_pixels(file).beauty, VIEWS[0]).astype(int) for file in (new, old)]
     assert np.abs(expected[0] - expected[1]).max() > 5
     for split in (0.5, 0.25):
-        shown.drag("mouse", 0.5, split)
+        viewer.drag("mouse", 0.5, split)
         middle = round(split * case.WIDTH)
-        canvas = shown.canvas()
+        canvas = viewer.canvas()
         assert np.abs(canvas[:, : middle - 1] - expected[0][:, : middle - 1]).max() <= 2
         assert np.abs(canvas[:, middle + 1 :] - expected[1][:, middle + 1 :]).max() <= 2
-    shown.press(".")
-    assert shown.state["split"] == pytest.approx(0.3, abs=0.02)
+    viewer.press(".")
+    assert viewer.state["split"] == pytest.approx(0.3, abs=0.02)
 
 
 @pytest.mark.parametrize("size", [pytest.param(1, marks=pytest.mark.proof), SQUARE])
-def test_z_shows_a_changed_look_and_not_the_noise_of_an_unchanged_one(opened: Open, size: int) -> None:
-    shown = opened(f"#mode=noise&square={size}")
+def test_z_shows_a_changed_look_and_not_the_noise_of_an_unchanged_one(open_page: OpenPage, size: int) -> None:
+    viewer = open_page(f"#mode=noise&square={size}")
     shares = {}
     for look in ("gold", "tin"):
-        Select(shown.find("select[aria-label='look of A']")).select_by_value(look)
-        a, b = (read_pixels(shown.frame(side)) for side in (0, 1))
+        Select(viewer.find("select[aria-label='look of A']")).select_by_value(look)
+        a, b = (read_pixels(viewer.frame(side)) for side in (0, 1))
         z = noise_ratio(a.beauty, b.beauty, a.error, b.error, size)
         shares[look] = (z[np.maximum(a.alpha, b.alpha) > 0] > 3.0).mean()
-        assert float(shown.find("#legend").get_attribute("data-share")) == pytest.approx(shares[look], abs=1e-6)
-        canvas = shown.canvas().astype(int)
+        assert float(viewer.find("#legend").get_attribute("data-share")) == pytest.approx(shares[look], abs=1e-6)
+        canvas = viewer.canvas().astype(int)
         orange = canvas[..., 0] > canvas[..., 2] + 50
         assert (orange == (z > 3.0)).mean() > 0.999  # but where rounding decides
     assert shares["tin"] <= 0.003
@@ -189,18 +189,18 @@ def test_z_shows_a_changed_look_and_not_the_noise_of_an_unchanged_one(opened: Op
         assert shares["gold"] > 0.1
 
 
-def test_the_difference_is_grey_where_pictures_are_equal(opened: Open) -> None:
-    shown = opened("#mode=difference")
-    a, b = (to_display(read_pixels(shown.frame(side)).beauty, VIEWS[0]).astype(int) for side in (0, 1))
+def test_the_difference_is_grey_where_pictures_are_equal(open_page: OpenPage) -> None:
+    viewer = open_page("#mode=difference")
+    a, b = (to_display(read_pixels(viewer.frame(side)).beauty, VIEWS[0]).astype(int) for side in (0, 1))
     expected = np.clip(127.5 + 0.5 * 4 * (a - b), 0, 255)
-    assert np.abs(shown.canvas() - expected).max() <= 4  # two roundings, times the gain over 2
-    assert "× 4" in shown.find("#legend").text
-    Select(shown.find("select[aria-label='version of B']")).select_by_visible_text("v2")
-    assert set(np.unique(shown.canvas())) <= {127, 128}
+    assert np.abs(viewer.canvas() - expected).max() <= 4  # two roundings, times the gain over 2
+    assert "× 4" in viewer.find("#legend").text
+    Select(viewer.find("select[aria-label='version of B']")).select_by_visible_text("v2")
+    assert set(np.unique(viewer.canvas())) <= {127, 128}
 
 
-def test_every_key(opened: Open) -> None:
-    shown = opened()
+def test_every_key(open_page: OpenPage) -> None:
+    viewer = open_page()
     keys = (
         ("", 0, "gold"), ("ArrowRight", 3, 1), ("ArrowLeft", 3, 0), ("ArrowLeft", 3, 3), ("ArrowRight", 3, 0),
         ("ArrowDown", 0, "tin"), ("ArrowUp", 0, "gold"), ("2", 0, "tin"), ("1", 0, "gold"),
@@ -209,7 +209,7 @@ def test_every_key(opened: Open) -> None:
         ("+", 5, 0.25), ("-", 5, 0), ("=", 5, 0.25), ("0", 5, 0),
     )  # fmt: skip
     # In one script: a key of the driver takes a tenth of a second. Those below are pressed.
-    states = shown.js(
+    states = viewer.js(
         "const states = [];"
         "for (const key of given[0]) {"
         "  document.body.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true, cancelable: true}));"
@@ -222,68 +222,68 @@ def test_every_key(opened: Open) -> None:
     assert states[0] == states[-1] == ["gold", "city", "element", 0, "picture", 0]
     for state, (key, index, value) in zip(states, keys, strict=True):
         assert state[index] == value, key
-    shown.press("w", "x")
-    assert (shown.state["a"]["version"], shown.state["b"]["version"]) == (1, 0)
-    shown.press("x", Keys.ESCAPE, " ")
-    WebDriverWait(shown.browser, 10, 0.01).until(lambda _: shown.state["frame"] == 2)
-    shown.press(" ")
-    assert not shown.state["playing"]
-    shown.press("?")
-    listed = shown.find("#help").text  # none, if it is not shown
+    viewer.press("w", "x")
+    assert (viewer.state["a"]["version"], viewer.state["b"]["version"]) == (1, 0)
+    viewer.press("x", Keys.ESCAPE, " ")
+    WebDriverWait(viewer.browser, 10, 0.01).until(lambda _: viewer.state["frame"] == 2)
+    viewer.press(" ")
+    assert not viewer.state["playing"]
+    viewer.press("?")
+    listed = viewer.find("#help").text  # none, if it is not shown
     assert all(word in listed for word in ("space", "next frame", "wipe from A to B", "one of the first looks"))
-    shown.press(Keys.ESCAPE)
-    assert not shown.find("#help").is_displayed()
+    viewer.press(Keys.ESCAPE)
+    assert not viewer.find("#help").is_displayed()
 
 
-def test_values_are_those_of_the_frame(opened: Open) -> None:
-    shown = opened("#mode=noise&square=1")
-    shown.press("p")
-    keys = ActionChains(shown.browser).key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_UP)
+def test_values_are_those_of_the_frame(open_page: OpenPage) -> None:
+    viewer = open_page("#mode=noise&square=1")
+    viewer.press("p")
+    keys = ActionChains(viewer.browser).key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_UP)
     keys.key_up(Keys.SHIFT).perform()
     x, y = case.WIDTH // 2 + 1, case.HEIGHT // 2 - 1
-    rows = shown.js("return [...document.querySelectorAll('#values tbody tr')].map((row) => [...row.children].map("
+    rows = viewer.js("return [...document.querySelectorAll('#values tbody tr')].map((row) => [...row.children].map("
                     "(cell) => cell.innerText))")  # fmt: skip
-    a, b = (read_pixels(shown.frame(side)) for side in (0, 1))
-    for row, each in zip(rows, (a, b), strict=False):
-        values = [*each.beauty[y, x], each.alpha[y, x], each.error[y, x]]
+    a, b = (read_pixels(viewer.frame(side)) for side in (0, 1))
+    for row, pixels in zip(rows, (a, b), strict=False):
+        values = [*pixels.beauty[y, x], pixels.alpha[y, x], pixels.error[y, x]]
         np.testing.assert_allclose([float(text) for text in row[1:]], values, rtol=0.03)
         np.testing.assert_allclose([float(text) for text in row[1:4]], values[:3], rtol=1e-3)
     z = noise_ratio(a.beauty, b.beauty, a.error, b.error)[y, x]
     assert rows[2][5] == f"z {z:.2f}"
-    assert f"column {x}, row {y}" in shown.find("#values").text
+    assert f"column {x}, row {y}" in viewer.find("#values").text
 
 
-def test_provenance_and_changes(opened: Open) -> None:
-    shown = opened()
-    text = shown.find("#origin").text
+def test_provenance_and_changes(open_page: OpenPage) -> None:
+    viewer = open_page()
+    text = viewer.find("#origin").text
     words = ("/jobs/ball.toml", "samples a pixel", "64", "2026-01-01", "v2/gold/city/element.0001.exr")
     assert [word for word in words if word not in text] == []
     again = "lookdev render /jobs/ball.toml --force --frame gold/city/element.0001"
-    assert shown.find("#provenance code").text == again
-    assert shown.find("#changes-title").text == "Changes since v1: 4 of 8 turntables"
-    row = shown.find("#changes tbody tr.changed")
+    assert viewer.find("#provenance code").text == again
+    assert viewer.find("#changes-title").text == "Changes since v1: 4 of 8 turntables"
+    row = viewer.find("#changes tbody tr.changed")
     assert "look, render" in row.text
     row.find_element(By.CSS_SELECTOR, "button").click()
-    shown.drawn()
-    assert (shown.state["mode"], shown.state["a"]["look"]) == ("noise", "gold")
-    differing = {cell.text for cell in shown.browser.find_elements(By.CSS_SELECTOR, "#origin tr.differs th")}
+    viewer.drawn_keys()
+    assert (viewer.state["mode"], viewer.state["a"]["look"]) == ("noise", "gold")
+    differing = {cell.text for cell in viewer.browser.find_elements(By.CSS_SELECTOR, "#origin tr.differs th")}
     assert differing >= {"digest", "digest of look"}
 
 
-def test_the_address_keeps_the_state(opened: Open) -> None:
-    shown = opened()
-    shown.press("2", "]", "t", Keys.ARROW_RIGHT, "w", "+")
-    shown.drawn()
-    state, address = shown.state, shown.browser.current_url
-    assert opened(address[address.index("#") :]).state == state
+def test_the_address_keeps_the_state(open_page: OpenPage) -> None:
+    viewer = open_page()
+    viewer.press("2", "]", "t", Keys.ARROW_RIGHT, "w", "+")
+    viewer.drawn_keys()
+    state, address = viewer.state, viewer.browser.current_url
+    assert open_page(address[address.index("#") :]).state == state
 
 
-def test_everything_that_can_be_used_has_a_name(opened: Open) -> None:
-    shown = opened("#mode=wipe")
-    shown.press("?")
-    nodes = shown.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
-    shown.press(Keys.ESCAPE)
-    nodes += shown.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+def test_everything_that_can_be_used_has_a_name(open_page: OpenPage) -> None:
+    viewer = open_page("#mode=wipe")
+    viewer.press("?")
+    nodes = viewer.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    viewer.press(Keys.ESCAPE)
+    nodes += viewer.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
     roles = {"button", "slider", "combobox", "radio", "radiogroup", "application", "dialog", "region"}
     used = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles]
     assert {node["role"]["value"] for node in used} >= {"button", "slider", "combobox", "radio", "dialog"}
@@ -291,47 +291,47 @@ def test_everything_that_can_be_used_has_a_name(opened: Open) -> None:
 
 
 @pytest.mark.parametrize("width", [320, pytest.param(390, marks=pytest.mark.proof)])
-def test_the_page_fits_a_phone(opened: Open, width: int) -> None:
-    shown = opened("#mode=wipe", (width, 844))
-    assert shown.js("return document.documentElement.scrollWidth") <= width
+def test_the_page_fits_a_phone(open_page: OpenPage, width: int) -> None:
+    viewer = open_page("#mode=wipe", (width, 844))
+    assert viewer.js("return document.documentElement.scrollWidth") <= width
     for css in ("#stage", "#play", "#number", "#exposure", "#modes", "#split"):
-        box = shown.find(css).rect
+        box = viewer.find(css).rect
         assert box["x"] >= 0, css
         assert box["x"] + box["width"] <= width, css
-    buttons = shown.browser.find_elements(By.CSS_SELECTOR, "#viewer button")
+    buttons = viewer.browser.find_elements(By.CSS_SELECTOR, "#viewer button")
     assert min(button.rect["height"] for button in buttons) >= 32
-    shown.drag("touch", 0.5, 0.8)
-    assert shown.state["split"] == pytest.approx(0.8, abs=0.03)
-    shown.find("[data-radio='mode=picture']").click()
-    shown.drag("touch", 0.2, 0.7)
-    assert shown.state["frame"] == 2
+    viewer.drag("touch", 0.5, 0.8)
+    assert viewer.state["split"] == pytest.approx(0.8, abs=0.03)
+    viewer.find("[data-radio='mode=picture']").click()
+    viewer.drag("touch", 0.2, 0.7)
+    assert viewer.state["frame"] == 2
 
 
-def test_frames_without_an_error_are_compared_without_noise(opened: Open, tmp_path: Path) -> None:
+def test_frames_without_an_error_are_compared_without_noise(open_page: OpenPage, tmp_path: Path) -> None:
     old = case.write_job(tmp_path / "old", ["gold"], ["city"], {"element": 1}, error=False)
     new = case.write_job(tmp_path / "new", ["gold"], ["city"], {"element": 1}, seed=3)
-    shown = opened("#mode=noise", file=review(new, old)[0])
-    assert "error of a frame is not known" in shown.find("#legend").text
-    assert np.abs(shown.canvas().astype(int) - to_display(read_pixels(shown.frame()).beauty, VIEWS[0])).max() <= 2
+    viewer = open_page("#mode=noise", file=review(new, old)[0])
+    assert "error of a frame is not known" in viewer.find("#legend").text
+    assert np.abs(viewer.canvas().astype(int) - to_display(read_pixels(viewer.frame()).beauty, VIEWS[0])).max() <= 2
 
 
-def test_what_is_not_on_screen_is_read_when_it_is_shown(opened: Open, tab: Any, tmp_path: Path) -> None:
+def test_what_is_not_on_screen_is_read_when_it_is_shown(open_page: OpenPage, tab: Any, tmp_path: Path) -> None:
     out = case.write_job(tmp_path, [f"look_{number}" for number in range(8)], ["city"], {"element": 4}, size=(32, 24))
     file = review(out)[0]
     note = "new MutationObserver((all) => all.forEach(({addedNodes}) => reads.push(...addedNodes)))"
     note = f"window.reads = []; {note}.observe(document, {{childList: true, subtree: true}});"
     script = tab.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": note})
-    shown = opened(file=file)
+    viewer = open_page(file=file)
     tab.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
     read, everything = "reads.filter(({src}) => /frames/.test(src)).length", 8 * 4
     assert len(list((file.parent / "data" / "frames").glob("*.js"))) == everything
     # At first no more than the turntable that is shown, and the one before it.
-    assert 0 < shown.js(f"return {read}") <= 8
-    assert len(shown.browser.find_elements(By.CSS_SELECTOR, ".cell")) == 8
+    assert 0 < viewer.js(f"return {read}") <= 8
+    assert len(viewer.browser.find_elements(By.CSS_SELECTOR, ".cell")) == 8
 
 
 @pytest.mark.bench
-def test_fifty_looks_load_in_two_seconds(opened: Open, tmp_path: Path) -> None:
+def test_fifty_looks_load_in_two_seconds(open_page: OpenPage, tmp_path: Path) -> None:
     """50 looks x 24 frames x 4 rigs."""
     first = case.write_job(tmp_path / "first", ["look"], ["rig"], {"element": 24}, size=(320, 240))
     out = tmp_path / "out"
@@ -342,30 +342,30 @@ def test_fifty_looks_load_in_two_seconds(opened: Open, tmp_path: Path) -> None:
     file, times = review(out)[0], []
     for _ in range(3):  # other processes may be at work
         started = time.perf_counter()
-        shown = opened(file=file)
+        viewer = open_page(file=file)
         times.append(time.perf_counter() - started)
-    assert len(shown.browser.find_elements(By.CSS_SELECTOR, ".cell")) == 200
+    assert len(viewer.browser.find_elements(By.CSS_SELECTOR, ".cell")) == 200
     assert min(times) < LOAD_SECONDS, f"{times}, load {os.getloadavg()}"
 
 
-def test_frames_are_in_step_where_some_are_missing(opened: Open, tmp_path: Path) -> None:
+def test_frames_are_in_step_where_some_are_missing(open_page: OpenPage, tmp_path: Path) -> None:
     old = case.write_job(tmp_path / "old", ["gold", "tin"], ["city"], {"element": 5})
     new = case.write_job(tmp_path / "new", ["gold", "tin"], ["city"], {"element": 5}, seed=3)
     (new / "gold" / "city" / "element.0002.exr").unlink()
     (old / "gold" / "city" / "element.0004.exr").unlink()
-    shown = opened("#mode=wipe", file=review(new, old)[0])
-    found, cells = [], []
+    viewer = open_page("#mode=wipe", file=review(new, old)[0])
+    frames, cells = [], []
     for _ in range(4):
-        shown.drawn()
-        cells.append(shown.js("return [...document.querySelectorAll('.cell')].map((each) => each.dataset.number)"))
-        sides = [shown.frame(side).stem.rpartition(".")[2] if shown.drawn()[side] else "" for side in (0, 1)]
-        found.append((*sides, shown.find("#legend").text if not sides[1] else ""))
-        shown.press(Keys.ARROW_RIGHT)
-    assert found == [
+        viewer.drawn_keys()
+        cells.append(viewer.js("return [...document.querySelectorAll('.cell')].map((each) => each.dataset.number)"))
+        sides = [viewer.frame(side).stem.rpartition(".")[2] if viewer.drawn_keys()[side] else "" for side in (0, 1)]
+        frames.append((*sides, viewer.find("#legend").text if not sides[1] else ""))
+        viewer.press(Keys.ARROW_RIGHT)
+    assert frames == [
         ("0001", "0001", ""), ("0003", "0003", ""), ("0004", "", "B has no frame 4"), ("0005", "0005", ""),
     ]  # fmt: skip
     assert cells == [["0", "0"], ["1", "2"], ["2", "3"], ["3", "4"]]  # of gold, which has no second frame, and of tin
-    shown.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)  # the third of gold, which has no second, is tin's fourth
-    Select(shown.find("[aria-label='look of A']")).select_by_visible_text("tin")
-    assert shown.frame().name == "element.0004.exr"
-    assert "number 4" not in shown.find("#place").text
+    viewer.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)  # the third of gold, which has no second, is tin's fourth
+    Select(viewer.find("[aria-label='look of A']")).select_by_visible_text("tin")
+    assert viewer.frame().name == "element.0004.exr"
+    assert "number 4" not in viewer.find("#place").text

@@ -12,7 +12,7 @@ from lookdev.asset import load_asset
 from lookdev.codegen import ShaderSource
 from lookdev.material import Look
 from lookdev.output.exr import read_header
-from lookdev.output.review.folder import find_version
+from lookdev.output.review.folder import read_version
 from lookdev.output.review.pixels import read_pixels
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan
 from lookdev.run.render import RunResult, run_plan
@@ -110,7 +110,7 @@ def test_a_frame_that_is_chosen_brings_its_props(tmp_path: Path) -> None:
 
 def test_a_review_shows_props_and_what_is_wrong_with_them(tmp_path: Path) -> None:
     run(tmp_path)
-    version = find_version(tmp_path / "out", tmp_path / "page")
+    version = read_version(tmp_path / "out", tmp_path / "page")
     reels = {reel.key: reel for reel in version.reels}
     assert {look for look, _, _ in reels} == {"charts", "gold"}
     frame = reels["gold", "city", "element"].frames[0]

@@ -1,4 +1,4 @@
-"""How a frame differs from that of another version, beyond what the noise of both explains."""
+"""Comparison of a frame with that of another version, beyond the difference that the noise of both explains."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from lookdev.metrics import noise_ratio, relmse
 from lookdev.output.review.pixels import Pixels
 
 BEYOND = 3.0
-"""z of a pixel that noise does not explain: .27 % of pixels have it by chance, where noise is Gaussian."""
+"""z above which noise does not explain a pixel: 0.27 % of pixels exceed it by chance, where noise is Gaussian."""
 
 SQUARE = 7
-"""Pixels along the side of the squares over which z is taken, here and on the page at first."""
+"""Side in pixels of the squares over which z is computed, here, and on the page by default."""
 
 NOTICED = 0.003
 """Share of the asset's pixels beyond z = 3 above which a frame counts as changed."""
@@ -24,9 +24,9 @@ NOTICED = 0.003
 class Comparison:
     """A frame against that of another version.
 
-    `changed` are the parts of the digest that differ, as a plan names them. `relmse` is that of the frame against the
-    other; `beyond` the share of the asset's pixels with z above `BEYOND`, None where an error is not known. Both are
-    None where the frames differ in size.
+    `changed` are the parts of the digest that differ, as a plan names them. `relmse` is the relMSE of the frame against
+    the other frame. `beyond` is the share of the asset's pixels with z above `BEYOND`; it is None where an error is not
+    known. Both are None where the frames differ in size.
     """
 
     changed: tuple[str, ...]
@@ -35,14 +35,14 @@ class Comparison:
 
     @property
     def visible(self) -> bool:
-        """Whether pixels differ by more than noise explains, or at all where noise is not known."""
+        """Whether pixels differ by more than noise explains; where noise is not known, whether they differ at all."""
         if self.beyond is not None:
             return self.beyond > NOTICED
         return self.relmse is None or self.relmse > 0.0
 
 
 def compare_frames(new: Pixels, old: Pixels, header: Mapping[str, str], old_header: Mapping[str, str]) -> Comparison:
-    """Compare a frame with that of another version, by their pixels and headers."""
+    """Compare a frame with that of another version by their pixels and headers."""
     changed = changed_parts(header, old_header)
     if new.alpha.shape != old.alpha.shape:
         return Comparison(changed)

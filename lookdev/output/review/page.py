@@ -1,4 +1,7 @@
-"""The folder of a review page: what it has of each frame is named by the content it was made of, and kept."""
+"""The writer of a review page's folder.
+
+A file of a frame has the digest of its inputs as its name, so that a later page uses the file again.
+"""
 
 from __future__ import annotations
 
@@ -28,19 +31,19 @@ from lookdev.output.review.view import view_shader
 from lookdev.text import TextError, parse_json, read_text
 
 FORMAT = 1
-"""Is part of the names of a page's files: a change makes them anew."""
+"""Part of the names of a page's files: after a change of it, all files are written anew."""
 
 THUMBNAIL = 176
-"""Longer side of a frame in the grid, pixels."""
+"""Longer side of a frame in the grid, in pixels."""
 
 _STATIC = Path(__file__).with_name("static")
 _LEDGER = "data/ledger.json"
-_QUALITY = 90  # of a JPEG, which is shown while numbers load
+_QUALITY = 90  # of a JPEG, which the page shows while pixel values load
 
 
 @dataclass(frozen=True)
 class ReviewFrame:
-    """A whole frame on disk, the number in its name, and its header; `over` is the frame of props laid over it."""
+    """An undamaged frame on disk, the number in its name, and its header; `over` is a frame of props to lay over it."""
 
     file: Path
     number: int
@@ -59,13 +62,13 @@ class Reel:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What names it in any version."""
+        """Look, rig and turntable, which identify the reel in any version."""
         return self.look, self.rig, self.turntable
 
 
 @dataclass(frozen=True)
 class Version:
-    """An output folder: a name for the page, its reels in order, and what is wrong with it."""
+    """An output folder: its name on the page, its reels in order, and its problems as messages."""
 
     name: str
     folder: Path
@@ -75,7 +78,7 @@ class Version:
 
 @dataclass(frozen=True)
 class Written:
-    """What writing a page did: files made now, files kept, and bytes of all."""
+    """Number of files of a page that were written now, number that were kept, and bytes of all."""
 
     made: int
     kept: int
@@ -89,11 +92,12 @@ def write_page(
     title: str,
     report: Callable[[int, int], None] = lambda *_: None,
 ) -> Written:
-    """Write the page of one version, or of a new one and an old one, into a folder; what is there and whole is kept.
+    """Write the page of one version, or of a new and an old version, into a folder; undamaged files there are kept.
 
-    Each file is written whole or not at all, those that name others after them, and what no longer belongs to the page
-    is removed last: an interrupted page is the old one or the new one. `report` is called with the number of frames
-    that are done, and of all. Raises OutputError where a frame is damaged or a file cannot be written.
+    Each file is written complete or not at all, files that refer to others after them, and files that no longer belong
+    to the page are removed last: an interrupted page is the old one or the new one. `report` is called with the number
+    of frames that are done, and the number of all frames. Raises OutputError where a frame is damaged or a file cannot
+    be written.
     """
     page = _Page(folder, view)
     try:
@@ -109,76 +113,78 @@ class _Page:
         self._folder = folder
         self._view = view
         self._ledger = _read_ledger(folder / _LEDGER)
-        self._listed: dict[str, str] = {}  # of this page: the SHA-256 of each file by its name
-        self._made: set[str] = set()
+        self._listed: dict[str, str] = {}  # SHA-256 of each file of this page by its name
+        self._written: set[str] = set()
 
     def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> Written:
         shader = view_shader(self._view)
         frames = [frame for version in versions for reel in version.reels for frame in reel.frames]
         keys: dict[Path, str] = {}
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-            for done, (frame, key) in enumerate(zip(frames, pool.map(self._frame, frames), strict=True), 1):
+            for done, (frame, key) in enumerate(zip(frames, pool.map(self._write_frame, frames), strict=True), 1):
                 keys[frame.file] = key
                 report(done, len(frames))
             reels = [(number, reel) for number, version in enumerate(versions) for reel in version.reels]
-            entries = list(pool.map(lambda each: self._reel(each[0], each[1], keys), reels))
+            entries = list(pool.map(lambda item: self._write_reel(item[0], item[1], keys), reels))
             changes = list(_changes(versions, pool)) if len(versions) == 2 else None
         index = {
             "title": title,
             "view": shader,
             "square": SQUARE,
             "versions": [
-                {"name": each.name, "folder": str(each.folder), "problems": each.problems} for each in versions
+                {"name": version.name, "folder": str(version.folder), "problems": version.problems}
+                for version in versions
             ],
             "reels": entries,
             "changes": changes,
         }
-        self._text("data/index.js", f"review.start({json.dumps(index, allow_nan=False)});\n")
+        self._write_text("data/index.js", f"review.start({json.dumps(index, allow_nan=False)});\n")
         for file in sorted(_STATIC.iterdir()):
             if file.is_file():
-                self._text("index.html" if file.suffix == ".html" else f"static/{file.name}", file.read_text("utf-8"))
+                name = "index.html" if file.suffix == ".html" else f"static/{file.name}"
+                self._write_text(name, file.read_text("utf-8"))
         with atomic_path(self._folder / _LEDGER) as temporary:
             temporary.write_text(json.dumps(self._listed, indent=0, sort_keys=True))
         self._remove_others()
         size = sum((self._folder / name).stat().st_size for name in self._listed)
-        return Written(len(self._made), len(self._listed) - len(self._made), size)
+        return Written(len(self._written), len(self._listed) - len(self._written), size)
 
-    def _frame(self, frame: ReviewFrame) -> str:
-        """Make the picture and the script of a frame; return the key in their names."""
-        of_props = [file_digest(frame.over)] if frame.over else []
-        key = _key(FORMAT, self._view.digest, file_digest(frame.file), *of_props)
+    def _write_frame(self, frame: ReviewFrame) -> str:
+        """Write the picture and the script of a frame, and return the key in their names."""
+        props = [file_digest(frame.over)] if frame.over else []
+        key = _content_key(FORMAT, self._view.digest, file_digest(frame.file), *props)
         picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
-        if not (self._is_kept(picture) and self._is_kept(script)):
+        if not (self._reuse(picture) and self._reuse(script)):
             pixels = read_pixels(frame.file, frame.over)
             light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
-            self._file(script, lambda path: write_pixels_script(path, key, pixels))
-            self._file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
+            self._write_file(script, lambda path: write_pixels_script(path, key, pixels))
+            self._write_file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
         return key
 
-    def _reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
-        """Make the sprites and the provenance of a reel; return its entry of the index."""
+    def _write_reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
+        """Write the sprites and the provenance of a reel, and return its entry in the index."""
         names = [keys[frame.file] for frame in reel.frames]
-        key = _key(FORMAT, THUMBNAIL, names)
+        key = _content_key(FORMAT, THUMBNAIL, names)
         sprite = f"data/reels/{key}.jpg"
         columns = math.ceil(math.sqrt(len(names)))
-        if not self._is_kept(sprite):
+        if not self._reuse(sprite):
             pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
-            self._file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
+            self._write_file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
         frames = [
             {"key": name, "file": str(frame.file), "header": dict(frame.header), "command": _command(reel, frame)}
             for frame, name in zip(reel.frames, names, strict=True)
         ]
-        script = f"data/reels/{_key(key, frames)}.js"
-        self._text(script, f"review.put({json.dumps(script)}, {json.dumps(frames, allow_nan=False)});\n")
+        script = f"data/reels/{_content_key(key, frames)}.js"
+        self._write_text(script, f"review.put({json.dumps(script)}, {json.dumps(frames, allow_nan=False)});\n")
         width, height = (int(side) for side in reel.frames[0].header["resolution"].split(" x "))
         return {
             "version": version, "look": reel.look, "rig": reel.rig, "turntable": reel.turntable, "count": len(names),
-            "turns": _turns(reel), "width": width, "height": height, "sprite": sprite, "columns": columns,
+            "turns": _rotating_part(reel), "width": width, "height": height, "sprite": sprite, "columns": columns,
             "script": script, "numbers": [frame.number for frame in reel.frames],
         }  # fmt: skip
 
-    def _is_kept(self, name: str) -> bool:
-        """Return whether a file is there as it was written; if so, it belongs to this page."""
+    def _reuse(self, name: str) -> bool:
+        """Return whether a file exists as it was written; if so, add it to the files of this page."""
         digest = self._listed.get(name) or self._ledger.get(name)
         path = self._folder / name
         if digest is None or not path.is_file() or file_digest(path) != digest:
@@ -186,20 +192,20 @@ class _Page:
         self._listed[name] = digest
         return True
 
-    def _file(self, name: str, write: Callable[[Path], None]) -> None:
+    def _write_file(self, name: str, write: Callable[[Path], None]) -> None:
         path = self._folder / name
         write(path)
         self._listed[name] = file_digest(path)
-        self._made.add(name)
+        self._written.add(name)
 
-    def _text(self, name: str, text: str) -> None:
+    def _write_text(self, name: str, text: str) -> None:
         data = text.encode("utf-8")
         self._ledger[name] = hashlib.sha256(data).hexdigest()
-        if not self._is_kept(name):
-            self._file(name, lambda path: _write_bytes(path, data))
+        if not self._reuse(name):
+            self._write_file(name, lambda path: _write_bytes(path, data))
 
     def _remove_others(self) -> None:
-        """Remove what an earlier page has and this one has not."""
+        """Remove the files of an earlier page that this page does not have."""
         for name in self._ledger.keys() - self._listed.keys():
             path = (self._folder / name).resolve()
             if path.is_relative_to(self._folder.resolve()):
@@ -207,43 +213,43 @@ class _Page:
 
 
 def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
-    """Yield what became of each reel of a new version and an old one: the worst of its frames."""
+    """Yield the comparison of each reel of a new and an old version, which is that of its most different frame."""
     new, old = ({reel.key: reel for reel in version.reels} for version in versions)
     for key in dict.fromkeys((*new, *old)):
-        named = dict(zip(("look", "rig", "turntable"), key, strict=True))
+        names = dict(zip(("look", "rig", "turntable"), key, strict=True))
         if key not in old or key not in new:
-            yield named | {"state": "new" if key not in old else "removed"}
+            yield names | {"state": "new" if key not in old else "removed"}
             continue
         before = {frame.number: frame for frame in old[key].frames}
         pairs = [(frame, before[frame.number]) for frame in new[key].frames if frame.number in before]
-        found = list(pool.map(lambda pair: _compared(*pair), pairs))
-        if not found:
-            yield named | {"state": "other frames"}
+        comparisons = list(pool.map(lambda pair: _compare(*pair), pairs))
+        if not comparisons:
+            yield names | {"state": "other frames"}
             continue
-        worst = max(found, key=lambda each: (each.visible, each.beyond or 0.0, each.relmse or 0.0))
-        parts = list(dict.fromkeys(part for each in found for part in each.changed))
+        worst = max(comparisons, key=lambda result: (result.visible, result.beyond or 0.0, result.relmse or 0.0))
+        parts = list(dict.fromkeys(part for comparison in comparisons for part in comparison.changed))
         state = "changed" if worst.visible else "same picture" if parts or worst.relmse else "same"
         yield (
-            named
+            names
             | {"state": state}
             | asdict(replace(worst, changed=tuple(parts)))
             | {
-                "frame": pairs[found.index(worst)][0].number,
-                "frames": f"{len(found)} of {len({*before, *(each.number for each in new[key].frames)})}",
-                "headers": _other_entries(pairs[0][0].header, pairs[0][1].header),
+                "frame": pairs[comparisons.index(worst)][0].number,
+                "frames": f"{len(comparisons)} of {len({*before, *(frame.number for frame in new[key].frames)})}",
+                "headers": _differing_entries(pairs[0][0].header, pairs[0][1].header),
             }
         )
 
 
-def _compared(new: ReviewFrame, old: ReviewFrame) -> Comparison:
+def _compare(new: ReviewFrame, old: ReviewFrame) -> Comparison:
     pairs = ((new.file, old.file), (new.over, old.over))
     if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)
     return compare_frames(read_pixels(new.file, new.over), read_pixels(old.file, old.over), new.header, old.header)
 
 
-def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:
-    """Return what two headers differ in besides digests and times: name, old, new."""
+def _differing_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return name, old and new value of the entries in which two headers differ, except digests and times."""
     keys = [
         key for key in (*new, *(set(old) - set(new))) if key not in ("job", "seconds", "time", "relmse", "raw.relmse")
     ]
@@ -255,32 +261,32 @@ def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple
 
 
 def _command(reel: Reel, frame: ReviewFrame) -> str:
-    """Return the command that renders a frame again; "" where its job is not known."""
+    """Return the command that renders a frame again, or "" where its header does not name a job."""
     name = str(FrameName(*reel.key, frame.number))
     job = frame.header.get("job")
     return f"lookdev render {shlex.quote(job)} --force --frame {shlex.quote(name)}" if job else ""
 
 
-def _turns(reel: Reel) -> str:
-    """Return what turns in a reel: "lighting" where the light alone does, else "element"."""
+def _rotating_part(reel: Reel) -> str:
+    """Return the part that rotates in a reel: "lighting" where only the light does, otherwise "element"."""
     element = {frame.header.get("pose.element") for frame in reel.frames}
     lighting = {frame.header.get("pose.lighting") for frame in reel.frames}
     return "lighting" if len(element) == 1 and len(lighting) > 1 else "element"
 
 
 def _sprites(pictures: Sequence[Path], columns: int) -> Bytes:
-    """Return small pictures in rows, black where there is none; a cell has the size of the first."""
-    small = [_shrunk(picture) for picture in pictures]
+    """Return thumbnails in rows, black in unused cells; a cell has the size of the first thumbnail."""
+    small = [_thumbnail(picture) for picture in pictures]
     height, width = small[0].shape[:2]
     page = np.zeros((math.ceil(len(small) / columns) * height, columns * width, 3), np.uint8)
-    for number, each in enumerate(small):
+    for number, thumbnail in enumerate(small):
         y, x = number // columns * height, number % columns * width
-        cell = each[:height, :width]
+        cell = thumbnail[:height, :width]
         page[y : y + cell.shape[0], x : x + cell.shape[1]] = cell
     return page
 
 
-def _shrunk(picture: Path) -> Bytes:
+def _thumbnail(picture: Path) -> Bytes:
     image = oiio.ImageBuf(str(picture))
     spec = image.spec()
     scale = min(1.0, THUMBNAIL / max(spec.width, spec.height))
@@ -308,14 +314,14 @@ def _write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def _key(*parts: object) -> str:
+def _content_key(*parts: object) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
 
 
 def _read_ledger(path: Path) -> dict[str, str]:
     try:
         ledger = parse_json(read_text(path), path)
-    except TextError:  # lost or spoilt: everything is made again
+    except TextError:  # missing or damaged: all files are written again
         return {}
-    known = ledger if isinstance(ledger, dict) else {}
-    return {name: digest for name, digest in known.items() if isinstance(digest, str)}
+    digests = ledger if isinstance(ledger, dict) else {}
+    return {name: digest for name, digest in digests.items() if isinstance(digest, str)}

@@ -1,4 +1,4 @@
-"""A view of OpenColorIO as a shader for WebGL 2, so that the page shows what the pictures show."""
+"""A view of OpenColorIO as a shader for WebGL 2, so that the page shows the same colours as the pictures."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from lookdev.output.color import DisplayView
 def view_shader(view: DisplayView) -> dict[str, Any]:
     """Return the GLSL of a function ``vec4 view(vec4)`` from linear Rec.709 to display values, and its textures.
 
-    A texture has the name of its sampler, its size, its components a texel, whether it is interpolated, and its texels
-    as base64 of little-endian float32. Tables of one dimension are rows of a picture, as WebGL has no others.
+    A texture has the name of its sampler, its size, its components in a texel, whether it is interpolated, and its
+    texels as base64 of little-endian float32. A table of one dimension is a picture, because WebGL does not have
+    textures of one dimension.
     """
     import PyOpenColorIO as ocio
 
@@ -24,10 +25,10 @@ def view_shader(view: DisplayView) -> dict[str, Any]:
     shader.setAllowTexture1D(False)
     view.transform.getDefaultGPUProcessor().extractGpuShaderInfo(shader)
     textures = [
-        _texture(each, (each.width, each.height, 1), 1 if each.channel == each.TEXTURE_RED_CHANNEL else 3)
-        for each in shader.getTextures()
+        _texture(table, (table.width, table.height, 1), 1 if table.channel == table.TEXTURE_RED_CHANNEL else 3)
+        for table in shader.getTextures()
     ]
-    textures += [_texture(each, (each.edgeLen,) * 3, 3) for each in shader.get3DTextures()]
+    textures += [_texture(table, (table.edgeLen,) * 3, 3) for table in shader.get3DTextures()]
     return {"name": str(view), "glsl": shader.getShaderText(), "textures": textures}
 
 

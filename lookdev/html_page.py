@@ -1,0 +1,28 @@
+"""HTML pages from Jinja2 templates, without scripts and other files; a template extends ``html_page.html``."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from pathlib import Path
+
+from lookdev.cache import atomic_path
+from lookdev.errors import replace_controls
+
+
+def write_html_page(file: Path, template: Path, title: str, **values: object) -> None:
+    """Write a page, complete or not at all, from a template and its values, whose text is escaped.
+
+    Raises UndefinedError where the template has a name without a value.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # not at the top: few commands write a page
+
+    # The output of a macro is Markup, a subclass of str, and escaped already.
+    environment = Environment(
+        loader=FileSystemLoader([template.parent, Path(__file__).parent]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=lambda value: replace_controls(value) if type(value) is str else value,
+    )
+    environment.filters["base64"] = lambda data: b64encode(data).decode()
+    with atomic_path(file) as temporary:
+        temporary.write_text(environment.get_template(template.name).render(title=title, **values), encoding="utf-8")
