@@ -89,7 +89,7 @@ def oren_nayar_albedo(roughness: float) -> float:
 
     def f(d: Directions) -> Floats:
         i, o = np.asarray(d.cos_theta_i), np.asarray(d.cos_theta_o)
-        s = (d.wo * d.wi).sum(axis=-1) - i * o  # type: ignore[attr-defined]
+        s = (d.wo * d.wi).sum(axis=-1) - i * o
         return np.asarray((a + b * np.maximum(s, 0.0) / np.maximum(i, o)) / np.pi)
 
     return _mean_over_views(_albedo_of(f))
