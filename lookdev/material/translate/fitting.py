@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -116,7 +115,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 """The fitted functions by the name of the fit."""
 
 
-def make_table() -> dict[str, Any]:
+def make_table() -> dict[str, dict[str, object]]:
     """Return the numerator, the denominator and the residual of every fit."""
     table = {}
     for name, function in FUNCTIONS.items():

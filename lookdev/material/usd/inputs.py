@@ -53,7 +53,7 @@ def read_input(
     holder = network.follow(attribute)
     if isinstance(holder, Source):
         return _read_varying(network, attribute, parameter, holder, enclosing)
-    value = None if holder is None else network.read_value(attribute, holder, expected)
+    value: float | str | Gf.Vec3f | None = None if holder is None else network.read_value(attribute, holder, expected)
     if parameter.file and value is not None:
         return _read_file(network, attribute, parameter, value)
     return None if value is None else _check_range(network, attribute, parameter, value)
@@ -73,7 +73,7 @@ def _read_file(network: Network, attribute: Usd.Attribute, parameter: Parameter,
 
 
 def _check_range(
-    network: Network, where: object, parameter: Parameter, value: float | Color | str
+    network: Network, where: object, parameter: Parameter, value: float | str | Gf.Vec3f
 ) -> float | Color | str | None:
     """Return a constant as plain Python; None, with a fault added, where it is outside the parameter's range."""
     if isinstance(value, str):
@@ -147,7 +147,7 @@ def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tu
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
     text = network.read_constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
-    if not text:
+    if not isinstance(text, str) or not text:
         if not attribute or text == "":
             network.add_fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
         return None
@@ -226,7 +226,7 @@ def _read_bump(network: Network, source: Source) -> Bump | None:
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
     factor = network.read_constant(scale, _TYPES["float"]) if scale else None
     height = _read_height(network, source, attribute)
-    return Bump(height, 1.0 if factor is None else factor) if height else None
+    return Bump(height, factor if isinstance(factor, float) else 1.0) if height else None
 
 
 def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:

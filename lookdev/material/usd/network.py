@@ -113,7 +113,7 @@ class Network:
         self.add_fault(attribute, f"has type {actual}{elsewhere}", f"it must be {expected}")
         return False
 
-    def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+    def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
         """Return the constant in `holder`, the value of `attribute`; None where unset or, with a fault added, wrong."""
         if not self.check_type(attribute, holder, expected):
             return None
@@ -130,7 +130,7 @@ class Network:
             return None
         return value
 
-    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
         """Return the value of an input that must be constant; None where unset or, with a fault added, wrong."""
         if not self.check_type(attribute, attribute, expected):
             return None
@@ -150,7 +150,7 @@ class Network:
             return definition.GetDefaultValueAsSdfType() if len(self._faults) == fault_count else None
         options = [option for option, _ in definition.GetOptions()]
         if options and value not in options:
-            self.add_fault(attribute, f"unknown value '{value}'", nearest_hint(value, options))
+            self.add_fault(attribute, f"unknown value '{value}'", nearest_hint(str(value), options))
             return None
         return value
 
@@ -187,5 +187,5 @@ def authored_properties(prim: Usd.Prim) -> int:
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
 
 
-def _sdr_node(shader: UsdShade.Shader) -> Any:
+def _sdr_node(shader: UsdShade.Shader) -> Sdr.ShaderNode:
     return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))
