@@ -7,12 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint, shorten
 from lookdev.material.look import Formula
+
+V = TypeVar("V")
 
 TERMINAL = "outputs:lookdev:surface"
 """The output of a material to which its stack of layers, or its only layer, is connected."""
@@ -140,7 +142,7 @@ class Network:
             return None
         return None if holder is None else self.read_value(attribute, holder, expected)
 
-    def read_node_value(self, shader: UsdShade.Shader, name: str) -> Any:
+    def read_node_value(self, shader: UsdShade.Shader, name: str, kind: type[V]) -> V | None:
         """Return a constant input of one of USD's own nodes, or its default; None, with a fault added, where wrong."""
         definition = _sdr_node(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
@@ -152,7 +154,7 @@ class Network:
         if options and value not in options:
             self.add_fault(attribute, f"unknown value '{value}'", nearest_hint(str(value), options))
             return None
-        return value
+        return value if isinstance(value, kind) else None
 
     def check_node(self, attribute: object, source: Source, outputs: Sequence[str] = ("result",)) -> None:
         """Add faults of inputs that a node of USD's does not have, and of an output that `attribute` cannot use."""
