@@ -10,9 +10,10 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Array, are_equal, dot, normalize, scale, vector
 
-ZENITH: Array = np.array([0.0, 0.0, 1.0])
+ZENITH: Floats = np.array([0.0, 0.0, 1.0])
 """The shading normal in its own frame."""
 
 _LOWEST = 0.01

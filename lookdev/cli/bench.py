@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -16,16 +16,16 @@ _KINDS = "Other benchmarks"
 _CHOICE = "Selection"
 
 
-def _number(name: str, help_text: str) -> Any:
+def _number(name: str, help_text: str) -> object:
     """Return the option of a number whose default depends on the kind of benchmark."""
     return typer.Option(name, metavar="N", help=help_text, show_default=False, rich_help_panel=_CHOICE)
 
 
-def _names(name: str, help_text: str) -> Any:
+def _names(name: str, help_text: str) -> object:
     return typer.Option(name, metavar="NAMES", help=help_text, show_default=False, rich_help_panel=_CHOICE)
 
 
-def _document(name: str, help_text: str) -> Any:
+def _document(name: str, help_text: str) -> object:
     return typer.Option(name, metavar="FILE", help=help_text, show_default=False, rich_help_panel=_KINDS)
 
 

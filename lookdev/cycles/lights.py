@@ -161,7 +161,7 @@ def _build_sphere(name: str, light: SphereLight, strength: float) -> Any:
 
 
 def _build_distant(name: str, light: DistantLight, strength: float) -> Any:
-    versine = light.shape.versine
+    versine = light.versine
     data = _add_data(name, "SUN", light.sent, math.pi * versine * (2.0 - versine) * strength)
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data

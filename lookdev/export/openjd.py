@@ -16,7 +16,6 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError
@@ -100,11 +99,11 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
         raise LookdevError(f"openjd-model refuses the template: {error}") from error
 
     values = {"Job": str(job.file), "Output": str(job.output)}
-    documents: dict[Path, Any] = {template_file: template}
+    documents: dict[Path, object] = {template_file: template}
     if bundle:
         documents |= _bundle_files(job, out, values)
 
-    def encode(data: Any, file: Path) -> str:
+    def encode(data: object, file: Path) -> str:
         if file.suffix.lower() == ".json":
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
@@ -120,7 +119,7 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
     return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
 
 
-def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
+def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, object]:
     """Return the template of a job as a document of the specification, for a file in `folder`."""
     socket = "{{Session.WorkingDirectory}}/warm.sock"
     render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
@@ -193,7 +192,7 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
 
 def _path_parameter(
     name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return a path parameter; it has a default only if the path is in the template's folder."""
     default = {"default": value.relative_to(folder).as_posix()} if _is_below(value, folder) else {}
     return {
@@ -211,8 +210,8 @@ def _is_below(path: Path, folder: Path) -> bool:
     return path.is_relative_to(folder)
 
 
-def _host_requirements(job: Job, needs: Needs) -> dict[str, Any]:
-    amounts: list[dict[str, Any]] = [
+def _host_requirements(job: Job, needs: Needs) -> dict[str, object]:
+    amounts: list[dict[str, object]] = [
         {"name": "amount.worker.vcpu", "min": needs.cores},
         {"name": "amount.worker.memory", "min": needs.memory},
     ]
@@ -221,12 +220,12 @@ def _host_requirements(job: Job, needs: Needs) -> dict[str, Any]:
     return {"amounts": amounts, "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]}
 
 
-def _action(arguments: list[str]) -> dict[str, Any]:
+def _action(arguments: list[str]) -> dict[str, object]:
     cancelation = {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": _NOTICE}
     return {"command": "{{Param.Command}}", "args": arguments, "cancelation": cancelation}
 
 
-def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, Any]:
+def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, object]:
     """Return the other files of a job bundle: values of the parameters, and the paths of files that the job reads."""
     inputs = [str(file) for file in input_files(job) if file != job.file]
     references = {

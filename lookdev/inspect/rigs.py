@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,7 +52,7 @@ class InspectedRig:
     lights: tuple[InspectedLight, ...]
     notes: tuple[str, ...]
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         """Return all fields for JSON."""
         return asdict(self)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
@@ -68,7 +68,7 @@ def _adapter(kind: type[Light]) -> TypeAdapter[Light]:
     return TypeAdapter(kind)
 
 
-def _encode(light: Light) -> dict[str, Any]:
+def _encode(light: Light) -> dict[str, object]:
     return {"kind": light.kind, **_adapter(type(light)).dump_python(light, mode="json")}
 
 

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources.abc import Traversable
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from lookdev.cache import Content
 from lookdev.light.emission import Color, Emission
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import WORLD_AXES, Axes, Vector
+from lookdev.light.shape import Shape
 from lookdev.space import REC709, Space
 
 if TYPE_CHECKING:
@@ -91,8 +92,8 @@ class Light(ABC):
     position: Vector | None = None
     """Its position in metres; None if it has none."""
 
-    shapes: ClassVar[Mapping[str, type[Any]]] = {}
-    """The types of a lamp's `lookdev.light.shape.Shape`, by the names of their functions in generated code."""
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {}
+    """The types of a lamp's `Shape`, by the names of their functions in generated code."""
 
     @property
     @abstractmethod

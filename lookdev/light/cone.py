@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
 
 import numpy as np
 
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
+from lookdev.arrays import Floats
+from lookdev.brdf.vectors import Real
 
 
-def uniform_density(versine: Floats) -> Floats:
+def uniform_density(versine: Real) -> Real:
     """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
     return 1 / (2 * math.pi * versine)
 
 
-def draw_uniform(versine: Floats, u: Floats) -> Floats:
+def draw_uniform(versine: Real, u: Floats) -> Floats:
     """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z."""
     versine_drawn = u[..., 0] * versine
     sine, angle = np.sqrt(versine_drawn * (2 - versine_drawn)), 2 * math.pi * u[..., 1]
@@ -34,4 +33,5 @@ def orient_to_axis(axis: Floats, local: Floats) -> Floats:
     b = x * y * a
     tangent = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
-    return local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis
+    world: Floats = local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis
+    return world

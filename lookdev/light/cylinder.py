@@ -9,20 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from lookdev.arrays import Bools
+from lookdev.arrays import Bools, Floats
 from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.shape import FAR, cone_about
+from lookdev.light.shape import FAR, Shape, cone_about
 from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, project_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 
 _MARGIN = 1e-6  # part of the outline's width
 _TINY = 1e-30
@@ -32,13 +29,13 @@ _TINY = 1e-30
 class Cylinder:
     """The `Shape` of the side of a cylinder about x, which emits outwards."""
 
-    length: Any
-    radius: Any
+    length: Floats | float
+    radius: Floats | float
 
-    def distance(self, point: Any, direction: Any) -> Any:
+    def distance(self, point: Floats, direction: Floats) -> Floats:
         return meet_side(point, direction, self.length, self.radius)
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         cover = covering_rectangle(point, self.length, self.radius)
         local = cover.to_frame(direction)
         in_front = cover.outside & (local[..., 2] > 0)
@@ -49,11 +46,11 @@ class Cylinder:
         target = Point(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
         return np.where(hits, density(cover.spherical_rectangle, target), 0)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         cover = covering_rectangle(point, self.length, self.radius)
         return cover.directions_to(draw(cover.spherical_rectangle, u))
 
-    def solid_angle(self, point: Any) -> Any:
+    def solid_angle(self, point: Floats) -> Floats:
         x, y, z = np.moveaxis(point, -1, 0)
         axis_distance = np.sqrt(y * y + z * z)
         beyond_end = np.maximum(np.absolute(x) - self.length / 2, 0)
@@ -63,7 +60,7 @@ class Cylinder:
         sine = axis_distance / np.sqrt(np.maximum(beyond_end * beyond_end + axis_distance * axis_distance, _TINY))
         return np.where(side_distance > 0, area * sine / (squared + area / (2 * math.pi)), 0)
 
-    def cone(self, point: Any) -> tuple[Any, Any]:
+    def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, np.sqrt(self.length * self.length / 4 + self.radius * self.radius))
 
 
@@ -72,7 +69,7 @@ class CylinderLight(PlacedLight):
     """A cylinder of `length` along its x and a `radius`, in metres, whose side emits outwards; it has no caps."""
 
     kind = "cylinder"
-    shapes: ClassVar[Mapping[str, type[Any]]] = {"cylinder": Cylinder}
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {"cylinder": Cylinder}
 
     length: float
     radius: float
@@ -107,7 +104,7 @@ class CylinderLight(PlacedLight):
         return 2.0 * math.pi * self.radius * self.length
 
 
-def meet_side(point: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
+def meet_side(point: Floats, direction: Floats, length: Floats | float, radius: Floats | float) -> Floats:
     """Return the distance (...) along directions (..., 3) to the outside; `FAR` for misses, and from inside."""
     x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
@@ -150,11 +147,12 @@ class CoveringRectangle(NamedTuple):
     def directions_to(self, point: Point) -> Floats:
         """Return the unit directions (..., 3), in the cylinder's space, to points of the rectangle."""
         x, y, z = np.broadcast_arrays(point.x, point.y, self.away)
-        local = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
-        return local / np.expand_dims(np.sqrt((local * local).sum(axis=-1)), -1)
+        local: Floats = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
+        length: Floats = np.sqrt((local * local).sum(axis=-1))
+        return local / np.expand_dims(length, -1)
 
 
-def covering_rectangle(point: Floats, length: Any, radius: Any) -> CoveringRectangle:
+def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | float) -> CoveringRectangle:
     """Return the rectangle that covers the side of a cylinder as seen from points (..., 3).
 
     Let D be the distance of the point from the axis. Planes through the point touch the cylinder in two lines, whose

@@ -8,17 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from lookdev.arrays import Floats
+from lookdev.brdf.vectors import Real
 from lookdev.light.base import LightKind
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.plane import meet_plane, plane_angle
 from lookdev.light.rect import Rectangle
-from lookdev.light.shape import FAR, cone_about
+from lookdev.light.shape import FAR, Shape, cone_about
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -26,24 +27,24 @@ from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 class Ellipse:
     """The `Shape` of an ellipse of radii along x and y."""
 
-    x: Any
-    y: Any
+    x: Real
+    y: Real
 
-    def distance(self, point: Any, direction: Any) -> Any:
+    def distance(self, point: Floats, direction: Floats) -> Floats:
         distance, hit = meet_plane(point, direction, 2 * self.x, 2 * self.y)
         s, t = hit.s - 0.5, hit.t - 0.5
         return np.where(s * s + t * t <= 0.25, distance, FAR)
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         return self._bounding_rectangle.pdf(point, direction)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         return self._bounding_rectangle.sample(point, u)
 
-    def solid_angle(self, point: Any) -> Any:
+    def solid_angle(self, point: Floats) -> Floats:
         return plane_angle(point, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
 
-    def cone(self, point: Any) -> tuple[Any, Any]:
+    def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, np.maximum(self.x, self.y))
 
     @property
@@ -57,7 +58,7 @@ class DiskLight(PlacedLight):
 
     kind = "disk"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Any]]] = {"disk": Ellipse}
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {"disk": Ellipse}
 
     radii: tuple[float, float]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from lookdev.light.cone import draw_uniform, uniform_density
 from lookdev.light.emission import WHITE, Color, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
-from lookdev.light.shape import FAR, INFINITE
+from lookdev.light.shape import FAR, INFINITE, Shape
 from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
 
 _NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
@@ -29,23 +29,23 @@ _NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes 
 class Cone:
     """The `Shape` of a cone of directions about z; `versine` is 1 - cos of half its angle."""
 
-    versine: Any
+    versine: Floats | float
 
-    def distance(self, point: Any, direction: Any) -> Any:
+    def distance(self, point: Floats, direction: Floats) -> Floats:
         # The chord keeps its digits where the cosine is near 1.
         chord = direction - ZENITH
         return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE, FAR)
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         return np.where(self.distance(point, direction) < FAR, uniform_density(self.versine), 0)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         return draw_uniform(self.versine, u)
 
-    def solid_angle(self, point: Any) -> Any:
+    def solid_angle(self, point: Floats) -> Floats | float:
         return 2 * math.pi * self.versine
 
-    def cone(self, point: Any) -> tuple[Any, Any]:
+    def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return ZENITH, np.where(self.versine < 1, self.versine * (2 - self.versine), 1)
 
 
@@ -58,7 +58,7 @@ class DistantLight(Light):
 
     kind = "distant"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Any]]] = {"distant": Cone}
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {"distant": Cone}
 
     angle: float = 0.53
     axes: Axes = WORLD_AXES
@@ -84,11 +84,16 @@ class DistantLight(Light):
 
     @property
     def shape(self) -> Cone:
-        return Cone(2.0 * math.sin(max(self._half_angle, _NARROWEST) / 2.0) ** 2)
+        return Cone(self.versine)
+
+    @property
+    def versine(self) -> float:
+        """1 - cos of half the angle of its `shape`."""
+        return 2.0 * math.sin(max(self._half_angle, _NARROWEST) / 2.0) ** 2
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
-        return (self.shape.versine,)
+        return (self.versine,)
 
     @property
     def sizes(self) -> dict[str, float]:

@@ -11,18 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
 
 import numpy as np
 
+from lookdev.arrays import Floats
+from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
 from lookdev.light.link import Link
 from lookdev.light.shape import FAR
 from lookdev.space import Space, to_space
 
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 Color = tuple[float, float, float]
 
 DEGREES = 180.0 / math.pi
@@ -35,32 +34,37 @@ def slope(start: float, end: float) -> float:
     return 1.0 / (end - start) if end > start else 0.0
 
 
-def smooth_step(value: Floats, start: Any, rise: Any) -> Floats:
+def smooth_step(value: Real, start: Real, rise: Real) -> Floats:
     """Return 0 up to `start`, 1 from ``start + 1 / rise`` on, and a smooth cubic polynomial in between."""
     t = np.clip((value - start) * rise, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
+    step: Floats = t * t * (3.0 - 2.0 * t)
+    return step
 
 
 def off_axis(direction: Floats) -> Floats:
     """Return the emission angle (...) off a light's axis, -z, in radians; directions (..., 3) point to the light."""
     x, y, z = np.moveaxis(direction, -1, 0)
-    return np.arctan2(np.sqrt(x * x + y * y), z)
+    angle: Floats = np.arctan2(np.sqrt(x * x + y * y), z)
+    return angle
 
 
 def azimuth(direction: Floats) -> Floats:
     """Return the emission angle (...) about a light's axis, from x to y, in degrees from 0 to 360; see `off_axis`."""
     x, y = direction[..., 0], direction[..., 1]
     turns = np.arctan2(-y, -x) / (2.0 * math.pi)
-    return 360.0 * (turns - np.floor(turns))
+    angle: Floats = 360.0 * (turns - np.floor(turns))
+    return angle
 
 
 # UsdLuxShapingAPI: inputs:shaping:cone:angle and inputs:shaping:cone:softness.
-def cone_factor(angle: Floats, cone: Any, start: Any, rise: Any) -> Floats:
+def cone_factor(angle: Floats, cone: Real, start: Real, rise: Real) -> Floats:
     """Return the factor (...) of the radiance by `Shaping`'s cone, at angles off the axis; all angles in radians."""
     return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
 
 
-def beam_bound(cosine: Floats, squared_sine: Floats, cone: Any, start: Any, rise: Any, focus: Any, tint: Any) -> Floats:
+def beam_bound(
+    cosine: Floats, squared_sine: Floats, cone: Real, start: Real, rise: Real, focus: Real, tint: Real
+) -> Floats:
     """Return the largest factor (...) of `Shaping`, its mean over channels, in a cone of directions about an axis.
 
     `cosine` is the cosine of the cone's axis to -z. `squared_sine` is the squared sine of the cone's half angle; 1
@@ -70,13 +74,14 @@ def beam_bound(cosine: Floats, squared_sine: Floats, cone: Any, start: Any, rise
     spread = np.where(squared_sine < 1, np.arctan2(np.sqrt(squared_sine), np.sqrt(1 - squared_sine)), math.pi)
     nearest, farthest = np.maximum(angle - spread, 0), np.minimum(angle + spread, math.pi)
     focused = np.maximum(np.maximum(np.cos(nearest), -np.cos(farthest)), 0) ** focus
-    return cone_factor(nearest, cone, start, rise) * (focused + (1 - focused) * tint)
+    bound: Floats = cone_factor(nearest, cone, start, rise) * (focused + (1 - focused) * tint)
+    return bound
 
 
 # UsdLuxShapingAPI: inputs:shaping:focus and inputs:shaping:focusTint.
-def focus_factor(cosine: Floats, focus: Any, tint: Any) -> Floats:
+def focus_factor(cosine: Floats, focus: Real, tint: Real) -> Floats:
     """Return the factor (..., 3) of the radiance at cosines (...) to the axis; at right angles it is `tint` (3,)."""
-    focused = np.expand_dims(np.absolute(cosine) ** focus, -1)
+    focused: Floats = np.expand_dims(np.absolute(cosine) ** focus, -1)
     return focused + (1.0 - focused) * tint
 
 
@@ -164,7 +169,7 @@ class Shadow:
 
 
 # UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
-def shadow_passed(distance: Floats, enable: Any, limit: Any, zone: Any, gamma: Any, color: Any) -> Floats:
+def shadow_passed(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a
@@ -209,10 +214,11 @@ class Falloff:
         return self.virtual_distance, -self.exponent, self.start, rise
 
 
-def falloff_factor(distance: Floats, virtual: Any, power: Any, start: Any, rise: Any) -> Floats:
+def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise: Real) -> Floats:
     """Return the factor (...) of the radiance at distances (...): `Falloff.factor`."""
     nearest = np.maximum(distance, _NEAREST)
-    return nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
+    factor: Floats = nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
+    return factor
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.text import read_bytes
@@ -84,14 +85,14 @@ class Profile:
 
 
 def profile_factor(
-    table: Table, start: Any, steps: int, vertical: Any, horizontal: Any, scale: Any, angle_scale: Any
-) -> Any:
+    table: Table, start: Real, steps: int, vertical: Floats, horizontal: Floats, scale: Real, angle_scale: Real
+) -> Floats:
     """Return `Profile.factor`; `table` is a column of numbers that has `Profile.numbers` from row `start` on.
 
     An angle is found by `steps` bisections. Arrays may be symbolic.
     """
 
-    def number(index: Any) -> Any:
+    def number(index: Array) -> Array:
         """Return a number of `Profile.numbers`."""
         return look_up(table, start + index, 0.0)
 
@@ -101,7 +102,7 @@ def profile_factor(
     vertical = np.where(angle_scale < 0.0, measured_from_back, vertical / divisor)
     rows, columns = number(np.zeros_like(vertical)), number(np.ones_like(vertical))
 
-    def interval(count: Any, angle_at: Any, angle: Any) -> Any:
+    def interval(count: Real, angle_at: Callable[[Array], Array], angle: Array) -> Array:
         """Return the index of the first of two neighbours around `angle`; the table's first angle has index 1."""
         index = np.ones_like(angle)
         for step in reversed(range(steps)):
@@ -109,10 +110,10 @@ def profile_factor(
             index = np.where(angle_at(candidate) <= angle, np.maximum(candidate, index), index)
         return index
 
-    def vertical_at(v: Any) -> Any:
+    def vertical_at(v: Array) -> Array:
         return number(2.0 + v)
 
-    def horizontal_at(h: Any) -> Any:
+    def horizontal_at(h: Array) -> Array:
         return number(2.0 + h * columns)
 
     v, h = interval(columns, vertical_at, vertical), interval(rows, horizontal_at, horizontal)
@@ -121,7 +122,7 @@ def profile_factor(
         (horizontal - horizontal_at(h)) / (horizontal_at(h + 1) - horizontal_at(h)),
     )
 
-    def row_value(h: Any) -> Any:
+    def row_value(h: Array) -> Array:
         return (1.0 - s) * number(2.0 + h * columns + v) + s * number(2.0 + h * columns + (v + 1))
 
     covered = (vertical_at(np.ones_like(v)) <= vertical) & (vertical <= vertical_at(columns - 1.0))

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32
+from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.base import Light, LightCode
@@ -23,9 +24,9 @@ from lookdev.light.kinds import LIGHT_KINDS, called
 from lookdev.light.picture import LEVELS
 from lookdev.light.placement import WORLD_AXES
 from lookdev.light.rect import RectLight
-from lookdev.light.shape import greatest_cosine
+from lookdev.light.shape import Shape, greatest_cosine
 
-SHAPES: dict[str, type[Any]] = {
+SHAPES: dict[str, type[Shape]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
 """Shapes of lamps, by their names in generated code; a shape's number in a row is its index here."""
@@ -50,7 +51,9 @@ FIELDS = (
 """The numbers of a lamp, in the order of a row."""
 
 
-def weight(shape: Any, beam: Any, falloff: Any, point: Floats, normal: Floats) -> Floats:
+def weight(
+    shape: Shape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
+) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
 
     It is positive wherever the shape sends light to the front of the plane with the normal. `beam` and `falloff` are
@@ -58,7 +61,7 @@ def weight(shape: Any, beam: Any, falloff: Any, point: Floats, normal: Floats) -
     falloff.
     """
     axis, squared_sine = shape.cone(point)
-    estimate: Floats = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
+    estimate: Array = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
     if beam is not None:
         estimate = estimate * beam_bound(axis[..., 2], squared_sine, *beam)
     if falloff is not None:

@@ -9,20 +9,17 @@ Generated code follows `draw_cell` and `cell_density`, whose arrays may be symbo
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
-
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.table import Table
 from lookdev.brdf.table import look_up as table_number
+from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.light.dome.environment import EnvironmentMap
 from lookdev.light.dome.files import write_exr
 from lookdev.light.plane import seen_part
 from lookdev.light.spherical_rectangle import Point, density, draw
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 
 LEVELS = 5
 """Number of divisions of a texture, to 32 x 32 cells."""
@@ -84,7 +81,7 @@ def _coverage(texels: int, cells: int) -> Floats:
     return np.asarray(np.diff(tent, axis=0) * cells / texels)
 
 
-def draw_cell(means: Table, start: Any, point: Floats, width: Any, height: Any, u: Floats) -> Point:
+def draw_cell(means: Table, start: Real, point: Floats, width: Real, height: Real, u: Floats) -> Point:
     """Map points u (..., 2) of the unit square to points of the rectangle, for shading points (..., 3).
 
     `means` is a column of numbers that has a `flat_tree` from row `start` on.
@@ -104,7 +101,7 @@ def draw_cell(means: Table, start: Any, point: Floats, width: Any, height: Any, 
     return target._replace(s=(column + target.s) * size, t=(row + target.t) * size)
 
 
-def cell_density(means: Table, start: Any, point: Floats, width: Any, height: Any, target: Point) -> Floats:
+def cell_density(means: Table, start: Real, point: Floats, width: Real, height: Real, target: Point) -> Floats:
     """Return the pdf (...) per steradian with which `draw_cell` returns points."""
     cells = 2**LEVELS
     column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
@@ -124,13 +121,13 @@ def cell_density(means: Table, start: Any, point: Floats, width: Any, height: An
 
 
 def _weights(
-    means: Table, start: Any, level: int, point: Floats, width: Any, height: Any, row: Floats, column: Floats
-) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    means: Table, start: Real, level: int, point: Floats, width: Real, height: Real, row: Floats, column: Floats
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right)."""
     side = 2**level
     before = (side * side - 4) // 3  # cells of the levels before: 4 + 16 + ...
 
-    def quadrant_weight(i: int, j: int) -> Floats:
+    def quadrant_weight(i: int, j: int) -> Array:
         r, c = 2 * row + i, 2 * column + j
         angle = seen_part(point, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
         return table_number(means, start + (before + r * side + c), 0.0) * angle
@@ -138,7 +135,7 @@ def _weights(
     return (quadrant_weight(0, 0), quadrant_weight(0, 1)), (quadrant_weight(1, 0), quadrant_weight(1, 1))
 
 
-def _choose(u: Floats, second: Floats) -> tuple[Floats, Floats]:
+def _choose(u: Floats, second: Array) -> tuple[Floats, Floats]:
     """Return 1 with probability `second`, else 0, and u rescaled to a uniform number again."""
     first = 1 - second
     is_second = u >= first

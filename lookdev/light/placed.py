@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -80,8 +80,7 @@ class PlacedLight(Light):
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
-        shape: Any = self.shape  # a dataclass
-        return tuple(getattr(shape, field.name) for field in fields(shape))
+        return tuple(getattr(self.shape, field.name) for field in fields(self.shape))
 
     def scaled(self, scale: float, origin: Vector) -> Self:
         position = vector(scale * np.array(self.position) + np.array(origin))

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
 
 import numpy as np
 
+from lookdev.arrays import Floats
+from lookdev.brdf.vectors import Real
 from lookdev.light.shape import FAR
 from lookdev.light.spherical_rectangle import SEGMENTS, Point, SphericalRectangle, project_rectangle
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
 
 _TINY = 1e-30
 
 
-def meet_plane(point: Floats, direction: Floats, width: Any, height: Any) -> tuple[Floats, Point]:
+def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, Point]:
     """Return the distance (...) along directions (..., 3) to the rectangle, and the point that the ray hits.
 
     The distance is `FAR` for misses and for rays from behind; the fractions s and t of these are clipped to [0, 1].
@@ -32,7 +30,7 @@ def meet_plane(point: Floats, direction: Floats, width: Any, height: Any) -> tup
 
 
 def seen_part(
-    point: Floats, width: Any, height: Any, s: Any = 0.0, t: Any = 0.0, size: Any = 1.0, segments: int = SEGMENTS
+    point: Floats, width: Real, height: Real, s: Real = 0.0, t: Real = 0.0, size: Real = 1.0, segments: int = SEGMENTS
 ) -> SphericalRectangle:
     """Return the part of the rectangle from fractions (s, t) to (s + size, t + size), as seen from points (..., 3)."""
     x, y, z = np.moveaxis(point, -1, 0)
@@ -40,7 +38,7 @@ def seen_part(
     return project_rectangle(x0, width * size * ones, y0, height * size * ones, np.where(z < 0, -z, ones), segments)
 
 
-def plane_angle(point: Floats, width: Any, height: Any, area: Any) -> Floats:
+def plane_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
     """Return the rough solid angle (...) at points (..., 3) of a light of `area` in the rectangle; 0 from behind.
 
     The formula uses the distance and the cosine at the rectangle's nearest point. Its limits are 2 pi on the light, and
@@ -50,7 +48,8 @@ def plane_angle(point: Floats, width: Any, height: Any, area: Any) -> Floats:
     dx, dy = np.maximum(np.absolute(x) - width / 2, 0), np.maximum(np.absolute(y) - height / 2, 0)
     squared = dx * dx + dy * dy + z * z
     cosine = np.where(z < 0, -z, 0) / np.sqrt(np.maximum(squared, _TINY))
-    return area * cosine / (squared + area / (2 * math.pi))
+    angle: Floats = area * cosine / (squared + area / (2 * math.pi))
+    return angle
 
 
 def towards_plane(point: Floats, target: Point) -> Floats:
@@ -58,4 +57,5 @@ def towards_plane(point: Floats, target: Point) -> Floats:
     z = point[..., 2]
     towards = np.stack([target.x, target.y, np.where(z < 0, -z, 1)], axis=-1)
     towards = np.where(np.expand_dims(z < 0, -1), towards, np.stack([0 * z, 0 * z, 0 * z + 1], axis=-1))
-    return towards / np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
+    length: Floats = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
+    return towards / length

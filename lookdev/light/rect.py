@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.table import Table
+from lookdev.brdf.vectors import Real
 from lookdev.cache import Content
 from lookdev.light.base import LightKind
 from lookdev.light.dome.environment import EnvironmentMap, map_in_space
@@ -20,7 +21,7 @@ from lookdev.light.emission import WHITE, check_number
 from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
-from lookdev.light.shape import FAR, cone_about
+from lookdev.light.shape import FAR, Shape, cone_about
 from lookdev.light.spherical_rectangle import density, draw
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
@@ -30,23 +31,23 @@ from lookdev.space import Space
 class Rectangle:
     """The `Shape` of a rectangle with sides along x and y."""
 
-    width: Any
-    height: Any
+    width: Real
+    height: Real
 
-    def distance(self, point: Any, direction: Any) -> Any:
+    def distance(self, point: Floats, direction: Floats) -> Floats:
         return meet_plane(point, direction, self.width, self.height)[0]
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         distance, hit = meet_plane(point, direction, self.width, self.height)
         return np.where(distance < FAR, density(seen_part(point, self.width, self.height), hit), 0)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         return towards_plane(point, draw(seen_part(point, self.width, self.height), u))
 
-    def solid_angle(self, point: Any) -> Any:
+    def solid_angle(self, point: Floats) -> Floats:
         return plane_angle(point, self.width, self.height, self.width * self.height)
 
-    def cone(self, point: Any) -> tuple[Any, Any]:
+    def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, np.sqrt(self.width * self.width + self.height * self.height) / 2)
 
 
@@ -55,14 +56,14 @@ class Picture(Rectangle):
     """The `Shape` of a rectangle with a texture; `means` has its `flat_tree`, from row `start` on, for sampling."""
 
     means: Table
-    start: Any = 0.0
+    start: Real = 0.0
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         distance, hit = meet_plane(point, direction, self.width, self.height)
         density = cell_density(self.means, self.start, point, self.width, self.height, hit)
         return np.where(distance < FAR, density, 0)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         return towards_plane(point, draw_cell(self.means, self.start, point, self.width, self.height, u))
 
 
@@ -76,7 +77,7 @@ class RectLight(PlacedLight):
 
     kind = "rect"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Any]]] = {"rect": Rectangle, "picture": Rectangle}
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {"rect": Rectangle, "picture": Rectangle}
 
     width: float
     height: float

@@ -6,15 +6,14 @@ A shape's fields are numbers, or symbolic arrays in their place: the generated c
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeAlias
+from dataclasses import Field
+from typing import ClassVar, Protocol
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.vectors import dot
-
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
+from lookdev.brdf.vectors import Real, dot
 
 FAR = 1e30
 """The distance in metres for a miss. It is finite because generated code has no infinity."""
@@ -24,7 +23,11 @@ INFINITE = 1e20
 
 
 class Shape(Protocol):
-    """The shape of a lamp as seen from shading points."""
+    """The shape of a lamp as seen from shading points: a dataclass of at most two sizes."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[object]]]
+
+    def __init__(self, *sizes: Real) -> None: ...
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
         """Return metres (...) to the side that emits; `FAR` for misses, and from behind."""
@@ -35,14 +38,14 @@ class Shape(Protocol):
     def sample(self, point: Floats, u: Floats) -> Floats:
         """Map points `u` (..., 2) of the unit square to directions, nearly all of which hit the shape."""
 
-    def solid_angle(self, point: Floats) -> Floats:
+    def solid_angle(self, point: Floats) -> Floats | float:
         """Return its rough solid angle (...) in steradians: positive wherever a ray can hit it, 0 from behind."""
 
     def cone(self, point: Floats) -> tuple[Floats, Floats]:
         """Return a cone that contains it: its axis (..., 3) and the squared sine (...) of its half angle, up to 1."""
 
 
-def cone_about(point: Floats, reach: Any) -> tuple[Floats, Floats]:
+def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
     """Return the cone (`Shape.cone`) of directions from points (..., 3) to a sphere about the origin."""
     squared = dot(point, point)
     away = np.expand_dims(squared > 0, -1)

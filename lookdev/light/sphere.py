@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.vectors import cross, dot
+from lookdev.brdf.vectors import Real, cross, dot
 from lookdev.light.base import LightKind
 from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.shape import FAR, cone_about
+from lookdev.light.shape import FAR, Shape, cone_about
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -23,24 +23,24 @@ from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 class Sphere:
     """The `Shape` of a sphere, which emits outwards."""
 
-    radius: Any
+    radius: Real
 
-    def distance(self, point: Any, direction: Any) -> Any:
+    def distance(self, point: Floats, direction: Floats) -> Floats:
         return meet_sphere(point, direction, self.radius)
 
-    def pdf(self, point: Any, direction: Any) -> Any:
+    def pdf(self, point: Floats, direction: Floats) -> Floats:
         hits = self.distance(point, direction) < FAR
         return np.where(hits, uniform_density(sphere_versine(point, self.radius)), 0)
 
-    def sample(self, point: Any, u: Any) -> Any:
+    def sample(self, point: Floats, u: Floats) -> Floats:
         axis, _ = self.cone(point)
         return orient_to_axis(axis, draw_uniform(sphere_versine(point, self.radius), u))
 
-    def solid_angle(self, point: Any) -> Any:
+    def solid_angle(self, point: Floats) -> Floats:
         outside = dot(point, point) > self.radius * self.radius
         return np.where(outside, 2 * math.pi * sphere_versine(point, self.radius), 0)
 
-    def cone(self, point: Any) -> tuple[Any, Any]:
+    def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, self.radius)
 
 
@@ -49,7 +49,7 @@ class SphereLight(PlacedLight):
     """A sphere of a radius in metres that emits outwards; from inside it is dark, as UsdLux defines it."""
 
     kind = "sphere"
-    shapes: ClassVar[Mapping[str, type[Any]]] = {"sphere": Sphere}
+    shapes: ClassVar[Mapping[str, type[Shape]]] = {"sphere": Sphere}
 
     radius: float
 
@@ -86,7 +86,7 @@ class SphereLight(PlacedLight):
         return 4.0 * math.pi * self.radius**2
 
 
-def sphere_versine(point: Floats, radius: Floats) -> Floats:
+def sphere_versine(point: Floats, radius: Real) -> Floats:
     """Return 1 - cos of half the angle that a sphere about the origin subtends at points (..., 3); 1 from inside."""
     squared = dot(point, point)
     sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
@@ -94,7 +94,7 @@ def sphere_versine(point: Floats, radius: Floats) -> Floats:
     return versine
 
 
-def meet_sphere(point: Floats, direction: Floats, radius: Any) -> Floats:
+def meet_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
     """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` for misses, and from inside.
 
     The distance of the line from the centre is the length of a cross product, which keeps its digits from afar.

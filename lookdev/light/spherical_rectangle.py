@@ -16,12 +16,12 @@ All functions keep the type of their arguments, so that float32 can be tested.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-Floats: TypeAlias = Any
-"""An array, or a symbolic one in its place."""
+from lookdev.arrays import Bools, Floats
+from lookdev.brdf.vectors import Array, Real
 
 SEGMENTS = 4
 """The default number of segments of the azimuth's density."""
@@ -54,12 +54,12 @@ class SphericalRectangle(NamedTuple):
     y0: Floats
     height: Floats
     z: Floats
-    swapped: Floats
+    swapped: Bools
     angle: Floats
     """Range of the azimuth."""
     density: tuple[Floats, ...]
     """Ranges (...) of the sine of the elevation, at the middles of equal segments of the azimuth."""
-    mass: Floats
+    mass: Real
     """Mean of `density`."""
 
     @property
@@ -84,7 +84,7 @@ def project_rectangle(
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
-def draw(rectangle: SphericalRectangle, u: Floats) -> Point:
+def draw(rectangle: SphericalRectangle, u: Array) -> Point:
     """Map points u (..., 2) of the unit square to points of the rectangles."""
     segments = len(rectangle.density)
     remaining = u[..., 0] * rectangle.mass * segments
@@ -120,7 +120,8 @@ def density(rectangle: SphericalRectangle, point: Point) -> Floats:
         value * np.maximum(1 - np.abs(position - step), 0) for step, value in enumerate(rectangle.density)
     )
     sine_range = _sine_range(rectangle.z * rectangle.z + x * x, rectangle.y0, rectangle.height)
-    return azimuth_density / np.maximum(rectangle.mass * rectangle.angle * sine_range, _TINY)
+    pdf: Floats = azimuth_density / np.maximum(rectangle.mass * rectangle.angle * sine_range, _TINY)
+    return pdf
 
 
 def _angle_between(x0: Floats, width: Floats, z: Floats) -> Floats:
@@ -128,9 +129,7 @@ def _angle_between(x0: Floats, width: Floats, z: Floats) -> Floats:
     return np.arctan2(width * z, z * z + x0 * (x0 + width))
 
 
-def _point_at_angle(
-    x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | float
-) -> tuple[Floats, Floats]:
+def _point_at_angle(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Real) -> tuple[Floats, Floats]:
     """Return the fraction of the width at which a fraction of the angle is reached, and x there.
 
     The formula is the law of sines in the triangles of the origin and the two ends.
@@ -153,7 +152,7 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     return np.where(apart, y1 / r1 - y0 / r0, beside)
 
 
-def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Floats) -> tuple[Floats, Floats]:
+def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
     """Return the fraction of the height at which the sine has passed the fraction v of its range, and y there."""
     y1 = y0 + height
     apart, below = y0 * y1 < 0, (y0 + y1 < 0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
+from lookdev.arrays import Floats
 from lookdev.brdf import MASK
 from lookdev.brdf.parameters import Parameter, complete
 from lookdev.errors import ModelError, nearest_hint
 from lookdev.material.expression import ExpressionError, parse
-from lookdev.material.look import VIEW, Formula, Input, Layer, Look, Primvar, View
+from lookdev.material.look import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.translate import layer_parameters
 
 _LIVE = "lookdev:live:"
@@ -76,9 +77,10 @@ def constant_named(look: Look, parameter: str) -> Constant:
     inputs_by_name, full_name = _find_input(look, parameter)
     layer, path = inputs_by_name[full_name]
     record = MASK if path[0] == "mask" else layer_parameters(layer.model)[path[0]]
-    source: Any = layer.mask if path[0] == "mask" else layer.inputs.get(path[0])
+    source: Input | Source | None = _input_of(layer, path[0])
     if len(path) > 1:
-        record, source = Parameter(path[1], source.kinds[path[1]], 0.0, (-1e18, 1e18)), source.inputs[path[1]]
+        formula = _formula_of(layer, path[0])
+        record, source = Parameter(path[1], formula.kinds[path[1]], 0.0, (-1e18, 1e18)), formula.inputs[path[1]]
     elif source is None:
         # An unset input has the value of the parameter that it follows, or its default.
         source = layer.inputs.get(record.follows, record.default)
@@ -112,21 +114,39 @@ def with_constants(look: Look, constants: Iterable[Constant]) -> Look:
     return _with_sources(look, [(constant, _constant_value(constant)) for constant in constants])
 
 
-def _constant_value(constant: Constant) -> float | tuple[float, float, float]:
+def _constant_value(constant: Constant) -> float | Color:
     red, *others = constant.value
     return (red, *others) if others else red  # type: ignore[return-value]
 
 
-def _with_sources(look: Look, sources: Iterable[tuple[Constant, Any]]) -> Look:
+def _with_sources(look: Look, sources: Iterable[tuple[Constant, float | Color | Primvar]]) -> Look:
     layers = list(look.layers)
     for constant, source in sources:
         layer, (name, *inside) = layers[constant.layer], constant.path
-        if inside:
-            formula: Any = layer.mask if name == "mask" else layer.inputs[name]
-            source = replace(formula, inputs={**formula.inputs, inside[0]: source})
-        changed: dict[str, Any] = {"mask": source} if name == "mask" else {"inputs": {**layer.inputs, name: source}}
-        layers[constant.layer] = replace(layer, **changed)
+        new: Input = source if not inside else _with_operand(_formula_of(layer, name), inside[0], source)
+        layers[constant.layer] = _with_input(layer, name, new)
     return replace(look, layers=tuple(layers))
+
+
+def _input_of(layer: Layer, name: str) -> Input | None:
+    """Return an input of a layer, or its mask; None where it is unset."""
+    return layer.mask if name == "mask" else layer.inputs.get(name)
+
+
+def _formula_of(layer: Layer, name: str) -> Formula:
+    formula = _input_of(layer, name)
+    assert isinstance(formula, Formula), "only an expression has inputs"
+    return formula
+
+
+def _with_operand(formula: Formula, name: str, source: Source) -> Formula:
+    return replace(formula, inputs={**formula.inputs, name: source})
+
+
+def _with_input(layer: Layer, name: str, source: Input) -> Layer:
+    if name == "mask":
+        return replace(layer, mask=cast(Mask, source))
+    return replace(layer, inputs={**layer.inputs, name: source})
 
 
 def live_primvar(key: str) -> str:
@@ -155,21 +175,20 @@ def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]
 def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: str, *, alone: bool) -> Layer:
     name, *inside = path
     parameter = MASK if name == "mask" else layer_parameters(layer.model)[name]
-    source: Any = layer.mask if name == "mask" else layer.inputs.get(name)
-    new: Any
+    new: Input
     if inside:
-        kind = source.kinds[inside[0]]
-        number = _checked_constant(full_name, Parameter(inside[0], kind, 0.0, (-1e18, 1e18)), value)
-        new = replace(source, inputs={**source.inputs, inside[0]: number})
+        formula = _formula_of(layer, name)
+        number = _checked_constant(full_name, Parameter(inside[0], formula.kinds[inside[0]], 0.0, (-1e18, 1e18)), value)
+        new = _with_operand(formula, inside[0], cast(float | Color, number))
     elif isinstance(value, str) and parameter.kind in ("float", "color"):
-        new = _checked_formula(full_name, parameter, value, source)
+        new = _checked_formula(full_name, parameter, value, _input_of(layer, name))
     elif parameter.file or (parameter.kind == "token" and not alone):
         raise ModelError(
             f"{full_name} is a {'file' if parameter.file else 'choice that layers share'}, which cannot vary"
         )
     else:
         new = _checked_constant(full_name, parameter, value)
-    return replace(layer, mask=new) if name == "mask" else replace(layer, inputs={**layer.inputs, name: new})
+    return _with_input(layer, name, new)
 
 
 def _checked_constant(full_name: str, parameter: Parameter, value: Value) -> float | tuple[float, float, float] | str:
@@ -177,11 +196,11 @@ def _checked_constant(full_name: str, parameter: Parameter, value: Value) -> flo
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
     record = replace(parameter, name=name, stands=None, follows="")
-    checked: Any = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
+    checked: str | Floats = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())
 
 
-def _checked_formula(full_name: str, parameter: Parameter, text: str, source: Any) -> Formula:
+def _checked_formula(full_name: str, parameter: Parameter, text: str, source: Input | None) -> Formula:
     """Return the expression of a text as a formula over the inputs that `source`, the present one, has."""
     inputs = dict(source.inputs) if isinstance(source, Formula) else {}
     kinds = dict(source.kinds) if isinstance(source, Formula) else {}

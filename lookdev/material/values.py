@@ -6,13 +6,13 @@ This code alone turns constants, textures, primvars and expressions into values 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import add_followers, complete, expand_tokens
-from lookdev.brdf.vectors import are_equal, vector
+from lookdev.brdf.vectors import Parameters, are_equal, vector
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.look import (
     VIEW,
@@ -82,7 +82,7 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
     return [translated_layer for layer in stack for translated_layer in translate_layer(layer)]
 
 
-def _complete_parameters(layer: Layer, values: Values) -> dict[str, Any]:
+def _complete_parameters(layer: Layer, values: Values) -> Parameters:
     records = layer_parameters(layer.model)
     inputs = expand_tokens(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}

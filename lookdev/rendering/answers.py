@@ -11,12 +11,10 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32
+from lookdev.arrays import Array, Floats32
 from lookdev.errors import OutputError
 
 
@@ -27,7 +25,7 @@ class Answers:
         self._channel = os.dup(1)
         os.dup2(2, 1)
 
-    def send(self, **message: Any) -> None:
+    def send(self, **message: object) -> None:
         """Send one message."""
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
@@ -93,7 +91,7 @@ def save_arrays(
     return save_named({**arrays, **texts})
 
 
-def save_named(arrays: Mapping[str, NDArray[Any]]) -> str:
+def save_named(arrays: Mapping[str, Array]) -> str:
     """Save arrays by name to a file, and return its path, as `save_arrays` does."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     try:

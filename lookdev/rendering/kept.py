@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -72,5 +71,5 @@ def _image_digests(look: Look) -> list[str] | None:
     return digests
 
 
-def _elements(value: Any) -> Iterator[Any]:
+def _elements(value: object) -> Iterator[object]:
     yield from value if isinstance(value, tuple) else (value,)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Literal, TypedDict, Unpack
 
 from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
@@ -20,11 +20,11 @@ from lookdev.space import REC709, Space
 
 
 @cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
+def _adapter(kind: type[Source]) -> TypeAdapter[Source]:
     return TypeAdapter(kind)
 
 
-def _read_sources(values: list[Any], info: ValidationInfo) -> tuple[Source, ...]:
+def _read_sources(values: list[object], info: ValidationInfo) -> tuple[Source, ...]:
     name = info.data.get("backend")
     if name not in BACKENDS:
         raise ValueError(f"no backend '{name}' is registered here")
@@ -121,7 +121,16 @@ class FrameTask:
     labels: dict[str, str]
 
 
-def frame_task(scene: SceneTask, pose: Pose, name: str, **sampling: Any) -> FrameTask:
+class SamplingFields(TypedDict, total=False):
+    """Fields of `Sampling` that differ between frames of a scene."""
+
+    samples: int
+    error: float | None
+    seed: int
+    denoise: Literal["off", "measured"]
+
+
+def frame_task(scene: SceneTask, pose: Pose, name: str, **sampling: Unpack[SamplingFields]) -> FrameTask:
     """Return a frame without files; `name` is its digest, `sampling` replaces fields of the scene's sampling."""
     return FrameTask(replace(scene, sampling=replace(scene.sampling, **sampling)), pose, 0.0, name, (), {})
 

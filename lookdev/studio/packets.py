@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lookdev.arrays import Array
 
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-def packet(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def packet(header: Mapping[str, object], arrays: Mapping[str, Array]) -> bytes:
     """Return a message of a header and arrays, little-endian.
 
     The message is the length of the header as uint32, the header, padded to 4 bytes, and the arrays. ``arrays`` in the
@@ -21,7 +21,7 @@ def packet(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byt
     shapes = [[name, list(np.shape(values))] for name, values in arrays.items()]
     header_bytes = json.dumps({**header, "arrays": shapes}, separators=(",", ":")).encode()
     header_bytes += b" " * (-len(header_bytes) % 4)
-    parts: list[Any] = [len(header_bytes).to_bytes(4, "little"), header_bytes]
+    parts: list[bytes | memoryview] = [len(header_bytes).to_bytes(4, "little"), header_bytes]
     for values in arrays.values():
         with np.errstate(over="ignore"):
             array = np.ascontiguousarray(values, "<f4")

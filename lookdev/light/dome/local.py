@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.base import Light
 from lookdev.light.dome import Dome, example_dome
@@ -122,13 +122,13 @@ class LocalDome(Light):
 # Generated code is traced from these functions; their arrays may be symbolic.
 
 
-def share_within(point: Any, start: Any, radius: Any) -> Any:
+def share_within(point: Floats, start: Real, radius: Real) -> Floats:
     """Return the share (...) of a dome's light that arrives at points (..., 3), relative to its centre."""
-    rise: Any = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
+    rise: Real = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
     return 1.0 - smooth_step(np.sqrt((point * point).sum(axis=-1)), start, rise)
 
 
-def meet_ball(point: Any, direction: Any, radius: Any) -> tuple[Any, Any, Any]:
+def meet_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, Floats, Floats]:
     """Return where rays from points (..., 3) in directions (..., 3) leave a ball about the origin.
 
     Returns
@@ -154,7 +154,7 @@ def meet_ball(point: Any, direction: Any, radius: Any) -> tuple[Any, Any, Any]:
     return inside, distance, distance * distance / (radius * np.where(inside & (exit_cosine > 0.0), exit_cosine, 1.0))
 
 
-def towards_ball(point: Any, map_direction: Any, radius: Any) -> Any:
+def towards_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
     """Return directions (..., 3) from points to where directions (..., 3) from a ball's centre meet its surface."""
     towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from pxr import Ar, Gf, Sdf, Usd, UsdLux
 
@@ -20,6 +20,8 @@ from lookdev.light.rig.report import RigReport
 from lookdev.stage import quote
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 from lookdev.stage.packages import unpack
+
+V = TypeVar("V")
 
 SHAPING, SHADOW = "ShapingAPI", "ShadowAPI"
 
@@ -172,7 +174,7 @@ class LightPrim:
             elif name in inputs and not self.prim.GetAttribute(f"inputs:{name}").HasAuthoredValue():
                 self.fault(name, "is of UsdLux before 21.02, and has no effect", f"'inputs:{name}' would be right")
 
-    def _value(self, name: str, types: tuple[type, ...], expected: str) -> Any:
+    def _value(self, name: str, types: tuple[type[V], ...], expected: str) -> V | None:
         """Return the value of an attribute; None without a value, or, with a fault, if it is of another type."""
         attribute = self.prim.GetAttribute(name)
         if not attribute:

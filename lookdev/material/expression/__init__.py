@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, cast
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real
+from lookdev.brdf.vectors import Array, Mask, Real
 from lookdev.errors import nearest_hint
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, clip_to_bound
 from lookdev.material.expression.syntax import (
@@ -149,12 +149,13 @@ class _Evaluation:
                 # Symbols are clipped once, at the end. Constants must be float32 literals in every operation.
                 return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
-    def truth_value(self, node: Node) -> Any:
+    def truth_value(self, node: Node) -> Mask:
         """Return the truth values of a node; a number is true where it is not 0."""
         if isinstance(node, Apply) and node.function.gives == "truth":
             operand = self.truth_value if node.function.domain == "truth" else self._float
-            return node.function.evaluate(*(operand(argument) for argument in node.arguments))
-        return np.logical_not(np.equal(self._float(node), 0.0))
+            return cast(Mask, node.function.evaluate(*(operand(argument) for argument in node.arguments)))
+        truth: Mask = np.logical_not(np.equal(self._float(node), 0.0))
+        return truth
 
     def _float(self, node: Node) -> Array:
         return self.value(node)[0]
@@ -166,11 +167,11 @@ class _Evaluation:
         if function.domain == "color":
             color = _map_channels(lambda a, _: a, values[0], (0.0, 0.0, 0.0))
             result = function.evaluate(color, *(value[0] for value in values[1:]))
-            return result if function.gives == "color" else (result,)
-        return _map_channels(function.evaluate, *values)
+            return result if isinstance(result, tuple) else (cast(Array, result),)
+        return _map_channels(cast(Callable[..., Array], function.evaluate), *values)
 
 
-def _map_channels(function: Callable[..., Any], *values: tuple[Real, ...]) -> tuple[Array, ...]:
+def _map_channels(function: Callable[..., Array], *values: tuple[Real, ...]) -> tuple[Array, ...]:
     """Call a function for every channel; a float counts as three equal channels."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))

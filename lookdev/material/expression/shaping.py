@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import e, log2, pi
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from lookdev.brdf.vectors import TINY, Array, Real
+from lookdev.brdf.vectors import TINY, Array, Mask, Real
 
 LARGEST = 1e18
 """The bound of the magnitude of all numbers: the product of two is still a float32."""
@@ -36,7 +36,7 @@ class Function:
     ``"truth"`` truth values. `gives` is the type of the result; None is the type of the arguments.
     """
 
-    evaluate: Callable[..., Any]
+    evaluate: Callable[..., Array | Mask | tuple[Array, ...]]
     parameters: tuple[str, ...]
     optional: int = 0
     domain: Literal["each", "float", "color", "truth"] = "each"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
@@ -108,7 +107,7 @@ def check_writable(file: Path, prim: str | None = None, variants: Mapping[str, s
     enabled_layers(UsdShade.Material(stage.GetPrimAtPath(path)))
 
 
-def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[str], value: Any) -> Usd.Attribute:
+def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[str], value: object) -> Usd.Attribute:
     """Return the attribute of a constant, creating it where necessary; `path` is as `Constant.path`."""
     shader, stack, mask = enabled_layers(material)[layer]
     name, *inside = path
@@ -133,7 +132,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
     return source.shader.CreateInput(inside[0], kind).GetAttr()
 
 
-def set_constant(attribute: Usd.Attribute, value: Any, *, by_interface: bool = True) -> None:
+def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool = True) -> None:
     """Set a constant at the strongest opinion of the edited file.
 
     With `by_interface`, set the interface input to which the attribute is connected; otherwise remove the connection.

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, Model
 from lookdev.brdf.measured import MEASURED, load_grid
+from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
 from lookdev.material.expression import Kind
@@ -67,7 +67,7 @@ def measured_look(file: Path, measurement: Path) -> str:
     return _write_new_look(file, None, define)
 
 
-def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
+def model_look(file: Path, model: Model, values: Parameters) -> str:
     """Write a new look whose base is a model with some constants by name; otherwise as `new_look`.
 
     Raises ModelError for faulty constants.

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from pxr import Sdf, UsdShade
@@ -20,9 +19,10 @@ from pxr import Sdf, UsdShade
 from lookdev.arrays import Floats
 from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.brdf.parameters import add_followers, expand_tokens
+from lookdev.brdf.vectors import Parameters
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
-from lookdev.material.look import Layer, Primvar, Texture
+from lookdev.material.look import Input, Layer, Primvar, Texture
 from lookdev.material.textures import image_slopes, image_texels
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import Values, presence
@@ -149,11 +149,11 @@ def _coverage(layer: Layer) -> float:
     return float(_mean_value(layer.mask, MASK) * _mean_value(presence(layer), MASK))
 
 
-def _mean_parameters(layer: Layer) -> dict[str, Any]:
+def _mean_parameters(layer: Layer) -> Parameters:
     """Return the parameters of a layer: its tokens, and the means of its numbers and colours."""
     model = MODELS[layer.model]
     inputs = add_followers(model.parameters, expand_tokens(model.name, model.parameters, layer.inputs))
-    means: dict[str, Any] = {
+    means: dict[str, Floats | str] = {
         name: _mean_value(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
@@ -170,7 +170,8 @@ def _map_layer(layer: Layer) -> dict[str, Floats]:
     return _DEFAULTS | same | derived
 
 
-def _mean_value(value: Any, parameter: Parameter) -> Floats:
+def _mean_value(value: Input, parameter: Parameter) -> Floats:
+    assert not isinstance(value, str), "a token has no mean"
     values = np.asarray(Values(_Grid()).of(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
@@ -180,7 +181,7 @@ def _ior_of_f0(f0: Floats) -> Floats:
     return np.asarray((1.0 + root) / (1.0 - root))
 
 
-def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Any]:
+def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Floats]:
     return {
         **beneath,
         "diffuseColor": beneath["diffuseColor"] * coat["diffuseColor"],

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import MaterialX as mx
 from pxr import Sdf, Sdr, Tf, Usd, UsdShade
@@ -113,7 +112,7 @@ def _library_inputs() -> dict[str, tuple[str, str]]:
 
 
 def _read_material(
-    network: DocumentNetwork, material: Any, layers: dict[str, dict[str, Value]]
+    network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, Value]]
 ) -> ImportedMaterial | None:
     """Read a material; None, with a loss added, for another surface shader. `layers` caches layers by shader path."""
     port = material.getInput("surfaceshader")
@@ -130,7 +129,7 @@ def _read_material(
     return None
 
 
-def _read_layer(network: DocumentNetwork, shader: Any) -> dict[str, Value]:
+def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
     library_inputs = _library_inputs()
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
@@ -192,7 +191,7 @@ class _Writer:
             else:
                 layer_input.Set(value)
 
-    def _define_node(self, name: str, shader_id: str, **inputs: Any) -> UsdShade.Shader:
+    def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
         """Define a node; its inputs have the types of USD's definition of it."""
         path = self._material.GetPath().AppendChild(_unique_name(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import MaterialX as mx
 
@@ -88,7 +88,7 @@ def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
     return numbers[0] if numbers else None
 
 
-def read_value(network: DocumentNetwork, port: Any, parameter: Parameter) -> Value | None:
+def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -> Value | None:
     """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
     source, kind = network.source_of(port), TYPES[parameter.kind]
     # A constant may also be a chain of nodes.
@@ -107,7 +107,7 @@ def read_value(network: DocumentNetwork, port: Any, parameter: Parameter) -> Val
     return _read_rgb(network, source) if kind == "color3" else _read_channel(network, port)
 
 
-def _read_constant(network: DocumentNetwork, holder: Any, parameter: Parameter) -> float | Color | None:
+def _read_constant(network: DocumentNetwork, holder: mx.PortElement, parameter: Parameter) -> float | Color | None:
     """Read a constant: a colour is converted to linear Rec.709, and the value clipped to the parameter's range."""
     numbers = _read_floats(network, holder, 1 if parameter.kind == "float" else 3)
     if parameter.kind == "color" and numbers and _read_colorspace(network, holder) == "sRGB":
@@ -122,7 +122,7 @@ def _read_constant(network: DocumentNetwork, holder: Any, parameter: Parameter) 
     return _as_constant(clipped)
 
 
-def _read_primvar(network: DocumentNetwork, node: Any, parameter: Parameter) -> Primvar | None:
+def _read_primvar(network: DocumentNetwork, node: mx.Node, parameter: Parameter) -> Primvar | None:
     name, default = _read_text(network, node, "geomprop", ""), node.getInput("default")
     if not name:
         return None
@@ -140,7 +140,7 @@ def _read_rgb(network: DocumentNetwork, source: Source) -> Sampled | None:
     return Sampled(image, "rgb") if image else None
 
 
-def _read_channel(network: DocumentNetwork, port: Any) -> Sampled | None:
+def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
     """Read a float from an image of floats, or from one channel of an image."""
     source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
@@ -163,7 +163,7 @@ def _read_channel(network: DocumentNetwork, port: Any) -> Sampled | None:
     return Sampled(image, channel)
 
 
-def _split_channel(network: DocumentNetwork, splitter: Any, output: str) -> str:
+def _split_channel(network: DocumentNetwork, splitter: mx.Node, output: str) -> str:
     if splitter.getCategory() == "extract":
         return _read_text(network, splitter, "index", "0")
     if splitter.getCategory() == "swizzle":
@@ -171,7 +171,7 @@ def _split_channel(network: DocumentNetwork, splitter: Any, output: str) -> str:
     return output.removeprefix("out")
 
 
-def _read_image(network: DocumentNetwork, node: Any) -> Image | None:
+def _read_image(network: DocumentNetwork, node: mx.Node) -> Image | None:
     tiled = node.getCategory() == "tiledimage"
     port = node.getInput("file") if tiled or node.getCategory() == "image" else None
     if port is None or not _check_constant(network, port, "the image is not taken"):
@@ -201,7 +201,7 @@ def _read_image(network: DocumentNetwork, node: Any) -> Image | None:
     return Image(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
-def _read_coordinates(network: DocumentNetwork, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
+def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tuple[Transform2d, ...]]:
     """Return the UV set of an image, and the transforms between the image and the node of the UV set."""
     transforms: tuple[Transform2d, ...] = ()
     node = image
@@ -229,7 +229,7 @@ def _read_coordinates(network: DocumentNetwork, image: Any) -> tuple[str, tuple[
     return "st", transforms
 
 
-def _read_place2d(network: DocumentNetwork, node: Any) -> tuple[Transform2d, ...]:
+def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d, ...]:
     """Return a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d is clockwise."""
     pivot, offset = (_read_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
     scale = _read_pair(network, node, "scale", 1.0)
@@ -257,7 +257,7 @@ def _rotate(point: Pair, degrees: float) -> Pair:
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def _check_constant(network: DocumentNetwork, port: Any, hint: str) -> bool:
+def _check_constant(network: DocumentNetwork, port: mx.Input, hint: str) -> bool:
     """Return whether an input of a node is a constant; a computed value is a loss."""
     if network.source_of(port).is_computed:
         network.add_value_loss(port, hint)
@@ -265,14 +265,14 @@ def _check_constant(network: DocumentNetwork, port: Any, hint: str) -> bool:
     return True
 
 
-def _read_text(network: DocumentNetwork, node: Any, name: str, default: str) -> str:
+def _read_text(network: DocumentNetwork, node: mx.Node, name: str, default: str) -> str:
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"'{default}' is taken" if default else ""):
         return default
     return str(network.source_of(port).element.getValueString()) or default
 
 
-def _read_pair(network: DocumentNetwork, node: Any, name: str, default: float) -> Pair:
+def _read_pair(network: DocumentNetwork, node: mx.Node, name: str, default: float) -> Pair:
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"{default:g} is taken"):
         return default, default
@@ -280,7 +280,7 @@ def _read_pair(network: DocumentNetwork, node: Any, name: str, default: float) -
     return (numbers[0], numbers[1]) if numbers else (default, default)
 
 
-def _read_floats(network: DocumentNetwork, holder: Any, count: int) -> tuple[float, ...]:
+def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -> tuple[float, ...]:
     """Parse the value of a port; (), with a fault added, where it is not `count` numbers."""
     numbers = _parse_numbers(holder.getValueString())
     if len(numbers) == count:
@@ -293,7 +293,7 @@ def _read_floats(network: DocumentNetwork, holder: Any, count: int) -> tuple[flo
     return ()
 
 
-def _read_wrap(network: DocumentNetwork, node: Any, name: str) -> Wrap:
+def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
         network.add_fault(
@@ -302,7 +302,7 @@ def _read_wrap(network: DocumentNetwork, node: Any, name: str) -> Wrap:
     return _WRAPS.get(mode, "repeat")
 
 
-def _read_colorspace(network: DocumentNetwork, holder: Any) -> Colorspace:
+def _read_colorspace(network: DocumentNetwork, holder: mx.PortElement) -> Colorspace:
     name = holder.getActiveColorSpace()
     raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
     if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):

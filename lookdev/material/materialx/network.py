@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Any
 
 import MaterialX as mx
 
@@ -26,7 +25,7 @@ class Source:
     `output` and `channels` select a part of the node's result; both may be empty.
     """
 
-    element: Any
+    element: mx.TypedElement
     output: str
     channels: str
 
@@ -47,7 +46,7 @@ class DocumentNetwork:
 
     def __init__(self, file: Path) -> None:
         self.file = file
-        self._nodes: dict[str, Any] = {}
+        self._nodes: dict[str, mx.Node] = {}
         self._sources: dict[str, Source] = {}
         self._carried: set[str] = set()
         self._losses: dict[Fault, None] = {}
@@ -68,12 +67,12 @@ class DocumentNetwork:
         if self._faults:
             raise LookError(self._faults)
 
-    def add_loss(self, element: Any, message: str, hint: str = "") -> None:
+    def add_loss(self, element: mx.Element | str, message: str, hint: str = "") -> None:
         """Add a loss of an element, or at a place of the file."""
         where = element if isinstance(element, str) else element.getNamePath()
         self._losses[Fault(str(self.file), where, message, hint)] = None
 
-    def add_value_loss(self, port: Any, hint: str = "") -> None:
+    def add_value_loss(self, port: mx.Input, hint: str = "") -> None:
         """Add the loss of the value of an input."""
         source = self.source_of(port)
         if source.is_computed:
@@ -82,7 +81,7 @@ class DocumentNetwork:
             value = f"'{source.element.getValueString():.40}'"
         self.add_loss(port, f"{value} is not carried over", hint)
 
-    def mark_carried(self, node: Any, *names: str) -> None:
+    def mark_carried(self, node: mx.Node, *names: str) -> None:
         """Mark a node as carried over, with the inputs `names`; its other inputs are losses."""
         self._carried.add(node.getNamePath())
         for port in node.getInputs():
@@ -99,11 +98,11 @@ class DocumentNetwork:
                 if not isinstance(node, mx.Output) and node.getNamePath() not in self._nodes:
                     self.add_loss(node, f"<{node.getCategory()}> is not carried over", "no imported material uses it")
 
-    def source_of(self, port: Any) -> Source:
+    def source_of(self, port: mx.Input) -> Source:
         """Return the source of an input of a node that `connect` has reached."""
         return self._sources[port.getNamePath()]
 
-    def connect(self, roots: Sequence[Any]) -> None:
+    def connect(self, roots: Sequence[mx.Node]) -> None:
         """Follow all connections upstream of some nodes; broken ones and cycles are faults."""
         graph: dict[str, list[str]] = {}
         pending = list(roots)
@@ -127,7 +126,7 @@ class DocumentNetwork:
         except CycleError as error:
             self.add_fault(error.args[1][0], "its connections run in a cycle")
 
-    def _follow(self, port: Any) -> Source | None:
+    def _follow(self, port: mx.PortElement) -> Source | None:
         """Return the source of a port, through interface inputs and node graphs; None, with a fault, where broken."""
         start, channels = port.getNamePath(), port.getAttribute("channels")
         seen: set[str] = set()
@@ -157,14 +156,14 @@ class DocumentNetwork:
         self.add_fault(start, "its connections run in a cycle")
         return None
 
-    def _graph_output(self, scope: Any, graph: str, output: str) -> Any | None:
+    def _graph_output(self, scope: mx.Element, graph: str, output: str) -> mx.Output | None:
         container = scope.getChild(graph) or self.document.getChild(graph)
         if not isinstance(container, mx.NodeGraph):
             return None
         outputs = container.getOutputs()
         return container.getOutput(output) if output else outputs[0] if len(outputs) == 1 else None
 
-    def _read(self) -> Any:
+    def _read(self) -> mx.Document:
         try:
             data = read_bytes(self.file)
         except TextError as error:

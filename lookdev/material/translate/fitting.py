@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def oren_nayar_albedo(roughness: float) -> float:
 
     def f(d: Directions) -> Floats:
         i, o = np.asarray(d.cos_theta_i), np.asarray(d.cos_theta_o)
-        s = (d.wo * d.wi).sum(axis=-1) - i * o  # type: ignore[attr-defined]
+        s = (d.wo * d.wi).sum(axis=-1) - i * o
         return np.asarray((a + b * np.maximum(s, 0.0) / np.maximum(i, o)) / np.pi)
 
     return _mean_over_views(_albedo_of(f))
@@ -116,7 +115,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 """The fitted functions by the name of the fit."""
 
 
-def make_table() -> dict[str, Any]:
+def make_table() -> dict[str, dict[str, object]]:
     """Return the numerator, the denominator and the residual of every fit."""
     table = {}
     for name, function in FUNCTIONS.items():

@@ -39,7 +39,7 @@ def read_look(
     Parameters
     ----------
     file
-        Any file USD opens.
+        A file that USD opens.
     prim
         Path of the material. By default the default prim if it is a material, else the only material of the file.
     variants
@@ -257,7 +257,7 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
 def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
     token = None if attribute is None else network.read_constant(attribute, Sdf.ValueTypeNames.Token)
     if token is not None and token not in MODES:
-        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(token, MODES))
+        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), MODES))
     return "transmit" if token == "transmit" else "over"
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
+from lookdev.material.look import Source as FormulaSource
 from lookdev.material.textures import image_header, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders
 from lookdev.material.usd import check_composition, find_material, read_look_at, read_material
@@ -274,11 +274,11 @@ class _Material:
             raise NotCarriedError(f"'{text:.40}' is not one of {', '.join(parameter.choices)}")
         return text
 
-    def _clip_to_range(self, attribute: Usd.Attribute, value: Any, parameter: Parameter) -> Input:
+    def _clip_to_range(self, attribute: Usd.Attribute, value: FormulaSource | Bump, parameter: Parameter) -> Input:
         if isinstance(value, Bump) and parameter.kind != "normal":
             raise NotCarriedError("cannot be a normal")
         if not isinstance(value, float | tuple):
-            return value  # type: ignore[no-any-return]
+            return value  # type: ignore[return-value]
         low, high = parameter.hard
         numbers = value if isinstance(value, tuple) else (value,)
         if parameter.kind == "normal" and not any(numbers):

@@ -57,11 +57,12 @@ def read_displacement(network: Network, material: UsdShade.Material) -> Displace
 
 
 def _read_number(network: Network, attribute: Usd.Attribute) -> float | None:
-    return network.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+    value = network.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+    return value if isinstance(value, float) else None
 
 
 def _read_units(network: Network, attribute: Usd.Attribute) -> Units:
     token = network.read_constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
     if token is not None and token not in get_args(Units):
-        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(token, get_args(Units)))
+        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), get_args(Units)))
     return "world" if token == "world" else "object"

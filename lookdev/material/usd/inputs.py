@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import cos, inf, radians, sin
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
@@ -25,6 +26,7 @@ from lookdev.material.look import (
     Texture,
     Transform,
     View,
+    Wrap,
 )
 from lookdev.material.look import Source as FormulaInput
 from lookdev.material.textures import image_header, resolve_texture, udim_tiles
@@ -53,7 +55,7 @@ def read_input(
     holder = network.follow(attribute)
     if isinstance(holder, Source):
         return _read_varying(network, attribute, parameter, holder, enclosing)
-    value = None if holder is None else network.read_value(attribute, holder, expected)
+    value: float | str | Gf.Vec3f | None = None if holder is None else network.read_value(attribute, holder, expected)
     if parameter.file and value is not None:
         return _read_file(network, attribute, parameter, value)
     return None if value is None else _check_range(network, attribute, parameter, value)
@@ -73,7 +75,7 @@ def _read_file(network: Network, attribute: Usd.Attribute, parameter: Parameter,
 
 
 def _check_range(
-    network: Network, where: object, parameter: Parameter, value: float | Color | str
+    network: Network, where: object, parameter: Parameter, value: float | str | Gf.Vec3f
 ) -> float | Color | str | None:
     """Return a constant as plain Python; None, with a fault added, where it is outside the parameter's range."""
     if isinstance(value, str):
@@ -147,7 +149,7 @@ def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tu
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
     text = network.read_constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
-    if not text:
+    if not isinstance(text, str) or not text:
         if not attribute or text == "":
             network.add_fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
         return None
@@ -226,7 +228,7 @@ def _read_bump(network: Network, source: Source) -> Bump | None:
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
     factor = network.read_constant(scale, _TYPES["float"]) if scale else None
     height = _read_height(network, source, attribute)
-    return Bump(height, 1.0 if factor is None else factor) if height else None
+    return Bump(height, factor if isinstance(factor, float) else 1.0) if height else None
 
 
 def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:
@@ -246,14 +248,14 @@ def _read_primvar(network: Network, attribute: Usd.Attribute, parameter: Paramet
     shader = source.shader
     network.check_node(attribute, source)
     name = _read_varname(network, shader)
-    fallback = network.read_node_value(shader, "fallback")
+    fallback: float | str | Gf.Vec3f | None = network.read_node_value(shader, "fallback", object)
     if fallback is not None:
         fallback = _check_range(network, f"{source.path}.inputs:fallback", parameter, fallback)
-    return Primvar(name, fallback) if name and fallback is not None else None
+    return Primvar(name, fallback) if name and isinstance(fallback, float | tuple) else None
 
 
 def _read_varname(network: Network, shader: UsdShade.Shader) -> str:
-    name: str | None = network.read_node_value(shader, "varname")
+    name = network.read_node_value(shader, "varname", str)
     if name == "":
         network.add_fault(f"{shader.GetPath()}.inputs:varname", "names no primvar", "for instance 'st'")
     return name or ""
@@ -266,14 +268,18 @@ def _read_texture(
     network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
     coordinates = _read_coordinates(network, shader, "st")
-    colorspace, wrap_s, wrap_t, scale, bias = (
-        network.read_node_value(shader, name) for name in ("sourceColorSpace", "wrapS", "wrapT", "scale", "bias")
+    colorspace, wrap_s, wrap_t = (
+        network.read_node_value(shader, name, str) for name in ("sourceColorSpace", "wrapS", "wrapT")
     )
+    scale, bias = (network.read_node_value(shader, name, Gf.Vec4f) for name in ("scale", "bias"))
     channel = next((candidate for candidate in channels if candidate == source.output), None)
-    if channel is None or file is None or coordinates is None or None in (colorspace, wrap_s, wrap_t, scale, bias):
+    if channel is None or file is None or coordinates is None or colorspace is None or scale is None or bias is None:
+        return None
+    if wrap_s is None or wrap_t is None:
         return None
     st, transform = coordinates
-    texture = Texture(file, channel, colorspace, wrap_s, wrap_t, st, transform, tuple(scale), tuple(bias))
+    wraps = cast(Wrap, wrap_s), cast(Wrap, wrap_t)  # or "useMetadata"
+    texture = Texture(file, channel, colorspace, *wraps, st, transform, tuple(scale), tuple(bias))
     try:
         if not network.opens_images:
             return texture
@@ -288,7 +294,7 @@ def _read_texture(
 def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
     """Return the image file of a texture node, without opening it."""
     attribute = shader.GetPrim().GetAttribute("inputs:file")
-    asset = network.read_node_value(shader, "file")
+    asset = network.read_node_value(shader, "file", Sdf.AssetPath)
     if asset is None:
         return None
     try:
@@ -322,10 +328,12 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> t
             name = _read_varname(network, source.shader)
             a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
             return (name, (a, b, c, d, e, f)) if name else None
-        values = [network.read_node_value(source.shader, name) for name in ("scale", "rotation", "translation")]
-        if None in values:
+        scale = network.read_node_value(source.shader, "scale", Gf.Vec2f)
+        rotation = network.read_node_value(source.shader, "rotation", float)
+        translation = network.read_node_value(source.shader, "translation", Gf.Vec2f)
+        if scale is None or rotation is None or translation is None:
             return None
-        matrix = matrix @ _transform2d(*values)
+        matrix = matrix @ _transform2d(scale, rotation, translation)
         path = f"{source.path}.inputs:in"
 
 

@@ -7,12 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint, shorten
 from lookdev.material.look import Formula
+
+V = TypeVar("V")
 
 TERMINAL = "outputs:lookdev:surface"
 """The output of a material to which its stack of layers, or its only layer, is connected."""
@@ -113,7 +115,7 @@ class Network:
         self.add_fault(attribute, f"has type {actual}{elsewhere}", f"it must be {expected}")
         return False
 
-    def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+    def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
         """Return the constant in `holder`, the value of `attribute`; None where unset or, with a fault added, wrong."""
         if not self.check_type(attribute, holder, expected):
             return None
@@ -130,7 +132,7 @@ class Network:
             return None
         return value
 
-    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
         """Return the value of an input that must be constant; None where unset or, with a fault added, wrong."""
         if not self.check_type(attribute, attribute, expected):
             return None
@@ -140,7 +142,7 @@ class Network:
             return None
         return None if holder is None else self.read_value(attribute, holder, expected)
 
-    def read_node_value(self, shader: UsdShade.Shader, name: str) -> Any:
+    def read_node_value(self, shader: UsdShade.Shader, name: str, kind: type[V]) -> V | None:
         """Return a constant input of one of USD's own nodes, or its default; None, with a fault added, where wrong."""
         definition = _sdr_node(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
@@ -150,9 +152,9 @@ class Network:
             return definition.GetDefaultValueAsSdfType() if len(self._faults) == fault_count else None
         options = [option for option, _ in definition.GetOptions()]
         if options and value not in options:
-            self.add_fault(attribute, f"unknown value '{value}'", nearest_hint(value, options))
+            self.add_fault(attribute, f"unknown value '{value}'", nearest_hint(str(value), options))
             return None
-        return value
+        return value if isinstance(value, kind) else None
 
     def check_node(self, attribute: object, source: Source, outputs: Sequence[str] = ("result",)) -> None:
         """Add faults of inputs that a node of USD's does not have, and of an output that `attribute` cannot use."""
@@ -187,5 +189,5 @@ def authored_properties(prim: Usd.Prim) -> int:
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
 
 
-def _sdr_node(shader: UsdShade.Shader) -> Any:
+def _sdr_node(shader: UsdShade.Shader) -> Sdr.ShaderNode:
     return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
@@ -254,7 +253,7 @@ def _usd_findings(target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[
 
 
 @cache
-def _validators() -> tuple[Any, ...]:
+def _validators() -> tuple[UsdValidation.Validator, ...]:
     """Register our nodes, and return USD's validators for a look."""
     definitions = Usd.Stage.Open(str(DEFINITIONS))
     for prim in definitions.Traverse():

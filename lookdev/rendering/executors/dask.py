@@ -22,7 +22,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from lookdev.cache import Content
 from lookdev.errors import LookdevError, OutputError, WorkerError
@@ -31,8 +31,10 @@ from lookdev.rendering.executors.dask_worker import (
     Answers,
     Lacks,
     Order,
+    Result,
     Unfit,
     Unwritable,
+    WorkerEvent,
     receive,
     render_order,
     worker_versions,
@@ -56,6 +58,9 @@ from lookdev.rendering.results import Progress
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.threads import cores
 
+if TYPE_CHECKING:
+    from distributed import Future
+
 _CONNECT = 10.0  # seconds
 _PIECE = 32 << 20  # bytes of a file in a message
 _CHUNKS_PER_WORKER = 2  # a worker renders one while the next is on its way
@@ -71,7 +76,7 @@ class _Chunk:
 
     tasks: list[FrameTask]
     worker: str = ""  # to which it is assigned; "" leaves the choice to Dask
-    future: Any = None
+    future: Future = None
     losses: int = 0  # number of workers that were lost while they rendered it
     sent: set[str] = field(default_factory=set)  # the workers to which its files were sent
 
@@ -124,7 +129,7 @@ class DaskExecutor:
             logging.getLogger(name).setLevel(logging.CRITICAL)  # notes of this executor report lost workers
         with ExitStack() as stack, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on versions, which this executor compares, and on ports
-            target: Any = self._address
+            target: LocalCluster | str = self._address
             if not self._address:
                 count = self._count or max(min(cores() // _CORES_PER_WORKER, free_memory() // _MEMORY_PER_WORKER), 1)
                 self._sharing = count
@@ -257,7 +262,7 @@ class DaskExecutor:
         """Handle the result of a chunk, and yield the events of its frames."""
         if chunk.future.status in ("cancelled", "lost"):
             raise WorkerError(f"{self._cluster} has dropped the run; run the same command again to continue")
-        result: Any
+        result: Result
         try:
             result = self._result_of(chunk)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
@@ -290,12 +295,13 @@ class DaskExecutor:
                         self._waiting.record_time(task, answer.seconds, worker)
                         yield Finished(task, answer.made, answer.seconds)
 
-    def _result_of(self, chunk: _Chunk) -> Any:
+    def _result_of(self, chunk: _Chunk) -> Result:
         """Return the result of a chunk; raises TimeoutError where it does not arrive, soon if its worker is lost."""
         deadline = time.monotonic() + _CONNECT
         while True:
             try:
-                return chunk.future.result(timeout=_POLL)
+                result: Result = chunk.future.result(timeout=_POLL)
+                return result
             except TimeoutError:
                 # Where Dask chose the worker, its address is not known here.
                 if chunk.worker and chunk.worker not in self._addresses():
@@ -372,19 +378,21 @@ class DaskExecutor:
     def _cluster(self) -> str:
         return f"the scheduler {self._address}" if self._address else "the cluster of Dask on this machine"
 
-    def _on_event(self, event: tuple[float, Any]) -> None:
+    def _on_event(self, event: tuple[float, WorkerEvent]) -> None:
         """Queue an event that a worker logs while it renders."""
-        fields = {key: value for key, value in event[1].items() if key != "worker"}  # Dask adds this key
-        task = self._by_digest.get(fields.pop("digest", ""))
+        fields = event[1]
+        task = self._by_digest.get(fields.get("digest", ""))
         if task is None:
             return
         if "started" in fields:
             self._started.add(task.digest)
             self._incoming.put(Started(task))
         elif "reason" in fields:
-            self._incoming.put(Retried(task, **fields))
+            self._incoming.put(Retried(task, fields["reason"], fields["attempt"], fields["attempts"]))
         else:
-            self._incoming.put(Progressed(task, Progress(type="progress", digest=task.digest, **fields)))
+            samples, of, relmse = fields["samples"], fields["of"], fields["relmse"]
+            progress = Progress(type="progress", digest=task.digest, samples=samples, of=of, relmse=relmse)
+            self._incoming.put(Progressed(task, progress))
 
     def _cancel(self) -> None:
         """Cancel the chunks in flight; workers then stop their renderers."""

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from lookdev.cache import Content, cache_dir
 from lookdev.errors import LookdevError, OutputError, WorkerError
@@ -28,6 +28,9 @@ from lookdev.rendering.results import Progress, Rendered
 from lookdev.rendering.task import FrameTask, files_of_task
 from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
+
+if TYPE_CHECKING:
+    from distributed import Worker as DaskWorker
 
 IDLE = 300.0
 """Seconds without a chunk after which a renderer is ended, so that others can use its memory."""
@@ -98,11 +101,24 @@ class Unwritable:
 Result = Answers | Lacks | Unfit | Unwritable
 
 
+class WorkerEvent(TypedDict, total=False):
+    """An event of a frame that a worker logs: its start, a try that failed, or its progress."""
+
+    digest: str
+    started: bool
+    reason: str
+    attempt: int
+    attempts: int
+    samples: int
+    of: int
+    relmse: float | None
+
+
 def render_order(order: Order) -> Result:
     """Render a chunk on this worker of Dask."""
     from distributed import get_worker
 
-    host: Any = get_worker()
+    host = get_worker()
     if problem := mismatch(order.versions, versions(order.backend), f"worker {host.address}"):
         return Unfit(host.address, problem)
     tasks: list[FrameTask] = pickle.loads(order.frames)
@@ -160,11 +176,11 @@ def _wait_for_file(file: Path) -> bool:
 
 
 def _render_frame(
-    order: Order, number: int, task: FrameTask, worker: Worker, host: Any, is_cancelled: Callable[[], bool]
+    order: Order, number: int, task: FrameTask, worker: Worker, host: DaskWorker, is_cancelled: Callable[[], bool]
 ) -> Answer:
     started, last_report = time.monotonic(), [0.0]
 
-    def log_event(**fields: object) -> None:
+    def log_event(**fields: Unpack[WorkerEvent]) -> None:
         host.log_event(order.topic, {"digest": task.digest, **fields})
 
     def on_progress(progress: Progress) -> None:
@@ -186,7 +202,7 @@ def _render_frame(
 
 
 @contextmanager
-def _stop_if_cancelled(host: Any, worker: Worker) -> Iterator[Callable[[], bool]]:
+def _stop_if_cancelled(host: DaskWorker, worker: Worker) -> Iterator[Callable[[], bool]]:
     """Yield a function that tells whether this thread's chunk was cancelled; stop the renderer when it is."""
     key, over, cancelled = host.get_current_task(), threading.Event(), threading.Event()
 
@@ -216,7 +232,7 @@ class _Renderer:
         self._idle: threading.Timer | None = None
 
     @contextmanager
-    def borrow(self, order: Order, host: Any) -> Iterator[Worker]:
+    def borrow(self, order: Order, host: DaskWorker) -> Iterator[Worker]:
         """Yield the renderer, to one thread at a time."""
         command = order.command or BACKENDS[order.backend].command
         with self._lock:

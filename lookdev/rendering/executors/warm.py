@@ -19,7 +19,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from lookdev.cache import package_digest
 from lookdev.errors import LookdevError, WorkerError
@@ -104,7 +103,7 @@ def stop(path: Path) -> bool:
     return True
 
 
-def _send_question(path: Path, question: dict[str, Any]) -> None:
+def _send_question(path: Path, question: dict[str, bool]) -> None:
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(_START_TIMEOUT)

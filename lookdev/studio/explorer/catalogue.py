@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 from lookdev.brdf import MODELS, Model, Parameter
 from lookdev.errors import LookError
@@ -19,7 +18,7 @@ from lookdev.studio.roots import LARGEST_UPLOAD, Roots
 MEASURED_SUFFIXES = (".binary", ".dat", ".bin")
 
 
-def catalogue(roots: Roots, library: Path | None) -> dict[str, Any]:
+def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
     """Return the data that a page needs before it shows the first surface, for JSON."""
     return {
         "models": {name: _model(model) for name, model in MODELS.items()},
@@ -50,7 +49,7 @@ def presets(library: Path | None) -> list[dict[str, str]]:
     ]
 
 
-def _model(model: Model) -> dict[str, Any]:
+def _model(model: Model) -> dict[str, object]:
     live = live_parameters(model.name)
     return {
         "title": model.title,
@@ -61,7 +60,7 @@ def _model(model: Model) -> dict[str, Any]:
     }
 
 
-def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, Any]:
+def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, object]:
     return {
         "name": parameter.name,
         "kind": parameter.kind,

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import fields
 from functools import partial
-from typing import Any
 
 from starlette.websockets import WebSocket
 
@@ -53,7 +52,7 @@ class Channel:
         self._frames = frames
         self._threads = threads
         self._rendering = rendering  # plots do not wait for frames
-        self._waiting: dict[str, dict[str, Any]] = {}
+        self._waiting: dict[str, dict[str, object]] = {}
         self._arrived = asyncio.Event()
         self._refusals = 0
 
@@ -63,7 +62,7 @@ class Channel:
             self._socket.start_task(self._work())
         await self._socket.serve(self._take)
 
-    async def _take(self, text: Any) -> None:
+    async def _take(self, text: object) -> None:
         try:
             request = _request(text)
         except LookdevError as error:
@@ -77,8 +76,8 @@ class Channel:
             case _:
                 self._enqueue(request)
 
-    def _enqueue(self, request: dict[str, Any]) -> None:
-        slot = request["slot"]
+    def _enqueue(self, request: dict[str, object]) -> None:
+        slot = str(request["slot"])
         self._waiting.pop(slot, None)
         if len(self._waiting) >= _MOST_WAITING:
             self._waiting.pop(next(iter(self._waiting)))
@@ -92,13 +91,13 @@ class Channel:
                 self._arrived.clear()
                 continue
             request = self._waiting.pop(next(iter(self._waiting)))
-            compute = partial(_DO[request["do"]], self._surfaces, request)
+            compute = partial(_DO[str(request["do"])], self._surfaces, request)
             await self._socket.answer(request, compute, self._threads)
 
-    async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
+    async def _render(self, request: Mapping[str, object], ticket: Ticket) -> None:
         loop = asyncio.get_running_loop()
 
-        def report(state: dict[str, Any]) -> None:
+        def report(state: dict[str, object]) -> None:
             with suppress(RuntimeError):  # the loop has ended
                 asyncio.run_coroutine_threadsafe(self._socket.send({"id": request["id"], "progress": state}), loop)
 
@@ -117,7 +116,7 @@ class Channel:
         await self._socket.send({"error": problem})
 
 
-def _request(text: Any) -> dict[str, Any]:
+def _request(text: object) -> dict[str, object]:
     """Return the request in a message; raise LookdevError if the message is not a valid request."""
     if not isinstance(text, str):
         raise Refused("a message of bytes; JSON would be right")
@@ -136,7 +135,7 @@ def _request(text: Any) -> dict[str, Any]:
     return request
 
 
-def _text_value(request: Mapping[str, Any], key: str, default: str | None = None) -> str:
+def _text_value(request: Mapping[str, object], key: str, default: str | None = None) -> str:
     value = request.get(key, default)
     if not isinstance(value, str):
         raise Refused(f"{key}: a text would be right")
@@ -148,7 +147,7 @@ def parse_options(data: object) -> Options:
     if not isinstance(data, dict):
         raise Refused("options: an object would be right")
     defaults = {option.name: option.default for option in fields(Options)}
-    values: dict[str, Any] = {}
+    values = dict(data)
     for name, value in data.items():
         if name not in defaults:
             raise Refused(f"options: no '{shorten(str(name), 40)}'")
@@ -161,23 +160,23 @@ def parse_options(data: object) -> Options:
     return Options(**values)
 
 
-def _values(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _values(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
     kind_named(kind)
     plot_values = surfaces.values(
         kind, _text_value(request, "surface"), options, request.get("draft") is True, _text_value(request, "moving", "")
     )
-    header: dict[str, Any] = {"id": request["id"]}
+    header: dict[str, object] = {"id": request["id"]}
     if "test" in plot_values:
         header["note"] = sampling_note(plot_values)
     return packet(header, plot_values)
 
 
-def _describe(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _describe(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return {"id": request["id"], **surfaces.describe(_text_value(request, "surface"))}
 
 
-def _shader(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _shader(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     extra = request.get("live", [])
     if not isinstance(extra, list) or not all(isinstance(name, str) for name in extra):
         raise Refused("live: a list of names would be right")
@@ -185,19 +184,19 @@ def _shader(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
     return packet({"id": request["id"], **header}, tables)
 
 
-def _pairs(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _pairs(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return packet({"id": request["id"]}, shading.pairs(surfaces, _text_value(request, "surface")))
 
 
-def _dome(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _dome(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return packet({"id": request["id"]}, shading.dome())
 
 
-def _usd(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _usd(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return {"id": request["id"], "text": usd.usd_text(surfaces, _text_value(request, "surface"))}
 
 
-def _command(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+def _command(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     words = request.get("surfaces", [])
     if not isinstance(words, list) or not all(isinstance(surface, str) for surface in words):
         raise Refused("surfaces: a list of texts would be right")
@@ -205,7 +204,7 @@ def _command(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
     return {"id": request["id"], "text": text}
 
 
-_DO: dict[str, Callable[[Surfaces, Mapping[str, Any]], Answer]] = {
+_DO: dict[str, Callable[[Surfaces, Mapping[str, object]], Answer]] = {
     "values": _values,
     "describe": _describe,
     "shader": _shader,

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from lookdev.asset import load_asset
 from lookdev.errors import WorkerError
@@ -42,8 +41,8 @@ class Frames:
         self._current: Ticket | None = None
 
     def render(
-        self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
-    ) -> tuple[dict[str, Any], Values]:
+        self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
+    ) -> tuple[dict[str, float], Values]:
         """Render a look on a sphere in the studio dome; return facts about the frame, and its pixels.
 
         `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled and the
@@ -63,8 +62,8 @@ class Frames:
             self._render_lock.release()
 
     def _render_frame(
-        self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
-    ) -> tuple[dict[str, Any], Values]:
+        self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
+    ) -> tuple[dict[str, float], Values]:
         began = time.perf_counter()
         report({"state": "starting the renderer" if self._worker is None else "preparing"})
         worker = self._worker

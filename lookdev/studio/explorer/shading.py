@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
+from lookdev.arrays import Array, Floats32
 from lookdev.brdf import MODELS, evaluate_cosine, pdf
 from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH
 from lookdev.codegen.glsl.look import look_functions
@@ -33,7 +33,7 @@ def live_parameters(model: str) -> frozenset[str]:
     )
 
 
-def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, Any], Values]:
+def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, object], Values]:
     """Return the GLSL functions of a surface with their inputs, and their tables, (rows, `TABLE_WIDTH`).
 
     `extra` are further parameters that are uniforms: the normal of a lobe, or a part of the model that the defaults
@@ -58,7 +58,7 @@ def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple
     return header, {f"look_table{k}": _rows(np.load(table.path)) for k, table in enumerate(functions.tables)}
 
 
-def _rows(values: Any) -> Any:
+def _rows(values: Array) -> Floats32:
     texels = np.zeros((-(-values.size // TABLE_WIDTH), TABLE_WIDTH), np.float32)
     texels.ravel()[: values.size] = values.ravel()
     return texels

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Model, StackLayer
-from lookdev.brdf.vectors import are_equal
+from lookdev.brdf.vectors import Parameters, are_equal
 from lookdev.codegen.program.arrays import Compiled, compile_layers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
 from lookdev.errors import LookdevError
-from lookdev.material import Layer, Look
+from lookdev.material import Input, Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.plotting import Options, Subject, kind_named, read_subject
 from lookdev.plotting.angles import Values
@@ -33,7 +32,7 @@ _CACHE_SIZE = 64
 class _Frozen:
     """A key of layers of constants, in which the parameter named `moving` has no value."""
 
-    layers: tuple[tuple[str, str, float, tuple[tuple[str, Any], ...]], ...]
+    layers: tuple[tuple[str, str, float, tuple[tuple[str, str | tuple[float, ...]], ...]], ...]
     moving: str
 
     @classmethod
@@ -55,7 +54,7 @@ def _compile_frozen(frozen: _Frozen) -> Compiled:
         layers = []
         for name, mode, mask, values in frozen.layers:
             model = MODELS[name]
-            numbers: dict[str, Any] = {
+            numbers: dict[str, object] = {
                 parameter: value if isinstance(value, str) else np.array(value if len(value) > 1 else value[0])
                 for parameter, value in values
             }
@@ -124,7 +123,7 @@ class Surfaces:
         compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
         return compute(accelerate(self.subject(words), moving), options)
 
-    def describe(self, words: str) -> dict[str, Any]:
+    def describe(self, words: str) -> dict[str, object]:
         """Return the data of a surface that a page edits: label, base, model and all parameter values.
 
         ``base`` are the words before the parameters, ``given`` the parameters in the words, and ``usual`` the values
@@ -160,7 +159,7 @@ class Surfaces:
             "title": _title(subject, model),
         }
 
-    def _default_values(self, base: str, subject: Subject, model: Model | None) -> dict[str, Any]:
+    def _default_values(self, base: str, subject: Subject, model: Model | None) -> dict[str, object]:
         """Return the values that the parameters have where the words do not state them."""
         if model is None or subject.parameters is None:
             return {}
@@ -216,9 +215,9 @@ def look_of(layers: Sequence[StackLayer], name: str) -> Look:
     return Look(name, tuple(look_layers))
 
 
-def non_default_parameters(model: Model, parameters: Mapping[str, Any]) -> dict[str, Any]:
+def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, Input]:
     """Return the parameters that differ from their default, or from the parameter that they follow, as plain values."""
-    stated: dict[str, Any] = {}
+    stated: dict[str, Input] = {}
     for name, parameter in model.parameters.items():
         value = parameters[name]
         default = parameters[parameter.follows] if parameter.follows else parameter.default
@@ -234,7 +233,7 @@ def _is_look(words: str) -> bool:
     return LOOK.fullmatch(words) is not None
 
 
-def _parse_value(model: Model | None, name: str, text: str) -> Any:
+def _parse_value(model: Model | None, name: str, text: str) -> str | float | list[float]:
     if model is None or model.parameters[name].kind == "token":
         return text
     numbers = [float(number) for number in text.split("/")]
@@ -243,7 +242,7 @@ def _parse_value(model: Model | None, name: str, text: str) -> Any:
     return numbers if len(numbers) == 3 else numbers * 3
 
 
-def _values(model: Model | None, subject: Subject) -> dict[str, Any]:
+def _values(model: Model | None, subject: Subject) -> dict[str, object]:
     """Return the parameters of a single layer, without the path of a file."""
     parameters = model.parameters if model else {}
     return {
@@ -251,7 +250,7 @@ def _values(model: Model | None, subject: Subject) -> dict[str, Any]:
     }
 
 
-def _plain_value(value: Any) -> Any:
+def _plain_value(value: object) -> object:
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 

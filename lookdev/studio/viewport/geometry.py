@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32, Records
+from lookdev.arrays import Array, Floats32, Records
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -85,9 +84,8 @@ def corners_of(
             f"{asset.name}: {count} triangles, instances counted one by one; the viewport has room for {most}: a "
             "lighter purpose or level of the asset would be right"
         )
-    tangents: list[Any] = [None] * len(asset.meshes)
-    if any(binding.attribute == TANGENT for binding in locations):
-        tangents = tangents_of(asset.meshes)
+    has_tangents = any(binding.attribute == TANGENT for binding in locations)
+    tangents = tangents_of(asset.meshes) if has_tangents else []
     rows, slots = [], []
     for instance in asset.instances:
         mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
@@ -173,7 +171,7 @@ def _pack_attributes(bindings: dict[AttributeBinding, None]) -> tuple[int, dict[
     return _FIRST + len(used_components), locations
 
 
-def _corner_values(binding: AttributeBinding, mesh: Mesh) -> NDArray[Any]:
+def _corner_values(binding: AttributeBinding, mesh: Mesh) -> Array:
     if binding.attribute == HANDEDNESS:
         return handedness(mesh)
     values = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)

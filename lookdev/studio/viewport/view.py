@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32
+from lookdev.arrays import Array, Floats32
 from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
@@ -47,13 +46,19 @@ _LARGEST_HALF = 65504.0
 class SceneView:
     """A scene for the modules in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest."""
 
-    data: Mapping[str, Any]
+    data: Mapping[str, object]
     buffers: Mapping[str, bytes]
+    left_out: tuple[str, ...]
+    """The effects that the picture lacks, a sentence for each."""
 
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """The effects that the picture lacks, a sentence for each."""
-        return tuple(self.data["left_out"])
+
+class _Part(TypedDict):
+    """A slot of the asset: its path, the number of its look, and its triangles, `first` up to, without, `last`."""
+
+    path: str
+    look: int
+    first: int
+    last: int
 
 
 def sliders(look: Look) -> Live:
@@ -94,9 +99,9 @@ def view_scene(
     bindings = tuple(binding for look in functions for binding in look.attributes)
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
     corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
-    holes = [_HOLES] * any(look.see_through for look in functions)
+    left_out = [INTERREFLECTION, *[_HOLES] * any(look.see_through for look in functions)]
     ranges = {triangles.slot: triangles for triangles in corners.ranges}
-    parts = [
+    parts: list[_Part] = [
         {"path": slot.path, "look": look_numbers[number], "first": ranges[number].first, "last": ranges[number].last}
         for number, slot in enumerate(scene.asset.slots)
     ]
@@ -124,10 +129,10 @@ def view_scene(
         "behind": behind_shader(rig),
         "develop": develop_shader(display["glsl"]),
         "view": {"name": display["name"], "textures": display["textures"]},
-        "left_out": [INTERREFLECTION, *holes],
+        "left_out": left_out,
         "shadows": any(shadows),
     }
-    return SceneView(data, buffers.content)
+    return SceneView(data, buffers.content, tuple(left_out))
 
 
 def light_rows(scene: Scene) -> Floats32:
@@ -138,7 +143,7 @@ def light_rows(scene: Scene) -> Floats32:
     return CodedRig.of(scene.lights).rows(Stand(scene.asset.center, scene.camera.pivot))
 
 
-def _camera(camera: Camera) -> Mapping[str, Any]:
+def _camera(camera: Camera) -> Mapping[str, object]:
     lens = camera.lens
     return {
         "fov": camera.fov,
@@ -154,8 +159,8 @@ def _camera(camera: Camera) -> Mapping[str, Any]:
 
 
 def _look(
-    look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[Any]
-) -> Mapping[str, Any]:
+    look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[_Part]
+) -> Mapping[str, object]:
     textures = dict(_textures(functions, buffers))
     for k, table in enumerate(functions.tables):
         values = np.load(table.path).astype(np.float32).ravel()
@@ -172,7 +177,7 @@ def _look(
     }
 
 
-def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, str | int]]]:
     """Yield the images of a look by their samplers, as half floats if these suffice; slopes stay float32."""
     for look_up in functions.look_ups:
         for tile, file in look_up.files.items():
@@ -182,7 +187,7 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
             yield (f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"), buffers.texture(texels)
 
 
-def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
+def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
     textures = {"rig_numbers": buffers.rows(rig.numbers, RIG_WIDTH)}
     if rig.tables is not None:
         textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
@@ -195,7 +200,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
     return {"textures": textures}
 
 
-def _dome(dome: Dome) -> Mapping[str, NDArray[Any]]:
+def _dome(dome: Dome) -> Mapping[str, Array]:
     assert dome.points_file and dome.slots_file  # noqa: PT018
     return {
         "map": _colors(dome.radiance_file),
