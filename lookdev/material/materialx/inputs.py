@@ -96,9 +96,8 @@ def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -
         node = source.element
         if node.getCategory() == "geompropvalue":
             return _read_primvar(network, node, parameter)
-        name = _VALUE_INPUTS.get(node.getCategory())
-        value_port = node.getInput(name) if name else None
-        if value_port is None:
+        name = _VALUE_INPUTS.get(node.getCategory(), "")
+        if (value_port := node.getInput(name)) is None:
             break
         network.mark_carried(node, name)
         source = network.source_of(value_port)
