@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, ren
 from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask
+
+if TYPE_CHECKING:
+    import bpy
 
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")
@@ -177,7 +180,7 @@ def _render_surfaces(
     """
     has_mattes, has_albedo = "cryptomatte" in requested, "albedo" in requested
     scene.set_controls(task.pose, 0, ALBEDOS if has_albedo else MATTE)
-    settings: dict[str, Any] = {}
+    settings: dict[str, int | bool] = {}
     if has_mattes:
         settings |= {"pass_cryptomatte_depth": _MATTE_DEPTH}
         settings |= {f"use_pass_cryptomatte_{kind}": True for kind in ("object", "material")}
@@ -234,7 +237,7 @@ def _rotate_z(vectors: Floats, degrees: float) -> Floats:
 
 
 @contextmanager
-def _override(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
+def _override(owner: bpy.types.ViewLayer, values: Mapping[str, object]) -> Iterator[None]:
     """Set other values for settings of Blender, and restore the previous ones, also after an error."""
     before = {name: getattr(owner, name) for name in values}
     try:
