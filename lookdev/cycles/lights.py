@@ -208,7 +208,7 @@ BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
 """Functions that add the data of a light's object, by kind; arguments: name, light, factor of the radiance."""
 
 
-Input: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
+SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
 """The output of a node, or a value."""
 
 
@@ -223,28 +223,28 @@ class _LightNodes:
         node.location = (200.0 * len(self.tree.nodes), 0.0)
         return node
 
-    def link(self, start: Input, end: bpy.types.NodeSocket) -> None:
+    def link(self, start: SocketInput, end: bpy.types.NodeSocket) -> None:
         """Link an input to the output of another node, or set it to a value."""
         if isinstance(start, bpy.types.NodeSocket):
             self.tree.links.new(start, end)
         else:
             end.default_value = start
 
-    def add_math(self, operation: str, *inputs: Input) -> bpy.types.NodeSocket:
+    def add_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
         node = self.add("Math")
         node.operation, node.use_clamp = operation, False
         for socket, value in zip(node.inputs, inputs, strict=False):
             self.link(value, socket)
         return node.outputs[0]
 
-    def add_vector_math(self, operation: str, *inputs: Input) -> bpy.types.NodeSocket:
+    def add_vector_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
         node = self.add("VectorMath")
         node.operation = operation
         for socket, value in zip(node.inputs, inputs, strict=False):
             self.link(value, socket)
         return node.outputs[0]
 
-    def scale(self, color: Input, factor: Input) -> bpy.types.NodeSocket:
+    def scale(self, color: SocketInput, factor: SocketInput) -> bpy.types.NodeSocket:
         """Return a colour times a number."""
         node = self.add("VectorMath")
         node.operation = "SCALE"
@@ -252,7 +252,7 @@ class _LightNodes:
         self.link(factor, node.inputs["Scale"])
         return node.outputs[0]
 
-    def separate(self, vector: Input) -> Sequence[bpy.types.NodeSocket]:
+    def separate(self, vector: SocketInput) -> Sequence[bpy.types.NodeSocket]:
         node = self.add("SeparateXYZ")
         self.link(vector, node.inputs[0])
         return list(node.outputs)
@@ -288,7 +288,9 @@ class _LightNodes:
         self.link(st.outputs[0], image.inputs["Vector"])
         return image.outputs["Color"]
 
-    def add_emission(self, color: Input | None, shaping: Shaping | None, strength: float = 1.0) -> bpy.types.NodeSocket:
+    def add_emission(
+        self, color: SocketInput | None, shaping: Shaping | None, strength: float = 1.0
+    ) -> bpy.types.NodeSocket:
         """Add the emission of a colour, shaped by the beam of a light; without a colour it is white."""
         node = self.add("Emission")
         node.inputs["Strength"].default_value = strength
@@ -300,7 +302,7 @@ class _LightNodes:
         self.link(color, node.inputs["Color"])
         return node.outputs[0]
 
-    def add_output(self, color: Input | None, shaping: Shaping | None) -> None:
+    def add_output(self, color: SocketInput | None, shaping: Shaping | None) -> None:
         """Add a light's output with the emission of a colour."""
         self.link(self.add_emission(color, shaping), self.add("OutputLight").inputs["Surface"])
 

@@ -7,6 +7,7 @@ from collections.abc import Sized
 from pathlib import Path
 
 import bpy
+from bpy.types import NodeTreeInterface, NodeTreeInterfacePanel, ShaderNodeTree
 
 from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.codegen.source import SocketValue
@@ -16,7 +17,7 @@ from lookdev.errors import ContentError, RenderError, nearest_hint
 # Nodes whose sockets are looked up by name: Blender generates the identifiers of a group's sockets.
 _SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
-Groups = dict[str, bpy.types.ShaderNodeTree]
+Groups = dict[str, ShaderNodeTree]
 """Built node groups by a digest of their content: equal groups of several looks are one datablock."""
 
 
@@ -57,9 +58,9 @@ def load_image(file: Path) -> bpy.types.Image:
     return image
 
 
-def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> bpy.types.ShaderNodeTree:
+def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> ShaderNodeTree:
     group = bpy.data.node_groups.new(tree.name, "ShaderNodeTree")
-    panels: dict[str, bpy.types.NodeTreeInterfacePanel] = {}
+    panels: dict[str, NodeTreeInterfacePanel] = {}
     for in_out, sockets in (("OUTPUT", tree.outputs), ("INPUT", tree.inputs)):
         for socket in sockets:
             if socket.panel and socket.panel not in panels:
@@ -70,10 +71,7 @@ def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> bpy.type
 
 
 def _add_socket(
-    interface: bpy.types.NodeTreeInterface,
-    socket: GroupSocket,
-    in_out: str,
-    panel: bpy.types.NodeTreeInterfacePanel | None,
+    interface: NodeTreeInterface, socket: GroupSocket, in_out: str, panel: NodeTreeInterfacePanel | None
 ) -> None:
     kind = f"NodeSocket{socket.kind.title()}"
     socket_item = interface.new_socket(
@@ -88,7 +86,7 @@ def _add_socket(
     socket_item.default_value = _pad_color(socket.default, socket_item.default_value)
 
 
-def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: bpy.types.ShaderNodeTree, groups: Groups) -> None:
+def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, groups: Groups) -> None:
     """Add the nodes of a tree, then their links."""
     location = f"look '{source.name}', nodes '{tree.name}'"
     nodes = {}
@@ -115,7 +113,7 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: bpy.types.ShaderNo
             node_tree.links.new(start, end)
 
 
-def _add_node(node: ShaderNode, node_tree: bpy.types.ShaderNodeTree, groups: Groups) -> bpy.types.Node:
+def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bpy.types.Node:
     kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
     try:
         built = node_tree.nodes.new(kind)

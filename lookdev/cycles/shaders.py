@@ -10,6 +10,7 @@ from pathlib import Path
 import _cycles
 import bpy
 import numpy as np
+from bpy.types import ShaderNodeScript, ShaderNodeTree
 
 from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, cache_dir, cached_files, from_memory
@@ -112,11 +113,11 @@ def build_surface_material(
 
 
 def add_script_node(
-    tree: bpy.types.ShaderNodeTree,
+    tree: ShaderNodeTree,
     source: ShaderSource,
     values: Mapping[str, str | int | float],
     arrays: Mapping[str, str] | None = None,
-) -> bpy.types.ShaderNodeScript:
+) -> ShaderNodeScript:
     """Add a script node with its sockets and link it to the surface output.
 
     Sockets are added here because Blender's `oslquery` would load an OpenImageIO that clashes with the installed one.
@@ -183,12 +184,7 @@ def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
 
 
 def _link_attribute(
-    tree: bpy.types.ShaderNodeTree,
-    script: bpy.types.ShaderNodeScript,
-    parameter: str,
-    attribute: str,
-    kind: str,
-    owner: str = "GEOMETRY",
+    tree: ShaderNodeTree, script: ShaderNodeScript, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY"
 ) -> None:
     node = tree.nodes.new("ShaderNodeAttribute")
     node.attribute_type = owner

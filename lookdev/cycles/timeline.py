@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import bpy
 import numpy as np
+from bpy.types import Object
 
 from lookdev.arrays import Floats
 from lookdev.rendering.blend import BlendTurntable
@@ -18,9 +19,7 @@ _KEY_GAP = 1.0 / 64.0
 """Frames from a reset to the next key: exact in float32, and larger than the interval in which Blender merges keys."""
 
 
-def animate(
-    objects: Mapping[str, bpy.types.Object], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]
-) -> None:
+def animate(objects: Mapping[str, Object], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
     """Animate objects, by their names in the action, over consecutive turntables from frame 1, in a single action.
 
     `pose` sets location and XYZ Euler angles of the objects.
@@ -35,7 +34,7 @@ def animate(
         data.action, data.action_slot = action, slot
 
 
-def share_animation(item: bpy.types.Object, other: bpy.types.Object) -> None:
+def share_animation(item: Object, other: Object) -> None:
     """Animate an object by the curves of another object."""
     data = item.animation_data_create()
     data.action, data.action_slot = other.animation_data.action, other.animation_data.action_slot
@@ -51,9 +50,7 @@ def mark_turntables(scene: bpy.types.Scene, turntables: Sequence[BlendTurntable]
     scene.frame_set(1)
 
 
-def _sample_transforms(
-    objects: Sequence[bpy.types.Object], turntable: BlendTurntable, pose: Callable[[Pose], None]
-) -> Floats:
+def _sample_transforms(objects: Sequence[Object], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
     """Return the locations and rotations of objects over a turntable: (objects, frames, 6)."""
     frames = []
     for turntable_pose in turntable.poses:

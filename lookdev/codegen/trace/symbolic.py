@@ -20,7 +20,7 @@ from lookdev.brdf.vectors import Array, Index, Mask
 from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Scalar, Uniform, uniform
 from lookdev.errors import CodegenError
 
-Values: TypeAlias = "Array | Mask | Sequence[Array | Mask | Scalar] | Scalar"
+SymbolicLike: TypeAlias = "Array | Mask | Sequence[Array | Mask | Scalar] | Scalar"
 """What is an array, symbolic or not, or becomes one."""
 
 Function: TypeAlias = Callable[..., object]
@@ -95,7 +95,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
         return func(*map(_plain, args), **kwargs)
 
 
-def uniforms(graph: Graph, value: Values) -> Array:
+def uniforms(graph: Graph, value: SymbolicLike) -> Array:
     """Return an array of floats whose elements are `uniform` numbers."""
     elements = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
@@ -117,7 +117,7 @@ def symbol(graph: Graph, name: str) -> SymbolicArray:
     return SymbolicArray(graph, np.array(graph.symbol(name), dtype=object))
 
 
-def elements_of(value: Values) -> list[Scalar]:
+def elements_of(value: SymbolicLike) -> list[Scalar]:
     """Return the nodes and constants of a symbolic or ordinary array, flat."""
     return list(_elements(value).ravel())
 
