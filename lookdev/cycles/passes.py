@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import bpy
 import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32
@@ -22,9 +22,6 @@ from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, ren
 from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask
-
-if TYPE_CHECKING:
-    import bpy
 
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+
+import bpy
 
 from lookdev.cycles import engine
 from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
-
-if TYPE_CHECKING:
-    import bpy
 
 _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
 
