@@ -25,8 +25,8 @@ from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import parse_edit
 from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.exact_socket import ExactPictures
 from lookdev.studio.designer.lights import Lights, parse_setting
-from lookdev.studio.designer.pictures import ExactPictures
 from lookdev.studio.designer.snapshots import LARGEST
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.turntable import Turntable

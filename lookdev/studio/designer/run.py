@@ -9,7 +9,7 @@ from lookdev.asset import BUILTINS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
 from lookdev.studio.designer.app import PICTURE, DesignerApp
-from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.server import serve_page
 
 

@@ -23,7 +23,7 @@ from lookdev.studio.explorer.channel import Channel, parse_options
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.scripts import Scripts
-from lookdev.studio.talk import log
+from lookdev.studio.websocket import log
 
 UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
