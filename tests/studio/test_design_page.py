@@ -59,7 +59,8 @@ def page(open_page: DesignPage, look: Path) -> Iterator[DesignPage]:
     open_page.resize(560, 260)
     assert open_page.js(
         "await frames(2);"
-        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
+        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await designer.settle(); }"
+        "await answered();"
         "if (!at('save').disabled) await saved(); return layers();"
     ) == ["Base", "Flakes", "Dust"]
     assert look.read_text() == text
@@ -229,7 +230,7 @@ def test_a_parameter_that_is_still_moved_is_kept_within_two_seconds(page: Design
         "window.fetch = (...asked) => { sent ||= asked[0] === 'edit'; return fetched(...asked); };"
         "setTimeout(() => { late = true; }, 2000);"  # a timer like the page's own, late by as much where others work
         "for (let k = 0; !sent && !late; k += 1) { typed(slider, 0.5 + 0.001 * k, 'input'); await pause(50); }"
-        "const inTime = sent; window.fetch = fetched; await exact.settled();"
+        "const inTime = sent; window.fetch = fetched; await designer.settle();"
         "const { undoes } = await (await fetch('status?whole')).json();"
         "typed(slider, 0.9); await until(() => !at('undo').disabled); await answered();"
         "return [inTime, undoes, viewport.programs.compiled - compiled];"

@@ -45,7 +45,7 @@ export function orbited(camera, degrees) {
  * The same camera about its target, turned and raised; never beyond the poles, where right has no
  * direction.
  */
-export function rotated(camera, degrees, raised) {
+export function rotate(camera, degrees, raised) {
   const elevation = Math.max(-89.9, Math.min(89.9, camera.elevation + raised));
   return { ...camera, azimuth: camera.azimuth + degrees, elevation };
 }
@@ -54,14 +54,14 @@ export function rotated(camera, degrees, raised) {
  * The camera moved so that what is at the target's depth follows the pointer, by shares of the
  * frame's width.
  */
-export function panned(camera, across, along) {
+export function pan(camera, across, along) {
   const [right, up] = frame(camera),
     width = 2 * reach(camera) * camera.distance;
   return { ...camera, target: sum(sum(camera.target, right, -across * width), up, -along * width) };
 }
 
 /** The camera nearer to its target by a factor. */
-export const zoomed = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
+export const zoom = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
 
 // Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and
 // Patterson 1976).

@@ -56,7 +56,7 @@ export class Viewport extends EventTarget {
     this.version = 0;
     this.placed = 0; // version of what is seen
     this.lit = 0; // version of the lights
-    this.shown = -1; // version of the last picture
+    this.shownVersion = -1; // version of the last picture
     this.awaited = 0; // samples
     this.frames = 0;
     /** @type {(() => void) | null} */
@@ -194,7 +194,7 @@ export class Viewport extends EventTarget {
   /** Wait until a picture of the last change is shown. */
   async changed() {
     const version = this.version;
-    while (this.shown < version) await this.once("picture");
+    while (this.shownVersion < version) await this.once("picture");
   }
 
   /**
@@ -205,7 +205,7 @@ export class Viewport extends EventTarget {
     this.awaited = count;
     this.wake?.();
     const complete = () =>
-      this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
+      this.shownVersion === this.version && this.last === this.film(0) && this.last.count >= count;
     while (!complete()) await this.once("picture");
     this.awaited = 0;
     return this.last.read();
@@ -235,7 +235,7 @@ export class Viewport extends EventTarget {
   async run() {
     try {
       while (!this.stopped) {
-        if (this.scene && this.shown < this.version) await this.first();
+        if (this.scene && this.shownVersion < this.version) await this.first();
         else if (this.scene && this.film(0).count < this.goal()) await this.more();
         else if (this.dirty && this.last) this.picture(this.last);
         else
@@ -263,7 +263,7 @@ export class Viewport extends EventTarget {
     film.clear();
     this.relight(film, 0, film.height);
     film.add(this.scene.add);
-    this.shown = version;
+    this.shownVersion = version;
     this.last = film;
     this.draw(film);
     await finished(this.gl);
