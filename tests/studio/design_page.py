@@ -23,7 +23,7 @@ const typed = (element, value, ...events) => {
   element.value = value;
   for (const event of events.length ? events : ["change"]) element.dispatchEvent(new Event(event, {bubbles: true}));
 };
-const answered = async () => { await pause(0); await designer.settle(); await viewport.changed(); };
+const answered = async () => { await pause(0); await designer.settle(); await viewport.waitForPicture(); };
 const frames = async (count) => { for (let k = 0; k < count; k += 1) await new Promise(requestAnimationFrame); };
 const saved = async () => {
   at("status").textContent = "";
@@ -76,7 +76,7 @@ class DesignPage(Page):
     def mean(self) -> Any:
         """Return the mean colour of some samples."""
         code = (
-            "const film = await viewport.accumulated(4), sum = [0, 0, 0];"
+            "const film = await viewport.accumulate(4), sum = [0, 0, 0];"
             "for (let k = 0; k < film.length; k += 1) if (k % 4 < 3) sum[k % 4] += film[k];"
             "return sum.map((x) => x / (film.length / 4));"
         )

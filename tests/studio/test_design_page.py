@@ -91,7 +91,7 @@ def test_the_hand_orbits_turns_the_light_and_picks(page: DesignPage) -> None:
         "drag(); const azimuth = viewport.camera.azimuth - viewport.scene.data.camera.azimuth;"
         "viewport.setCamera(viewport.scene.data.camera);"
         "drag({shiftKey: true}); const lighting = [viewport.settings.lighting, at('lighting').value];"
-        "typed(at('lighting'), 0, 'input'); await viewport.changed();"
+        "typed(at('lighting'), 0, 'input'); await viewport.waitForPicture();"
         "const { path } = viewport.pick(viewport.canvas.width / 2, viewport.canvas.height / 2);"
         "return [azimuth, lighting, path];"
     )

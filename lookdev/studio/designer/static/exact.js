@@ -3,7 +3,7 @@
 // wipe, or as the difference of both.
 
 import { byId, makeElement } from "./elements.js";
-import { packetOf } from "./viewport/packets.js";
+import { parsePacket } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change, after which a picture is requested
 const RETRY = 2000; // milliseconds after which a connection that broke is opened anew
@@ -144,7 +144,7 @@ class Exact {
       socket.onopen = socket.onerror = resolve;
     });
     socket.onmessage = ({ data }) =>
-      this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
+      this.receive(typeof data === "string" ? JSON.parse(data) : parsePacket(data));
     socket.onclose = () => {
       if (socket !== this.socket || !this.request) return;
       this.request = null;

@@ -2,7 +2,7 @@
 // How each kind of plot draws the numbers of surfaces on the canvas. A view is given `items`,
 // surfaces with their
 // numbers, and returns what is under a point of the canvas, as text.
-import { Axes, scaleOf, shortly } from "./axes.js";
+import { Axes, scaleOf, formatShort } from "./axes.js";
 import { colorOf, nameOf, option, state } from "./state.js";
 
 const LUMINANCE = [0.2126, 0.7152, 0.0722];
@@ -60,10 +60,10 @@ const SCALE_WORDS = { log: ["log", `${DECADES} decades`], sqrt: ["square root"] 
 const valueAt =
   (angle) =>
   ({ data, values, label }) =>
-    `${label} ${shortly(values[nearest(data.arrays.x, angle)])}`;
+    `${label} ${formatShort(values[nearest(data.arrays.x, angle)])}`;
 
 /** Write the half and difference angles of a place in a slice. */
-const halfAngles = (found) => `θh ${found[2].toFixed(1)}°  θd ${found[3].toFixed(1)}°`;
+const formatAngles = (cell) => `θh ${cell[2].toFixed(1)}°  θd ${cell[3].toFixed(1)}°`;
 
 const curvesView =
   ({ xLabel, yLabel, name = "f", range = null, extra = null, title, one = false }) =>
@@ -117,10 +117,13 @@ const curvesView =
     return (x) => {
       if (x < box.left || x > box.left + box.width || !curves.length) return "";
       const at = axes.x.back((x - box.left) / box.width);
-      const found = curves.map(
-        ({ data, values, label }) => `${label} ${shortly(values[nearest(data.arrays.x, at)])}`,
+      const readings = curves.map(
+        ({ data, values, label }) => `${label} ${formatShort(values[nearest(data.arrays.x, at)])}`,
       );
-      return { text: `${shortly(Number(at.toPrecision(4)))}°   ${found.join("   ")}`, line: x };
+      return {
+        text: `${formatShort(Number(at.toPrecision(4)))}°   ${readings.join("   ")}`,
+        line: x,
+      };
     };
   };
 
@@ -153,7 +156,7 @@ const polar = (c, items, width, height, look) => {
     c.arc(x0, y0, r, Math.PI, 0);
     c.stroke();
     c.fillStyle = look.quiet;
-    c.fillText(shortly(Number(v.toPrecision(2))), x0 + r, y0 + 16);
+    c.fillText(formatShort(Number(v.toPrecision(2))), x0 + r, y0 + 16);
   }
   for (let degrees = -90; degrees <= 90; degrees += 30) {
     const a = (degrees * Math.PI) / 180;
@@ -359,12 +362,12 @@ const slice = (c, items, width, height, look) => {
   return (x, y) => {
     for (const [i, place] of places.entries()) {
       const { data } = items[i],
-        found = sliceAt(place, x, y, data.shapes.f[1]);
-      if (!found) continue;
-      const k = 3 * (found[1] * data.shapes.f[1] + found[0]);
-      const channels = [0, 1, 2].map((n) => shortly(data.arrays.f[k + n]));
+        cell = sliceAt(place, x, y, data.shapes.f[1]);
+      if (!cell) continue;
+      const k = 3 * (cell[1] * data.shapes.f[1] + cell[0]);
+      const channels = [0, 1, 2].map((n) => formatShort(data.arrays.f[k + n]));
       return {
-        text: `${halfAngles(found)}   f ${channels.join(" / ")}`,
+        text: `${formatAngles(cell)}   f ${channels.join(" / ")}`,
       };
     }
     return "";
@@ -385,7 +388,7 @@ const BLUE_RED = (t) => {
           ],
     s = t < 0.5 ? 2 * t : 2 * t - 1;
   const bent = t < 0.5 ? s ** 0.8 : s ** 1.2;
-  return a.map((each, i) => each + (b[i] - each) * bent);
+  return a.map((x, i) => x + (b[i] - x) * bent);
 };
 
 const difference = (c, items, width, height, look) => {
@@ -418,32 +421,28 @@ const difference = (c, items, width, height, look) => {
     );
   c.imageSmoothingEnabled = false;
   c.drawImage(picture, places[2].x, places[2].y, places[2].size, places[2].size);
-  frameSlice(
-    c,
-    places[2],
-    look,
-    `∛f: second less first, rms ${shortly(Number(Math.sqrt(sum / root.length).toPrecision(3)))}`,
-    look.ink,
-  );
+  const rms = formatShort(Number(Math.sqrt(sum / root.length).toPrecision(3))),
+    most = formatShort(Number(limit.toPrecision(2)));
+  frameSlice(c, places[2], look, `∛f: second less first, rms ${rms}`, look.ink);
   c.font = `11px ${look.font}`;
   c.textAlign = "right";
   c.fillStyle = look.quiet;
   c.fillText(
-    `blue −${shortly(Number(limit.toPrecision(2)))}, red +${shortly(Number(limit.toPrecision(2)))}`,
+    `blue −${most}, red +${most}`,
     places[2].x + places[2].size,
     places[2].y + places[2].size + 34,
   );
   return (x, y) => {
     for (const [i, place] of places.entries()) {
-      const found = sliceAt(place, x, y, columns);
-      if (!found) continue;
-      const k = found[1] * columns + found[0];
+      const cell = sliceAt(place, x, y, columns);
+      if (!cell) continue;
+      const k = cell[1] * columns + cell[0];
       const value =
         i === 2
-          ? `difference of ∛f ${shortly(root[k])}`
-          : `f ${shortly(luminance([one, other][i], 3 * k))}`;
+          ? `difference of ∛f ${formatShort(root[k])}`
+          : `f ${formatShort(luminance([one, other][i], 3 * k))}`;
       return {
-        text: `${halfAngles(found)}   ${value}`,
+        text: `${formatAngles(cell)}   ${value}`,
       };
     }
     return "";
@@ -461,7 +460,7 @@ const VIRIDIS = [
 const viridis = (t) => {
   const k = Math.min(3, Math.floor(t * 4)),
     s = t * 4 - k;
-  return VIRIDIS[k].map((each, i) => each + (VIRIDIS[k + 1][i] - each) * s);
+  return VIRIDIS[k].map((x, i) => x + (VIRIDIS[k + 1][i] - x) * s);
 };
 
 const heat = (array, top, width, height) => {
@@ -540,7 +539,7 @@ const sampling = (c, items, width, height, look) => {
       const [u, v] = [(x - left) / w, 1 - (y - top) / h];
       if (u < 0 || u >= 1 || v < 0 || v >= 1) continue;
       const cell = Math.floor(v * rows) * columns + Math.floor(u * columns);
-      const value = `${title.split(" (")[0]} ${shortly(array[cell])}`;
+      const value = `${title.split(" (")[0]} ${formatShort(array[cell])}`;
       return {
         text: `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${value}`,
       };
@@ -550,9 +549,9 @@ const sampling = (c, items, width, height, look) => {
 };
 
 const schlick = (axes, items, look) => {
-  const found = items.find(({ data }) => data.arrays.schlick);
-  if (found)
-    axes.curve(found.data.arrays.x, found.data.arrays.schlick, look.ink, {
+  const item = items.find(({ data }) => data.arrays.schlick);
+  if (item)
+    axes.curve(item.data.arrays.x, item.data.arrays.schlick, look.ink, {
       dash: [6, 4],
       width: 1.2,
     });
@@ -567,7 +566,7 @@ const risen = (items) => items.some(({ data }) => data.arrays.schlick);
 const worst = (items) => {
   const most = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0));
   return most.length
-    ? `integration error at most ${shortly(Number(Math.max(...most).toPrecision(1)))}`
+    ? `integration error at most ${formatShort(Number(Math.max(...most).toPrecision(1)))}`
     : "";
 };
 
