@@ -63,7 +63,7 @@ export class LayerList {
       makeElement("span", { textContent: name }),
       makeElement("small", { textContent: layer.enabled ? layer.title : "muted" }),
     );
-    button.setAttribute("aria-current", String(number === this.panel.chosen));
+    button.setAttribute("aria-current", String(number === this.panel.selected));
     button.addEventListener("click", () => this.panel.choose(number));
     button.addEventListener("dblclick", () => renameLayer(layer, this.panel));
     button.addEventListener("keydown", (event) => this.pressKey(event, layer));
@@ -107,7 +107,7 @@ export class LayerList {
 
   /** Move a layer to a number in the stack, and choose it. */
   move(layer, to, focus = "") {
-    this.panel.chosen = to;
+    this.panel.selected = to;
     this.panel.arrange({ op: "move", layer, to }, focus);
   }
 
@@ -119,7 +119,7 @@ export class LayerList {
   }
 
   remove({ number }) {
-    this.panel.chosen = number - 1;
+    this.panel.selected = number - 1;
     this.panel.arrange({ op: "remove", layer: number }, `layer-${number - 1}`);
   }
 

@@ -56,7 +56,7 @@ class Layers {
   constructor(designer) {
     this.designer = designer;
     /** The number of the chosen layer in the stack; null: the top one. */
-    this.chosen = null;
+    this.selected = null;
     /** Ids of the rows whose source is open. */
     this.openSources = new Set();
     this.copied = ""; // text of a layer, where the browser's clipboard cannot be read
@@ -82,14 +82,14 @@ class Layers {
   /** The chosen layer, or the top one. */
   get layer() {
     const { layers } = this.stack;
-    return layers.find(({ number }) => number === this.chosen) ?? layers[layers.length - 1];
+    return layers.find(({ number }) => number === this.selected) ?? layers[layers.length - 1];
   }
 
   /** Show the stack; focus and scroll position stay. */
   update() {
     const focused = document.activeElement?.closest("#layers") ? document.activeElement.id : "";
     const { stack, layer } = this;
-    this.chosen = layer.number;
+    this.selected = layer.number;
     const parts = [makeElement("h2", { textContent: `Layers of ${stack.name}` })];
     if (stack.locked) parts.push(makeSentence(`Only shown: ${stack.locked}.`));
     else parts.push(...stack.variants.map((variant) => this.variantRow(variant)), this.toolbar());
@@ -166,7 +166,7 @@ class Layers {
   }
 
   choose(number) {
-    this.chosen = number;
+    this.selected = number;
     this.designer.update();
   }
 
@@ -182,9 +182,9 @@ class Layers {
     const error = await designer.request("stack", { look: designer.look, ...request });
     if (error) return error;
     const { layers } = this.stack;
-    if (["add", "paste"].includes(request.op)) this.chosen = layers.length - 1;
-    if (request.op === "duplicate" && layers.length > count) this.chosen = request.layer + 1;
-    if (request.op === "move") this.chosen = request.to;
+    if (["add", "paste"].includes(request.op)) this.selected = layers.length - 1;
+    if (request.op === "duplicate" && layers.length > count) this.selected = request.layer + 1;
+    if (request.op === "move") this.selected = request.to;
     designer.update();
     if (focus) byId(focus)?.focus();
     return "";

@@ -51,52 +51,18 @@ export class Balls {
       this.shaders.of(surface),
       light === "dome" ? this.light() : null,
     ]);
-    const number = numberOf(surface, this.shaders.models);
-    const numbers = Object.values(shader.answer.places).map(number);
+    const number = numberOf(surface, this.shaders.models),
+      film = this.film(name, width, height);
     const key = JSON.stringify([
-      numbers,
+      Object.values(shader.answer.places).map(number),
       light,
       light === "point" ? state.lightAngles : 0,
       width,
       height,
     ]);
-    let film = this.films.get(name);
-    if (!film || film.width !== width || film.height !== height) {
-      if (film) film.sums.forEach((sum) => gl.deleteTexture(sum));
-      film = {
-        width,
-        height,
-        sums: [0, 1].map(() => colors(width, height)),
-        key: "",
-        shader: null,
-        count: 0,
-      };
-      this.films.set(name, film);
-    }
     if (film.key !== key || film.shader !== shader) Object.assign(film, { key, shader, count: 0 });
-    const done = light === "dome" ? MOST : 1;
-    if (film.count < done) {
-      const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180);
-      const across = Math.sin(theta);
-      const [before] = film.sums;
-      shader.use(
-        shader.sphere,
-        number,
-        {
-          size: [width, height],
-          corner: [0, 0],
-          light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
-          count: film.count,
-          lit: light === "dome" ? 1 : 0,
-        },
-        { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
-      );
-      gl.disable(gl.DEPTH_TEST);
-      bindTarget(film.sums[1], width, height);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-      film.sums.reverse();
-      film.count++;
-    }
+    const most = light === "dome" ? MOST : 1;
+    if (film.count < most) addPass(film, number, dome);
     const canvas = resizeCanvas(width, height);
     bindTarget(null, width, height);
     gl.clearColor(0, 0, 0, 0);
@@ -106,7 +72,18 @@ export class Balls {
     show.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: film.sums[0] });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     onto(canvas, 0, canvas.height - height);
-    return film.count < done;
+    return film.count < most;
+  }
+
+  /** Return the film of a name: a new one, if the size is another one. */
+  film(name, width, height) {
+    const before = this.films.get(name);
+    if (before?.width === width && before.height === height) return before;
+    before?.sums.forEach((sum) => gl.deleteTexture(sum));
+    const sums = [0, 1].map(() => colors(width, height));
+    const film = { width, height, sums, key: "", shader: null, count: 0 };
+    this.films.set(name, film);
+    return film;
   }
 
   // Delete the spheres without one of some names.
@@ -118,3 +95,28 @@ export class Balls {
     }
   }
 }
+
+/** Add a pass to a film: of the dome, or of the point light for null. */
+const addPass = (film, number, dome) => {
+  const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180),
+    across = Math.sin(theta),
+    [before] = film.sums,
+    { shader, width, height } = film;
+  shader.use(
+    shader.sphere,
+    number,
+    {
+      size: [width, height],
+      corner: [0, 0],
+      light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
+      count: film.count,
+      lit: dome ? 1 : 0,
+    },
+    { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
+  );
+  gl.disable(gl.DEPTH_TEST);
+  bindTarget(film.sums[1], width, height);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+  film.sums.reverse();
+  film.count++;
+};

@@ -368,38 +368,36 @@ export class Plots {
       }
     }
     start();
-    if (lobes.length) {
-      const w = Math.round(width * ratio),
-        h = Math.round(height * ratio),
-        ink = this.look.ink
-          .match(/[\d.]+/g)
-          .slice(0, 3)
-          .map((code) => code / 255);
-      const {
-        canvas: from,
-        top,
-        project,
-      } = this.lobes.draw(lobes, w, h, option("scale"), colors, ink);
-      context.drawImage(from, 0, top, w, h, 0, 0, width, height);
-      context.font = `12px ${this.look.font}`;
-      context.fillStyle = this.look.ink;
-      context.textAlign = "center";
-      const [x, y] = project(lobes[0].view.map((part) => part * 1.17));
-      context.fillText("view", x / ratio, y / ratio);
-      context.textAlign = "left";
-      context.fillText(
-        [
-          `θo = ${option("theta")}°${option("cosine") ? ", times cos θi" : ""}`,
-          `radius ${SCALE_WORDS[option("scale")] ?? "linear"}, one scale for all`,
-        ].join("; "),
-        18,
-        28,
-      );
-      context.fillStyle = this.look.quiet;
-      names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
-    }
+    if (lobes.length) this.drawLobeScene(lobes, colors, names, width, height, ratio);
     this.probe = null;
     this.showProblems(surfaces);
+  }
+
+  drawLobeScene(lobes, colors, names, width, height, ratio) {
+    const w = Math.round(width * ratio),
+      h = Math.round(height * ratio),
+      ink = this.look.ink
+        .match(/[\d.]+/g)
+        .slice(0, 3)
+        .map((code) => code / 255);
+    const scene = this.lobes.draw(lobes, w, h, option("scale"), colors, ink);
+    context.drawImage(scene.canvas, 0, scene.top, w, h, 0, 0, width, height);
+    context.font = `12px ${this.look.font}`;
+    context.fillStyle = this.look.ink;
+    context.textAlign = "center";
+    const [x, y] = scene.project(lobes[0].view.map((part) => part * 1.17));
+    context.fillText("view", x / ratio, y / ratio);
+    context.textAlign = "left";
+    context.fillText(
+      [
+        `θo = ${option("theta")}°${option("cosine") ? ", times cos θi" : ""}`,
+        `radius ${SCALE_WORDS[option("scale")] ?? "linear"}, one scale for all`,
+      ].join("; "),
+      18,
+      28,
+    );
+    context.fillStyle = this.look.quiet;
+    names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
   }
 
   point(x, y) {

@@ -409,6 +409,21 @@ const BLUE_RED = (t) => {
   return a.map((x, i) => x + (b[i] - x) * bent);
 };
 
+/** Return the picture of differences up to a limit: blue below 0, red above. */
+const drawDifferences = (values, limit, columns, rows) => {
+  const picture = new OffscreenCanvas(columns, rows),
+    context = picture.getContext("2d"),
+    pixels = context.createImageData(columns, rows);
+  for (let y = 0; y < rows; y++)
+    for (let x = 0; x < columns; x++) {
+      const t = 0.5 + (0.5 * values[(rows - 1 - y) * columns + x]) / limit,
+        color = BLUE_RED(Math.min(1, Math.max(0, t)));
+      pixels.data.set([...color, 255], 4 * (y * columns + x));
+    }
+  context.putImageData(pixels, 0, 0);
+  return picture;
+};
+
 const difference = (c, items, width, height, look) => {
   if (items.length < 2) return "A difference needs two surfaces: add another.";
   const [first, second] = items.map(({ data }) => data.arrays.f),
@@ -422,15 +437,7 @@ const difference = (c, items, width, height, look) => {
     sum += root[i] ** 2;
   }
   const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
-  const picture = new OffscreenCanvas(columns, rows),
-    context = picture.getContext("2d"),
-    pixels = context.createImageData(columns, rows);
-  for (let y = 0; y < rows; y++)
-    for (let x = 0; x < columns; x++) {
-      const t = Math.min(1, Math.max(0, 0.5 + (0.5 * root[(rows - 1 - y) * columns + x]) / limit));
-      pixels.data.set([...BLUE_RED(t), 255], 4 * (y * columns + x));
-    }
-  context.putImageData(pixels, 0, 0);
+  const picture = drawDifferences(root, limit, columns, rows);
   const places = squares(3, width, height);
   items
     .slice(0, 2)
