@@ -243,7 +243,7 @@ def test_a_slider_shows_in_time(asset: str, look: str, page: ViewportPage) -> No
         "  await pause(150);"
         "  const started = performance.now();"
         "  viewport.setNumbers(0, {[name]: [0.2 + 0.02 * k]});"
-        "  await viewport.changed();"
+        "  await viewport.waitForPicture();"
         "  times.push((performance.now() - started) / 1000);"
         "}"
         "return [times, viewport.scale]"
