@@ -1,4 +1,4 @@
-"""The geometry that each look of a job renders, and the cameras, which frame it or come from a USD file.
+"""The geometry that each look of a job renders, the ground, and the cameras, which frame it or come from a USD file.
 
 Cages are refined by their size in the frame of a camera that frames the cages themselves. The camera of the scenes
 frames the rendered geometry: the displaced limit surface.
@@ -7,7 +7,8 @@ frames the rendered geometry: the displaced limit surface.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,18 +18,25 @@ from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Instance, Mesh
 from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.build.assets import ComposedAsset
-from lookdev.build.assign import AssignedAsset
-from lookdev.build.charts import camera_beside_strip, overlap_notes
+from lookdev.build.assign import AssignedAsset, loss_notes
 from lookdev.build.faults import Findings
 from lookdev.build.geometry_cache import cached_outline
 from lookdev.build.refine import Refiner, cages_of_displaced
+from lookdev.errors import AssetError
+from lookdev.job.ground import JobGround
 from lookdev.job.schema import Job
+from lookdev.material import Look
+from lookdev.material.usd.bound import read_any_look
 from lookdev.scene import Camera, frame_camera, frame_fill
+from lookdev.scene.charts.props import Strip
 from lookdev.scene.displace import displace
 from lookdev.scene.framing import DEFAULT_FILL, Arc
+from lookdev.scene.ground import GREY, Ground
 from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import absent_primvars, with_uvs
 from lookdev.stage import open_stage
+
+_STEP = 5.0  # degrees between two angles at which an outline is projected
 
 
 def refine_and_frame(
@@ -163,3 +171,87 @@ def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], flo
         instances += [Instance(instance.mesh + len(meshes), instance.matrix) for instance in asset.instances]
         meshes += asset.meshes
     return bounding_sphere(meshes, instances)
+
+
+def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[Arc]) -> Iterator[str]:
+    """Yield a note if an asset reaches into a strip.
+
+    Parameters
+    ----------
+    points
+        The asset's outline, (n, 3).
+    arcs
+        The angles of the asset that the job shows.
+    """
+    (width, height), box = strip.resolution, strip.box
+    for start, sweep in arcs:
+        for angle in np.linspace(start, start + sweep, 1 + math.ceil(abs(sweep) / _STEP)):
+            orbited = camera.orbited(-angle)
+            right, up, back = ((points - orbited.position) @ orbited.frame.T).T
+            depth = np.where(back < 0.0, -back, np.inf)
+            x = 0.5 * width * (1.0 + right / depth / camera.reach - 2.0 * camera.shift[0])
+            y = 0.5 * height - 0.5 * width * (up / depth / camera.reach - 2.0 * camera.shift[1])
+            across = x.max() > box.left and x.min() < box.left + box.width
+            if across and y.max() > box.top and y.min() < box.top + box.height:
+                yield (
+                    f"[charts] hides a part of the asset at the {strip.place} edge of the frame, where the camera "
+                    "of 'usd' leaves no room; another place or a smaller size would be right"
+                )
+                return
+
+
+def camera_beside_strip(
+    strip: Strip,
+    fov: float,
+    share: Callable[[float], float],
+    frame: Callable[[tuple[float, float], float], Camera],
+) -> Camera:
+    """Return a camera whose asset does not reach into a strip.
+
+    Parameters
+    ----------
+    fov
+        Horizontal angle of view of the frame, degrees.
+    share
+        Returns the largest part of the frame that the asset covers, as a fraction of the tangent of half the angle of
+        view. Its argument is that half angle, radians.
+    frame
+        Returns a camera that frames the asset, for a resolution and a horizontal angle of view.
+    """
+    width, height = strip.resolution
+    reach = math.tan(math.radians(0.5 * fov))
+    whole = width if strip.upright else height
+    covered = share(math.atan(reach * whole / width))
+    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
+        return frame(strip.resolution, fov)
+    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / width))
+    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
+
+
+def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
+    """Return the ground of an asset; raise AssetError if the camera is not above it."""
+    height = float(cached_outline(asset)[:, 2].min()) if table.height is None else table.height
+    above = float(camera.position[2]) - height
+    if above <= 0.0:
+        raise AssetError(
+            f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
+            "lower 'height' would be right"
+        )
+    return Ground(look or GREY, table.size * asset.radius, height, table.kind == "catcher")
+
+
+def job_grounds(
+    table: JobGround, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], findings: Findings
+) -> dict[str, Ground]:
+    """Return the ground for each look of a job; all grounds have the same material.
+
+    Raises LookError as `read_any_look`, and AssetError as `ground_under`.
+    """
+    look = None
+    if table.material is not None:
+        bound = read_any_look(table.material, table.prim, table.variants, "ground")
+        findings.note(*loss_notes(bound.lost))
+        look = bound.look
+        if look.displacement is not None:
+            findings.note(f"{table.material}: the ground is flat: the displacement of its look is left out")
+    return {name: ground_under(table, asset, look, cameras[name]) for name, asset in assets.items()}

@@ -11,9 +11,9 @@ from lookdev.build.wedges import Wedges, vary_rig
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import Value
 from lookdev.light import Light
-from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.dome.maps import load_dome
 from lookdev.light.rig import Rig, load_rig
+from lookdev.shipped import rig_file
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from lookdev.build.assets import AssetReader, ComposedAsset
 from lookdev.build.assign import AssignedAsset, assign_looks, read_materials
 from lookdev.build.expand import expand_looks
 from lookdev.build.faults import Findings
-from lookdev.build.frame import read_shot, refine_and_frame
-from lookdev.build.ground import job_grounds
+from lookdev.build.frame import job_grounds, read_shot, refine_and_frame
 from lookdev.build.lights import RigLights, read_lights, vary_lights
 from lookdev.build.wedges import Wedges, WedgeSheet, expand_wedges, vary_looks
 from lookdev.errors import shorten
@@ -19,7 +18,7 @@ from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene import Camera, Film, Scene
-from lookdev.scene.charts import props_camera, props_scene
+from lookdev.scene.charts.props import props_camera, props_scene
 from lookdev.scene.ground import PATH as GROUND
 from lookdev.scene.ground import add_ground
 from lookdev.scene.linking import link_lights
@@ -164,11 +163,8 @@ def _make_scenes(
     for name, (asset, looks) in assets_and_looks.items():
         for rig in rigs:
             if (name, rig.name) in wedges.pairs:
-                linked = link_lights(asset, looks, lights[rig.name])
-                camera = rendered.cameras[name]
-                scenes[name, rig.name] = Scene(
-                    linked.asset, linked.wears, linked.lights, camera, film, linked.lit, linked.groups, catchers
-                )
+                scene = Scene(asset, looks, lights[rig.name], rendered.cameras[name], film, catchers=catchers)
+                scenes[name, rig.name] = link_lights(scene)
     return scenes
 
 

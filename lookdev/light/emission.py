@@ -1,4 +1,4 @@
-"""The emission of a light of any kind: colour, beam shape, shadow, falloff.
+"""The emission of a light of any kind: colour, beam shape, shadow, falloff, linked parts.
 
 Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
 ``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: radiance 1 gives a pixel
@@ -9,8 +9,9 @@ Based Shading at Disney", 2012.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
-from lookdev.light.link import Link
 from lookdev.light.shape import FAR
 from lookdev.space import Space, to_space
 
@@ -219,6 +219,38 @@ def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise
     nearest = np.maximum(distance, _NEAREST)
     factor: Floats = nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
     return factor
+
+
+MOST_GROUPS = 80
+"""The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """The parts of an asset that a light illuminates, or that cast its shadow.
+
+    `rules` are sorted pairs of a path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
+    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.dress.Part.path`.
+    """
+
+    rules: tuple[tuple[str, str], ...]
+
+    @cached_property
+    def _rules(self) -> Mapping[str, str]:
+        return dict(self.rules)
+
+    def includes(self, path: str) -> bool:
+        """Return whether a part is linked, by the rule of its path or of its nearest ancestor that has a rule.
+
+        ``"explicitOnly"`` applies to its path alone.
+        """
+        if (rule := self._rules.get(path)) is not None:
+            return rule != "exclude"
+        while path.strip("/"):
+            path = path.rpartition("/")[0] or "/"
+            if (rule := self._rules.get(path)) in ("expandPrims", "exclude"):
+                return rule == "expandPrims"
+        return False
 
 
 @dataclass(frozen=True)

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from lookdev.asset import Asset
-from lookdev.light import Light
-from lookdev.material import Look
 from lookdev.scene.dress import Part, asset_parts, assign_to_parts
+from lookdev.scene.scene import Scene
 
 
-@dataclass(frozen=True, eq=False)
-class Linked:
-    """The fields of a `lookdev.scene.Scene` that links determine; `Emission.spared` of the lights is set."""
+def link_lights(scene: Scene) -> Scene:
+    """Return a scene each of whose slots has one set of lights, and casts the shadows of one set of lights.
 
-    asset: Asset
-    wears: Mapping[str, Look]
-    lights: tuple[Light, ...]
-    lit: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    groups: Mapping[str, int] = field(default_factory=dict)
-
-
-def link_lights(asset: Asset, look_of_part: Mapping[str, Look], lights: Sequence[Light]) -> Linked:
-    """Return an asset each of whose slots has one set of lights, and casts the shadows of one set of lights.
-
-    Without links, the arguments are returned unchanged, with empty `lit` and `groups`. Meshes whose instances have
-    different links are split. The slots of a group cast the shadows of the same lights; group 0 casts all shadows.
+    Meshes whose instances have different links are split; without links, the scene is the same. `Scene.lit`,
+    `Scene.groups` and `Emission.spared` are set. The slots of a group cast the shadows of the same lights; group 0
+    casts all shadows.
     """
+    asset, look_of_part, lights = scene.asset, scene.wears, scene.lights
     light_links = [light.emission.light_link for light in lights]
     shadow_links = [light.emission.shadow_link for light in lights]
     if not any(light_links) and not any(shadow_links):
-        return Linked(asset, look_of_part, tuple(lights))
+        return scene
 
     def links_of_part(part: Part) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
         """Return the path of a part's slot, the lights that illuminate it, and the lights whose shadow it casts."""
@@ -50,13 +38,14 @@ def link_lights(asset: Asset, look_of_part: Mapping[str, Look], lights: Sequence
         tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
         for number in range(len(lights))
     ]
-    return Linked(
-        split,
-        {path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
-        tuple(
+    return replace(
+        scene,
+        asset=split,
+        wears={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
+        lights=tuple(
             light.with_emission(replace(light.emission, spared=excluded))
             for light, excluded in zip(lights, excluded_groups, strict=True)
         ),
-        {path: light_numbers for path, (_, light_numbers, _) in link_choices.items()} if any(light_links) else {},
-        grouped if any(grouped.values()) else {},
+        lit={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()} if any(light_links) else {},
+        groups=grouped if any(grouped.values()) else {},
     )

@@ -8,11 +8,11 @@ import pytest
 from closed_forms import by_sampling
 from light_cases import make_tables_small
 
-from lookdev.light import LIGHT_KINDS, Emission, Falloff, RectLight, Shadow, Shaping, Stand, lights_code
+from lookdev.light import LIGHT_KINDS, Emission, RectLight, Shadow, Shaping, Stand, lights_code
 from lookdev.light.cylinder import Cylinder
 from lookdev.light.disk import Ellipse
 from lookdev.light.distant import Cone
-from lookdev.light.emission import beam_bound
+from lookdev.light.emission import Falloff, beam_bound
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig, weight
 from lookdev.light.placement import to_local
 from lookdev.light.rect import Rectangle

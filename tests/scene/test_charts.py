@@ -14,8 +14,8 @@ from lookdev.job import parse_job
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.scene import Camera, Lens, Pose, camera_rays, frame_camera
-from lookdev.scene.charts import PATCHES, PLACES, Strip, asset_of_props, patch_colors, props_camera
-from lookdev.scene.charts.props import cropped
+from lookdev.scene.charts.colorchecker import PATCHES, patch_colors
+from lookdev.scene.charts.props import PLACES, Strip, asset_of_props, cropped, props_camera
 
 # colour-science 0.4.7, "ColorChecker24 - After November 2014", by its own xyY, Bradford and matrix of sRGB, whose
 # rounded primaries leave 2e-4.

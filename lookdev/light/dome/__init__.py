@@ -117,9 +117,6 @@ class Dome(CodedLight):
     def sample(self, point: Floats, u: Floats) -> Floats:
         return to_world(self.axes, self._warp.draw_directions(u))
 
-    def distance(self, point: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
-
     def code(self, *, sampled: bool) -> LightCode:
         constants = {"WIDTH": self.width, "HEIGHT": self.height}
         lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pxr import Usd, UsdLux
 
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
+from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping, emitted_color
 from lookdev.light.ies import load_profile
-from lookdev.light.link import Link
 from lookdev.light.rig.attributes import SHAPING, LightPrim, schema_names
 from lookdev.light.rig.report import RigReport
 from lookdev.stage import usd_words

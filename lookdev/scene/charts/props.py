@@ -206,11 +206,9 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     """
     asset = asset_of_props(strip, camera)
     look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
-    unseen_lights = [light.with_emission(replace(light.emission, camera=False, shadow_link=None)) for light in lights]
-    linked = link_lights(asset, look_of_part, unseen_lights)
-    return Scene(
-        linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups
-    )
+    emissions = (replace(light.emission, camera=False, shadow_link=None) for light in lights)
+    unseen_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
+    return link_lights(Scene(asset, look_of_part, unseen_lights, camera, Film(strip.resolution, space)))
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
