@@ -30,7 +30,7 @@ from lookdev.light.ies import load_profile
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.scene import Film, Scene
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 """Axes of a light that shines along +y."""

@@ -7,7 +7,7 @@ frames the rendered geometry: the displaced limit surface.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,7 @@ from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.build.assets import ComposedAsset
 from lookdev.build.assign import AssignedAsset, loss_notes
 from lookdev.build.faults import Findings
-from lookdev.build.geometry_cache import cached_outline
-from lookdev.build.refine import Refiner, cages_of_displaced
+from lookdev.build.refine import Refiner, cached_outline, cages_of_displaced
 from lookdev.errors import AssetError
 from lookdev.job.ground import JobGround
 from lookdev.job.schema import Job
@@ -40,11 +39,7 @@ _STEP = 5.0  # degrees between two angles at which an outline is projected
 
 
 def refine_and_frame(
-    job: Job,
-    assigned: Mapping[str, AssignedAsset],
-    shot: UsdCamera | None,
-    keys: Mapping[str, str],
-    findings: Findings,
+    job: Job, assigned: Mapping[str, AssignedAsset], shot: UsdCamera | None, keys: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
     """Return the refined and displaced asset of each look, and its camera.
 
@@ -60,10 +55,7 @@ def refine_and_frame(
     FaultsError
         With the faults of all looks.
     """
-    cages = {
-        name: cages_of_displaced(assigned_asset.asset, assigned_asset.looks)
-        for name, assigned_asset in assigned.items()
-    }
+    cages = {name: cages_of_displaced(item.asset, item.looks) for name, item in assigned.items()}
     with findings.collect("camera"):
         cameras, camera_notes = job_cameras(job, {name: asset for name, (asset, _) in cages.items()}, shot)
     findings.raise_faults()
@@ -135,6 +127,7 @@ def element_arcs(job: Job) -> tuple[Arc, ...]:
 
 
 def _frame(job: Job, assets: list[Asset]) -> Camera:
+    """Return a camera that frames assets; they do not reach into the strip of reference props."""
     camera, resolution = job.camera, job.render.resolution
     elevation, arcs = camera.elevation, element_arcs(job)
     fill = DEFAULT_FILL if camera.fill is None else camera.fill
@@ -145,15 +138,18 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
             return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
         return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
 
-    def share(half: float) -> float:
-        """Return the part of the tangent of half an angle of view that the asset covers at most."""
-        if camera.margin is None:
-            return fill
-        return math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
-
     if job.charts is None:
         return frame(resolution, camera.horizontal_fov)
-    return camera_beside_strip(job.charts.strip(resolution), camera.horizontal_fov, share, frame)
+    strip, fov = job.charts.strip(resolution), camera.horizontal_fov
+    reach = math.tan(math.radians(0.5 * fov))
+    whole = strip.resolution[0 if strip.upright else 1]
+    half = math.atan(reach * whole / resolution[0])
+    # The part of the tangent of half the angle of view that the asset covers at most.
+    covered = fill if camera.margin is None else math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
+    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
+        return frame(resolution, fov)
+    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
+    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
 
 
 def _outlines(assets: list[Asset]) -> Floats:
@@ -198,34 +194,6 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
                     "of 'usd' leaves no room; another place or a smaller size would be right"
                 )
                 return
-
-
-def camera_beside_strip(
-    strip: Strip,
-    fov: float,
-    share: Callable[[float], float],
-    frame: Callable[[tuple[float, float], float], Camera],
-) -> Camera:
-    """Return a camera whose asset does not reach into a strip.
-
-    Parameters
-    ----------
-    fov
-        Horizontal angle of view of the frame, degrees.
-    share
-        Returns the largest part of the frame that the asset covers, as a fraction of the tangent of half the angle of
-        view. Its argument is that half angle, radians.
-    frame
-        Returns a camera that frames the asset, for a resolution and a horizontal angle of view.
-    """
-    width, height = strip.resolution
-    reach = math.tan(math.radians(0.5 * fov))
-    whole = width if strip.upright else height
-    covered = share(math.atan(reach * whole / width))
-    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
-        return frame(strip.resolution, fov)
-    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / width))
-    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
 
 
 def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:

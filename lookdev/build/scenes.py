@@ -21,7 +21,7 @@ from lookdev.scene import Camera, Film, Scene
 from lookdev.scene.charts.props import props_camera, props_scene
 from lookdev.scene.ground import PATH as GROUND
 from lookdev.scene.ground import add_ground
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
 """A callback with a job, and a look and the lights of a rig that the job is likely to render."""
@@ -83,11 +83,10 @@ def job_scenes(
     }
     assigned: dict[str, AssignedAsset] = {}
     for look in job.look:
-        with findings.collect(look_keys[look.name]):
-            if look.name in composed:
-                assigned[look.name] = assign_looks(
-                    look, materials[look.name], composed[look.name], look_keys[look.name], findings
-                )
+        name, key = look.name, look_keys[look.name]
+        with findings.collect(key):
+            if name in composed:
+                assigned[name] = assign_looks(look, materials[name], composed[name], key, findings)
     findings.raise_faults()
     with findings.collect("camera.usd"):
         shot = read_shot(job, next(iter(composed.values())))
@@ -169,11 +168,7 @@ def _make_scenes(
 
 
 def _make_chart_scenes(
-    job: Job,
-    assets: Mapping[str, Asset],
-    cameras: Mapping[str, Camera],
-    rigs: Sequence[RigLights],
-    findings: Findings,
+    job: Job, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], rigs: Sequence[RigLights], findings: Findings
 ) -> dict[str, Scene]:
     """Return the scene of the reference props under each rig, if the job has them."""
     charts = {}

@@ -17,7 +17,7 @@ from lookdev.codegen import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called
-from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.dome.environment import read_exr, write_exr
 from lookdev.light.emission import Emission
 from lookdev.light.lamps import is_plain
 from lookdev.mtlx import is_document

@@ -107,9 +107,8 @@ class Light(Emitter):
     @property
     def digest(self) -> str:
         """Digest of all that its radiance and its sampling depend on."""
-        return hashlib.sha256(
-            f"{self.kind} {self.version} {self.with_emission(self.emission.without_names)!r}".encode()
-        ).hexdigest()
+        unnamed = self.with_emission(self.emission.without_names)
+        return hashlib.sha256(f"{self.kind} {self.version} {unnamed!r}".encode()).hexdigest()
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
         return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)

@@ -16,9 +16,9 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
-from lookdev.light.plane import meet_plane, plane_angle
 from lookdev.light.rect import Rectangle
 from lookdev.light.shape import FAR, Shape, cone_about
+from lookdev.light.spherical_rectangle import meet_plane, plane_angle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 

@@ -100,9 +100,8 @@ class DistantLight(Lamp):
 
     def native_gap(self) -> str | None:
         too_wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
-        return native.missing_features(
-            self.emission, "shadow", first=(*too_wide, *native.missing_shadow_features(self.emission))
-        )
+        gaps = (*too_wide, *native.missing_shadow_features(self.emission))
+        return native.missing_features(self.emission, "shadow", first=gaps)
 
     @property
     def sent(self) -> Color:

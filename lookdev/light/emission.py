@@ -19,6 +19,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
+from lookdev.light.placement import vector
 from lookdev.light.shape import FAR
 from lookdev.space import Space, to_space
 
@@ -280,7 +281,7 @@ class Emission:
     light_link, shadow_link
         The parts of the asset that it illuminates, and those that cast its shadow; None for all parts.
     spared
-        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.linking` computes them from
+        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.scene` computes them from
         `shadow_link`, and renderers read them.
     """
 
@@ -326,14 +327,11 @@ class Emission:
 
     def in_space(self, space: Space) -> Emission:
         """Return the emission, linear Rec.709, in another colour space; `_filter_in_space` converts its filters."""
-        color = _as_color(to_space(self.color, space))
-        shaping, shadow = (
-            self.shaping,
-            replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space)),
-        )
+        shadow = replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space))
+        shaping = self.shaping
         if shaping is not None:
             shaping = replace(shaping, focus_tint=_filter_in_space(self.color, shaping.focus_tint, space))
-        return replace(self, color=color, shaping=shaping, shadow=shadow)
+        return replace(self, color=vector(to_space(self.color, space)), shaping=shaping, shadow=shadow)
 
     def radiance_towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) for directions (..., 3) to the light, in the light's own space."""
@@ -355,12 +353,7 @@ def _filter_in_space(light: Color, factor: Color, space: Space) -> Color:
         return factor
     before = to_space(light, space)
     after = to_space(np.array(light) * np.array(factor), space)
-    return _as_color(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
-
-
-def _as_color(values: Floats) -> Color:
-    r, g, b = values.tolist()
-    return r, g, b
+    return vector(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
 
 
 def emitted_color(

@@ -42,13 +42,8 @@ class Lamp(Light):
         local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)
         hits = (self.shape.distance(local_point, local_direction) < FAR)[..., None]
         falloff = self.emission.falloff_factor(np.linalg.norm(local_point, axis=-1))[..., None]
-        return np.where(
-            hits,
-            self._radiance_factor(local_point, local_direction)
-            * self.emission.radiance_towards(local_direction)
-            * falloff,
-            0.0,
-        )
+        factor = self._radiance_factor(local_point, local_direction)
+        return np.where(hits, factor * self.emission.radiance_towards(local_direction) * falloff, 0.0)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         pdf = self.shape.pdf(self._to_own_space(point), to_local(self.axes, direction))
@@ -133,6 +128,5 @@ class PlacedLight(Lamp):
 
     def native_gap(self) -> str | None:
         profile = ["an IES profile"] if self.emission.shaping and self.emission.shaping.profile else []
-        return native.missing_features(
-            self.emission, "shadow", "shaping", first=(*profile, *native.missing_shadow_features(self.emission))
-        )
+        gaps = (*profile, *native.missing_shadow_features(self.emission))
+        return native.missing_features(self.emission, "shadow", "shaping", first=gaps)

@@ -15,14 +15,12 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import Real
 from lookdev.cache import Content
 from lookdev.light.base import LightKind
-from lookdev.light.dome.environment import EnvironmentMap, map_in_space
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import EnvironmentMap, map_in_space, read_exr
 from lookdev.light.emission import WHITE
 from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
 from lookdev.light.placed import PlacedLight
-from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.shape import FAR, Shape, cone_about
-from lookdev.light.spherical_rectangle import density, draw
+from lookdev.light.spherical_rectangle import density, draw, meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
 

@@ -101,12 +101,7 @@ class Camera:
 
 
 def camera_rays(
-    camera: Camera,
-    pose: Pose,
-    resolution: tuple[int, int],
-    x: ArrayLike,
-    y: ArrayLike,
-    u: Floats | None = None,
+    camera: Camera, pose: Pose, resolution: tuple[int, int], x: ArrayLike, y: ArrayLike, u: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Return origins and unit directions (..., 3) of rays; x, y in pixels from the upper left corner.
 

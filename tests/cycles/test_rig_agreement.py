@@ -19,7 +19,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 pytestmark = pytest.mark.cycles
 

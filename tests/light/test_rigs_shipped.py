@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.rig import load_rig
 from lookdev.shipped import BUILTIN_RIGS, rig_file, shipped_folder
 

@@ -16,7 +16,7 @@ from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.results import Rendered
 from lookdev.scene import Film, Pose, Scene, camera_rays
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 pytestmark = pytest.mark.mitsuba
 

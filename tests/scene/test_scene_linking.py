@@ -17,7 +17,7 @@ from lookdev.plan.digest import part_digests
 from lookdev.rendering.scene import scene_task
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.framing import frame_camera
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 GREY, RED = (Look(name, (Layer("l", "disney"),)) for name in ("grey", "red"))
 
