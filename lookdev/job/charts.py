@@ -9,8 +9,7 @@ from pydantic import Field
 
 from lookdev.job.features import check_feature
 from lookdev.job.keys import Table, key_error
-from lookdev.scene.charts import FOLDER, Strip
-from lookdev.scene.charts.props import Place
+from lookdev.scene.charts.props import FOLDER, Place, Strip
 
 _LARGEST = 0.5
 

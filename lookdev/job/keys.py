@@ -26,10 +26,10 @@ from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.job.mapping import mapped
 from lookdev.light import BUILTIN_LIGHTS
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
+from lookdev.shipped import BUILTIN_RIGS
 
 # Names become folders and file names: they have no separator, and no leading dot, which marks temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"

@@ -42,8 +42,9 @@ from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.wedge import JobWedge
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
-from lookdev.scene import SAMPLE_CAP, Sampling
+from lookdev.scene import Sampling
 from lookdev.scene.framing import DEFAULT_FILL
+from lookdev.scene.scene import SAMPLE_CAP
 from lookdev.space import REC709, Space
 
 DEFAULT_FOCAL_LENGTH = 50.0

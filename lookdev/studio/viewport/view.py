@@ -16,7 +16,7 @@ from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated_constants
 from lookdev.light import Dome, Stand
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file

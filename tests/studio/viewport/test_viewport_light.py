@@ -22,8 +22,9 @@ from lookdev.asset.builtin import make_plane, make_sphere
 from lookdev.build.scenes import job_scenes
 from lookdev.cache import Content
 from lookdev.job import load_job
-from lookdev.light import LIGHT_KINDS, Emission, Light, Profile, Shaping
+from lookdev.light import LIGHT_KINDS, Emission, Light, Shaping
 from lookdev.light.dome.maps import load_dome
+from lookdev.light.ies import Profile
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.reference.mesh import MeshScene
