@@ -10,13 +10,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
-from lookdev.cache import Content, atomic_path
+from lookdev.cache import Content, atomic_path, output_errors
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
 from lookdev.light import native_images
 from lookdev.light.native import still_domes
@@ -93,18 +93,14 @@ def export_blend(
         raise OutputError(f"{out}: is a folder; name a file")
     prepared = read_setups(job, backend="nodes")
     images = tuple(BlendImage(image, f"{out.stem}_files/{name}") for image, name in image_names(prepared).items())
-    try:
+    with output_errors(out, name_file=True), ExitStack() as stack:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with (
-            _copy_images(() if pack else images, out.parent) as copies,
-            # A folder, because Blender first writes a file with another name.
-            tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as folder,
-        ):
-            temporary = Path(folder, out.name)
-            notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
-            temporary.replace(out)
-    except OSError as error:
-        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
+        copies = stack.enter_context(_copy_images(() if pack else images, out.parent))
+        # A folder, because Blender first writes a file with another name.
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent))
+        temporary = Path(folder, out.name)
+        notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
+        temporary.replace(out)
     looks, rigs = (tuple(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
     return Exported(out, copies, looks, rigs, (*prepared.notes, *notes))
 

@@ -12,9 +12,9 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.triangles import triangulate
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, output_errors, write_file
 from lookdev.codegen import ProgramSource
-from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
+from lookdev.errors import EnvironmentMapError, LookdevError
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called
 from lookdev.light.dome.files import read_exr, write_exr
@@ -68,7 +68,7 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
     prepared = read_setups(job, backend="mitsuba")
     looks = {look.name: look for look in prepared.job.look}
     scenes = []
-    try:
+    with output_errors(out, name_file=True):
         out.mkdir(parents=True, exist_ok=True)
         for setup in prepared.setups:
             pose = setup.poses(prepared.job.turntable[0], prepared.job.camera.azimuth)[0]
@@ -78,8 +78,6 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
             with atomic_path(file) as path:
                 ElementTree.ElementTree(root).write(path, encoding="utf-8")
             scenes.append(file)
-    except OSError as error:
-        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
     return Exported(out, tuple(scenes), prepared.notes)
 
 
@@ -191,8 +189,8 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
     for number, instance in enumerate(asset.instances):
         name = f"{asset.digest[:16]}.{number}.ply"
         if not (folder / name).exists():
-            with atomic_path(folder / name) as path:
-                path.write_bytes(_encode_ply(triangulate(asset.meshes[instance.mesh]), instance.matrix, center))
+            mesh = triangulate(asset.meshes[instance.mesh])
+            write_file(folder / name, _encode_ply(mesh, instance.matrix, center))
         yield name
 
 

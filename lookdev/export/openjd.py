@@ -16,9 +16,10 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from lookdev.cache import atomic_path
-from lookdev.errors import LookdevError, OutputError
+from lookdev.cache import output_errors, write_file
+from lookdev.errors import LookdevError
 from lookdev.job import Job
 from lookdev.plan.chunks import MOST_CHUNKS, Division
 from lookdev.plan.costs import estimated
@@ -28,7 +29,7 @@ from lookdev.run.manifest import input_files
 SUFFIXES = (".yaml", ".yml", ".json")
 
 _CHUNK_SECONDS = 300.0  # of a chunk, of which start and preparation take some seconds
-_NOTICE = 10  # seconds between a signal and the end of a task; the program ends within two
+_TEMPLATE = Path(__file__).with_name("openjd.yaml")
 _LONGEST_NAME = 64
 _GPUS = {"cuda", "optix", "hip", "oneapi"}
 
@@ -108,121 +109,37 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
 
-    try:
-        for file, data in documents.items():
-            with atomic_path(file) as temporary:
-                temporary.write_text(encode(data, file))
-    except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    required = {name: value for name, value in values.items() if not _is_below(Path(value), folder)}
+    for file, data in documents.items():
+        with output_errors(file, name_file=True):
+            write_file(file, encode(data, file))
+    required = {name: value for name, value in values.items() if not Path(value).is_relative_to(folder)}
     notes = (*prepared.notes, *_path_notes(job))
     return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
 
 
-def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, object]:
+def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
     """Return the template of a job as a document of the specification, for a file in `folder`."""
-    socket = "{{Session.WorkingDirectory}}/warm.sock"
-    render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
-    render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
-    part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}@{{Param.Machines}}", "--executor", f"warm:{socket}"]
-    warm = ["warm", "start", socket, "--backend", job.render.backend]
-    return {
-        "specificationVersion": "jobtemplate-2023-09",
-        "name": f"lookdev {job.file.stem}"[:_LONGEST_NAME],
-        "description": f"Turntables of {job.file.name}, by lookdev",
-        "parameterDefinitions": [
-            _path_parameter("Job", job.file, folder, "FILE", "IN", "The job file, TOML.", "CHOOSE_INPUT_FILE"),
-            _path_parameter(
-                "Output", job.output, folder, "DIRECTORY", "OUT", "The folder of the frames.", "CHOOSE_DIRECTORY"
-            ),
-            {
-                "name": "Chunks",
-                "type": "INT",
-                "default": chunks.count,
-                "minValue": 1,
-                "maxValue": MOST_CHUNKS,
-                "description": "Parts that the frames are rendered in.",
-            },
-            {
-                "name": "Machines",
-                "type": "INT",
-                "default": chunks.machines or chunks.count,
-                "minValue": 1,
-                "maxValue": MOST_CHUNKS,
-                "description": "Hosts that begin the parts in turn; fewer than these: the last parts are small.",
-            },
-            {
-                "name": "Command",
-                "type": "STRING",
-                "default": needs.command,
-                "description": "The program on the hosts: its name, or its path.",
-            },
-        ],
-        "steps": [
-            {
-                "name": "Render",
-                "parameterSpace": {
-                    "taskParameterDefinitions": [{"name": "Chunk", "type": "INT", "range": "1-{{Param.Chunks}}"}]
-                },
-                "stepEnvironments": [
-                    {
-                        "name": "Warm worker",
-                        "description": "Keeps a renderer, and what it has compiled, between the chunks of a host.",
-                        "script": {
-                            "actions": {
-                                "onEnter": {"command": "{{Param.Command}}", "args": warm, "timeout": 120},
-                                "onExit": {"command": "{{Param.Command}}", "args": ["warm", "stop", socket]},
-                            }
-                        },
-                    }
-                ],
-                "hostRequirements": _host_requirements(job, needs),
-                "script": {"actions": {"onRun": _action([*render, *part])}},
-            },
-            {
-                "name": "Outputs",
-                "description": "Sheets, movies, the review page and the manifest, of all frames.",
-                "dependencies": [{"dependsOn": "Render"}],
-                "hostRequirements": {"attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]},
-                "script": {"actions": {"onRun": _action([*render, "--outputs-only"])}},
-            },
-        ],
-    }
+    import yaml
 
-
-def _path_parameter(
-    name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str
-) -> dict[str, object]:
-    """Return a path parameter; it has a default only if the path is in the template's folder."""
-    default = {"default": value.relative_to(folder).as_posix()} if _is_below(value, folder) else {}
-    return {
-        "name": name,
-        "type": "PATH",
-        "objectType": kind,
-        "dataFlow": flow,
-        **default,
-        "description": text,
-        "userInterface": {"control": control},
-    }
-
-
-def _is_below(path: Path, folder: Path) -> bool:
-    return path.is_relative_to(folder)
-
-
-def _host_requirements(job: Job, needs: Needs) -> dict[str, object]:
-    amounts: list[dict[str, object]] = [
-        {"name": "amount.worker.vcpu", "min": needs.cores},
-        {"name": "amount.worker.memory", "min": needs.memory},
-    ]
-    if job.render.device in _GPUS:
-        amounts.append({"name": "amount.worker.gpu", "min": 1})
-    return {"amounts": amounts, "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]}
-
-
-def _action(arguments: list[str]) -> dict[str, object]:
-    cancelation = {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": _NOTICE}
-    return {"command": "{{Param.Command}}", "args": arguments, "cancelation": cancelation}
+    template: dict[str, Any] = yaml.safe_load(_TEMPLATE.read_text("utf-8"))
+    template["name"] = f"lookdev {job.file.stem}"[:_LONGEST_NAME]
+    template["description"] = f"Turntables of {job.file.name}, by lookdev"
+    parameters = {parameter["name"]: parameter for parameter in template["parameterDefinitions"]}
+    for name, path in (("Job", job.file), ("Output", job.output)):
+        if path.is_relative_to(folder):
+            parameters[name]["default"] = path.relative_to(folder).as_posix()
+        else:
+            del parameters[name]["default"]
+    for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
+        parameters[name] |= {"default": count, "maxValue": MOST_CHUNKS}
+    parameters["Command"]["default"] = needs.command
+    render = template["steps"][0]
+    render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend
+    cores, memory, gpu = amounts = render["hostRequirements"]["amounts"]
+    cores["min"], memory["min"] = needs.cores, needs.memory
+    if job.render.device not in _GPUS:
+        amounts.remove(gpu)
+    return template
 
 
 def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, object]:

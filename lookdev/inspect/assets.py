@@ -18,6 +18,7 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaf_sources
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.stage import Composition, compose
+from lookdev.text import align_columns
 
 MOST_LINES = 200
 """Parts that the text lists; ``--json`` has all."""
@@ -80,7 +81,7 @@ class Inspection:
         more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
         counts = [_count(self.meshes, "mesh", "es"), *map(_count, (self.instances, self.points), ("instance", "point"))]
         lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count(self.faces, 'face')}{more}", ""]
-        lines += _align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
+        lines += align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
         if (left := len(self.parts) - MOST_LINES) > 0:
             lines.append(f"... and {left:,} more parts; --json lists all")
         if self.materials:
@@ -209,15 +210,6 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
 
 def _count(number: int, noun: str, plural: str = "s") -> str:
     return f"{number:,} {noun}{plural if number != 1 else ''}"
-
-
-def _align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    columns = max((len(row) for row in rows), default=0)
-    widths = [max((len(row[i]) for row in rows if i < len(row)), default=0) for i in range(columns)]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False) if width).rstrip()
-        for row in rows
-    ]
 
 
 def _material_lines(material: InspectedMaterial) -> Iterator[str]:

@@ -20,7 +20,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.space import BASE, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
@@ -97,5 +97,4 @@ def _curve() -> ocio.LogCameraTransform:
 
 
 if __name__ == "__main__":
-    with atomic_path(FILE) as temporary:
-        temporary.write_text(make_config().serialize())
+    write_file(FILE, make_config().serialize())

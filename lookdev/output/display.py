@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Bytes, Floats32
-from lookdev.cache import atomic_path, from_memory
+from lookdev.cache import atomic_path, from_memory, output_errors
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 
@@ -88,14 +88,15 @@ def write_pixels(path: Path, pixels: Bytes) -> None:
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")
     spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
-    try:
-        with atomic_path(path) as temporary, from_memory(temporary) as name:
-            output = oiio.ImageOutput.create(str(temporary))
-            if output is None:
-                oiio.geterror()
-                raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
-            written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
-            if not (output.close() and written):
-                raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write the picture: {error.strerror}") from error
+    with (
+        output_errors(path, "cannot write the picture"),
+        atomic_path(path) as temporary,
+        from_memory(temporary) as name,
+    ):
+        output = oiio.ImageOutput.create(str(temporary))
+        if output is None:
+            oiio.geterror()
+            raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
+        written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
+        if not (output.close() and written):
+            raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")

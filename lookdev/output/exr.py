@@ -21,7 +21,7 @@ import OpenEXR
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats32
-from lookdev.cache import atomic_path, from_memory
+from lookdev.cache import atomic_path, from_memory, output_errors
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
@@ -82,17 +82,14 @@ def write_frame(
         entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
-    try:
-        with atomic_path(path) as temporary, from_memory(temporary) as name:
-            with OpenEXR.File(entries, channels) as exr:
-                exr.write(name)
-            with Path(name).open("r+b") as stream:
-                _, offset, _ = _Header.read(stream).places[_CHECKSUM]
-                checksum = _checksum(stream, offset)
-                stream.seek(offset)
-                stream.write(checksum)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write the frame: {error.strerror}") from error
+    with output_errors(path, "cannot write the frame"), atomic_path(path) as temporary, from_memory(temporary) as name:
+        with OpenEXR.File(entries, channels) as exr:
+            exr.write(name)
+        with Path(name).open("r+b") as stream:
+            _, offset, _ = _Header.read(stream).places[_CHECKSUM]
+            checksum = _checksum(stream, offset)
+            stream.seek(offset)
+            stream.write(checksum)
 
 
 def read_frame(path: Path) -> tuple[Floats32, Floats32]:
@@ -115,8 +112,12 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
 def read_shown(path: Path) -> tuple[Floats32, Floats32]:
     """Return beauty in linear Rec.709, the space that views and pages take, and alpha; otherwise as `read_frame`."""
     beauty, alpha = read_frame(path)
-    space = frame_space(path)
-    return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+    return shown_light(beauty, frame_space(path)), alpha
+
+
+def shown_light(light: Floats32, space: Space) -> Floats32:
+    """Return light (H, W, 3) of `space` in linear Rec.709."""
+    return light if space == REC709 else to_rec709(light, space).astype(np.float32)
 
 
 def frame_space(path: Path) -> Space:

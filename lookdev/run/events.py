@@ -1,7 +1,7 @@
 """The events of a run, reported while it runs.
 
 A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, as in its plan, its worker's log and its EXR.
-The log in JSON names an event by its class: `lookdev.run.log`.
+The log in JSON names an event by its class: `lookdev.run.progress.JsonReport`.
 """
 
 from __future__ import annotations

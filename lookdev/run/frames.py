@@ -14,49 +14,20 @@ from lookdev.output.exr import read_frame, read_header
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
-from lookdev.rendering.executors import (
-    Executor,
-    Finished,
-    GivenUp,
-    Happening,
-    Progressed,
-    Remarked,
-    Retried,
-    Started,
-    Stored,
-)
+from lookdev.rendering import executors
+from lookdev.rendering.executors import Executor, Happening, Stored
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.run.events import (
-    FrameDone,
-    FrameFailed,
-    FrameFound,
-    FrameProgressed,
-    FrameRetried,
-    FrameStarted,
-    Noted,
-    Report,
-    RunEnded,
-    RunStarted,
-    SheetWritten,
-)
+from lookdev.run import events
+from lookdev.run.events import Report
 from lookdev.run.frame_file import exposed_beauty, store
 from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
-from lookdev.run.status import record_failure
+from lookdev.run.status import FailedFrame, record_failure
 
 _MAX_NAMES = 5  # of frames in a message
 
 _WAITS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A failed frame, the reason of its last try, and the log with the details where it is on this machine."""
-
-    name: str
-    reason: str
-    log: Path | None
 
 
 @dataclass(frozen=True)
@@ -69,7 +40,7 @@ class RunResult:
     total: int
     done: int
     rendered: int
-    failures: tuple[Failure, ...]
+    failures: tuple[FailedFrame, ...]
     interrupted: bool
     missing: tuple[str, ...] = ()
 
@@ -81,10 +52,10 @@ class RunResult:
         return 1 if self.failures or self.missing else 0
 
     @property
-    def event(self) -> RunEnded:
+    def event(self) -> events.RunEnded:
         """The result as an event."""
         failed, missing = len(self.failures), len(self.missing)
-        return RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
+        return events.RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
@@ -114,7 +85,7 @@ class RunFrames:
         self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
-        self._failures: list[Failure] = []
+        self._failures: list[FailedFrame] = []
         self._sheets_of_others: list[PictureFile] = []
 
     def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
@@ -152,9 +123,9 @@ class RunFrames:
             else:
                 self._done.update(task.files)
         for path in damaged:
-            self._report(Noted(f"{path}: was damaged, and is made again"))
+            self._report(events.Noted(f"{path}: was damaged, and is made again"))
         self._refresh_sheets()
-        self._report(RunStarted(len(tasks), len(pending)))
+        self._report(events.RunStarted(len(tasks), len(pending)))
         return pending
 
     def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
@@ -219,30 +190,29 @@ class RunFrames:
                 link_or_copy(task.files[0], path)
         self._pictures.refresh(task, self._done)
         self._mark_done(task)
-        self._report(FrameFound(self._name(task), task.digest))
+        self._report(events.FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
         return True
 
     def _handle(self, event: Happening) -> None:
         """Report an event of the executor, and write the frame that it finishes."""
-        if isinstance(event, Remarked):
-            self._report(Noted(event.text))
+        if isinstance(event, executors.Remarked):
+            self._report(events.Noted(event.text))
             return
         task = event.task
         name, digest = self._name(task), task.digest
         match event:
-            case Started():
-                self._report(FrameStarted(name, digest))
-            case Progressed(_, progress):
-                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
-            case Retried(_, reason, attempt, attempts):
-                self._report(FrameRetried(name, reason, attempt, attempts, digest))
-            case GivenUp(_, reason, log):
+            case executors.Started():
+                self._report(events.FrameStarted(name, digest))
+            case executors.Progressed(_, progress):
+                self._report(events.FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
+            case executors.Retried(_, reason, attempt, attempts):
+                self._report(events.FrameRetried(name, reason, attempt, attempts, digest))
+            case executors.GivenUp(_, reason, log):
                 self._run.release(name)
-                self._failures.append(Failure(name, reason, log))
-                record_failure(self._run, name, reason, log)
-                self._report(FrameFailed(name, reason, digest))
-            case Finished(_, rendered, seconds):
+                self._failures.append(record_failure(self._run, name, reason, log))
+                self._report(events.FrameFailed(name, reason, digest))
+            case executors.Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
@@ -250,14 +220,12 @@ class RunFrames:
         self._run.check_alive()
         stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
         for note in stored.notes:
-            self._report(Noted(note))
-        if isinstance(rendered, Stored):
-            self._pictures.refresh(task, self._done)
-        else:
-            self._pictures.write(task, exposed_beauty(task, rendered), rendered.alpha, self._done)
+            self._report(events.Noted(note))
+        pixels = None if isinstance(rendered, Stored) else (exposed_beauty(task, rendered), rendered.alpha)
+        self._pictures.refresh(task, self._done, pixels)
         self._mark_done(task)
         self._rendered += 1
-        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
+        self._report(events.FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
         self._refresh_sheets(task)
 
     def _mark_done(self, task: FrameTask) -> None:
@@ -284,7 +252,7 @@ class RunFrames:
             if new or self._pictures.is_due(file):
                 self._pictures.make(file)
                 for path in file.paths:
-                    self._report(SheetWritten(path))
+                    self._report(events.SheetWritten(path))
         finally:
             self._run.release(name)
         return True

@@ -8,24 +8,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product
 from pathlib import Path
-
-import numpy as np
 
 from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
-from lookdev.output.exr import read_shown
+from lookdev.output.exr import read_shown, shown_light
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, Reel
 from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
-from lookdev.space import REC709, to_rec709
 
 Background = Callable[[FrameTask], Reals]
 """Returns the linear light behind a frame, with exposure applied: (H, W, 3), or (3,) for a uniform colour."""
@@ -65,34 +63,29 @@ class PictureWriter:
         self._due = set(plan.pictures)
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
         self._charts = plan.charts
-        files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
-        self._sheets = [file for output, file in files if output.of != "frame"]
-        self._files_of_frame: dict[Path, list[PictureFile]] = {}
-        for output, file in files:
-            if output.of == "frame":
-                self._files_of_frame.setdefault(next(iter(file.frames)), []).append(file)
+        self._sheets: list[PictureFile] = []
+        self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
+        for output in outputs.wanted:
+            for file in _files(plan, output):
+                (self._files_of_frame[next(iter(file.frames))] if output.of == "frame" else self._sheets).append(file)
 
-    def refresh(self, task: FrameTask, done: set[Path]) -> None:
-        """Make the files of a single frame on disk that are missing or out of date, if the props over it are `done`.
+    def refresh(self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
+        """Make the files of a single frame that are missing or out of date, if the props over it are `done`.
+
+        With `pixels`, the beauty and the alpha of a new frame, all its files are made from them.
 
         Raises
         ------
         OutputError
             The frame cannot be read, or a file cannot be written.
         """
-        for file in self._files_of_frame.get(task.files[0], ()):
+        for file in self._files_of_frame[task.files[0]]:
             if not self._props_over(file) <= done:
                 continue
             key = self._key(file)
-            due = [path for path in file.paths if path in self._due or not self._is_current(path, key)]
+            due = [path for path in file.paths if pixels or path in self._due or not self._is_current(path, key)]
             if due:
-                self._write(file, due)
-
-    def write(self, task: FrameTask, beauty: Floats32, alpha: Floats32, done: set[Path]) -> None:
-        """Make the files of a single frame, from its new pixels, if the props over it are `done`."""
-        for file in self._files_of_frame.get(task.files[0], ()):
-            if self._props_over(file) <= done:
-                self._write(file, file.paths, (beauty, alpha))
+                self._write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
         """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
@@ -124,9 +117,7 @@ class PictureWriter:
             if pixels is None:
                 layer = read_shown(frame)
             else:
-                beauty, alpha = pixels
-                space = file.frames[frame].scene.space
-                layer = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+                layer = shown_light(pixels[0], file.frames[frame].scene.space), pixels[1]
             return layer if props is None else laid_over(read_shown(props), layer)
 
         def light(frame: Path) -> Floats32:

@@ -29,10 +29,10 @@ from functools import cache
 from pathlib import Path
 from typing import Self
 
-from lookdev.cache import atomic_path, process_name
+from lookdev.cache import output_errors, process_name, write_file
 from lookdev.errors import OutputError, WorkerError
 from lookdev.output.manifest import STATE_FOLDER
-from lookdev.text import TextError, parse_json, read_text, stated_limit
+from lookdev.text import read_json_object, stated_limit
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
 """Environment variable: seconds without a heartbeat after which a run counts as dead."""
@@ -142,11 +142,9 @@ class Run:
         self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
-        try:
+        with output_errors(self._output, "the output folder cannot be written"):
             self._register()
             self._remove_scratch()
-        except OSError as error:
-            raise OutputError(f"{self._output}: the output folder cannot be written: {error.strerror}") from error
         self._heartbeat.start()
         return self
 
@@ -304,8 +302,7 @@ class Run:
                 return
 
     def _write(self) -> None:
-        with atomic_path(self._file) as temporary:
-            temporary.write_text(self._text())
+        write_file(self._file, self._text())
 
     def _beat_until_end(self) -> None:
         while not self._ended.wait(self._lease / _BEATS):
@@ -361,8 +358,8 @@ def claim_key(name: str) -> str:
 def _read_run(file: Path) -> RunInfo | None:
     """Return the run in a file; None where the file is missing or damaged."""
     try:
-        return RunInfo(**parse_json(read_text(file), file))
-    except (TextError, TypeError):
+        return RunInfo(**read_json_object(file))
+    except TypeError:
         return None
 
 

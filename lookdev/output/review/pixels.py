@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats32
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.metrics import pooled_error
 from lookdev.output.display import laid_over
 from lookdev.output.exr import frame_space, read_layer, read_shown
@@ -66,8 +66,7 @@ def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
     packed = zlib.compress(halves.view(np.uint8).swapaxes(1, 2).tobytes(), _LEVEL)
     height, width = pixels.alpha.shape
     entry = {"width": width, "height": height, "planes": len(planes), "data": base64.b64encode(packed).decode("ascii")}
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"review.put({json.dumps(name)}, {json.dumps(entry)});\n", encoding="ascii")
+    write_file(path, f"review.put({json.dumps(name)}, {json.dumps(entry)});\n")
 
 
 def _round_to_half(values: Floats32) -> Floats32:
