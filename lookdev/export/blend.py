@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -26,7 +25,7 @@ from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import JobSetups, read_setups
 from lookdev.rendering.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
-from lookdev.rendering.worker import PATIENCE, last_line
+from lookdev.rendering.worker import PATIENCE, kill_group, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 
@@ -222,8 +221,7 @@ def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> t
             try:
                 output, _ = process.communicate(timeout=seconds)
             except BaseException as error:
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                kill_group(process)
                 if isinstance(error, subprocess.TimeoutExpired):
                     raise WorkerError(f"the exporter was silent for {seconds:g} s and was killed") from None
                 raise

@@ -8,7 +8,7 @@ from lookdev.output.display import composite, laid_over, to_display, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Frames, Output, write_picture
-from lookdev.output.sheet import write_overview, write_sheet, write_turntable, write_wedge
+from lookdev.output.sheet import write_overview, write_page, write_sheet
 
 _COLUMNS = Field(default=None, description="Looks in a row of an overview; by default as many as fill a page of 16:10.")
 
@@ -35,7 +35,7 @@ OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
         Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, burns=True),
-        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_turntable, True),
+        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_page, True),
         Output(
             "overview",
             "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
@@ -44,14 +44,7 @@ OUTPUTS: dict[str, Output] = {
             write_overview,
             options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
         ),
-        Output(
-            "wedges",
-            "A sheet for each [[wedge]], look and light.",
-            "wedge",
-            ".wedge.png",
-            write_wedge,
-            True,
-        ),
+        Output("wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_page, True),
         Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
         Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),
         Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_BURNS),

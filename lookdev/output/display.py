@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -84,15 +85,21 @@ def write_pixels(path: Path, pixels: Bytes) -> None:
 
     Raises OutputError where the file cannot be written.
     """
+    with output_errors(path, "cannot write the picture"):
+        # Without the second attribute, the writer divides by alpha again.
+        write_image(path, pixels, {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1})
+
+
+def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) -> None:
+    """Write pixels (H, W, C) in the format of a file name, with OpenImageIO's attributes, complete or not at all.
+
+    Raises OutputError where OpenImageIO cannot write the file, and OSError.
+    """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("oiio:ColorSpace", "sRGB")
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
-    with (
-        output_errors(path, "cannot write the picture"),
-        atomic_path(path) as temporary,
-        from_memory(temporary) as name,
-    ):
+    for key, value in attributes.items():
+        spec.attribute(key, value)
+    with atomic_path(path) as temporary, from_memory(temporary) as name:
         output = oiio.ImageOutput.create(str(temporary))
         if output is None:
             oiio.geterror()

@@ -31,9 +31,9 @@ OVERVIEW_CELLS = (128, 256)
 _LEGEND_WIDTH = 320  # pixels
 
 
-def write_turntable(path: Path, frames: Frames) -> None:
-    """Write the contact sheet of a turntable; errors are those of `write_sheet`."""
-    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title)
+def write_page(path: Path, frames: Frames) -> None:
+    """Write the contact sheet of a turntable or a wedge; errors are those of `write_sheet`."""
+    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
 def write_overview(path: Path, frames: Frames) -> None:
@@ -41,11 +41,6 @@ def write_overview(path: Path, frames: Frames) -> None:
     pictures, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
     cell = min(max(least, *(side for picture in pictures for side in picture.shape[:2])), most)
     write_sheet(path, pictures, frames.labels, frames.title, frames.options["overview_columns"], cell)
-
-
-def write_wedge(path: Path, frames: Frames) -> None:
-    """Write the sheet of a wedge; errors are those of `write_sheet`."""
-    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
 def write_sheet(

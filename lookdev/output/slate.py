@@ -6,7 +6,7 @@ again on the same day gives the same picture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) 
     `file` is the EXR of the frame, `title` a name of its contents, `number` the number of the frame. Alpha is at least
     the coverage of the bands. Raises OutputError where the header cannot be read.
     """
-    facts = dict(frame_facts(read_header(file)))
+    facts = frame_facts(read_header(file))
     size = max(_SMALLEST, codes.shape[0] // _LINES)
     top = [(f"{facts['job']} / {title}", number)]
     bottom = [
@@ -61,9 +61,9 @@ def draw_slate(
     """
     headers = [read_header(file) for file in files]
     worst = max(headers, key=lambda header: float(header["relmse"]))
-    facts = dict(frame_facts(worst))
+    facts = frame_facts(worst)
     samples = sorted({int(header["samples"]) for header in headers})
-    dates = sorted({dict(frame_facts(header))["date"] for header in headers})
+    dates = sorted({frame_facts(header)["date"] for header in headers})
     rows = [
         ("job", facts["job"]),
         ("shows", title),
@@ -91,16 +91,17 @@ def draw_slate(
     return pixels if channels == 3 else np.concatenate([pixels, np.ones((height, width, 1), np.float32)], axis=-1)
 
 
-def frame_facts(header: dict[str, str]) -> Iterator[Fact]:
-    """Yield the name and the value of each fact in the header of a frame, as readable text; "?" is a missing value."""
-    yield "job", Path(header.get("job", "?")).stem
-    yield "rig", header.get("ibl", "?")
-    yield "date", header.get("time", "?").partition("T")[0]
-    versions = (("lookdev", "version.lookdev"), ("Blender", "version.blender"))
-    yield "version", ", ".join(f"{name} {header.get(key, '?')}" for name, key in versions)
-    yield "error", f"{float(header.get('relmse', 'nan')):.1e}"
-    yield "samples", header.get("samples", "?")
-    yield "resolution", header.get("resolution", "?")
+def frame_facts(header: Mapping[str, str]) -> dict[str, str]:
+    """Return the facts in the header of a frame as readable text; "?" is a missing value."""
+    return {
+        "job": Path(header.get("job", "?")).stem,
+        "rig": header.get("ibl", "?"),
+        "date": header.get("time", "?").partition("T")[0],
+        "version": f"lookdev {header.get('version.lookdev', '?')}, Blender {header.get('version.blender', '?')}",
+        "error": f"{float(header.get('relmse', 'nan')):.1e}",
+        "samples": header.get("samples", "?"),
+        "resolution": header.get("resolution", "?"),
+    }
 
 
 def _band_height(lines: Sequence[Fact], size: int) -> int:

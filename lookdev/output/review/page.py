@@ -20,10 +20,10 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lookdev.arrays import Bytes
-from lookdev.cache import atomic_path, file_digest, from_memory, output_errors, write_file
+from lookdev.cache import file_digest, output_errors, write_file
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
-from lookdev.output.display import composite, to_display
+from lookdev.output.display import composite, to_display, write_image
 from lookdev.output.frame_name import FrameName
 from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
 from lookdev.output.review.pixels import read_pixels, write_pixels_script
@@ -38,7 +38,7 @@ THUMBNAIL = 176
 
 _STATIC = Path(__file__).with_name("static")
 _LEDGER = "data/ledger.json"
-_QUALITY = 90  # of a JPEG, which the page shows while pixel values load
+_JPEG = {"Compression": "jpeg:90", "jpeg:subsampling": "4:4:4"}  # the page shows it while pixel values load
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class _Page:
             pixels = read_pixels(frame.file, frame.over)
             light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
             self._write_file(script, lambda path: write_pixels_script(path, key, pixels))
-            self._write_file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
+            self._write_file(picture, lambda path: write_image(path, to_display(light, self._view), _JPEG))
         return key
 
     def _write_reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
@@ -164,7 +164,7 @@ class _Page:
         columns = math.ceil(math.sqrt(len(names)))
         if not self._reuse(sprite):
             pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
-            self._write_file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
+            self._write_file(sprite, lambda path: write_image(path, _sprites(pictures, columns), _JPEG))
         frames = [
             {"key": name, "file": str(frame.file), "header": dict(frame.header), "command": _command(reel, frame)}
             for frame, name in zip(reel.frames, names, strict=True)
@@ -290,18 +290,6 @@ def _thumbnail(picture: Path) -> Bytes:
     if small.has_error:
         raise OutputError(f"{picture}: cannot be read: {small.geterror().strip()}")
     return np.asarray(small.get_pixels(oiio.UINT8), np.uint8)
-
-
-def _write_jpeg(path: Path, pixels: Bytes) -> None:
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("Compression", f"jpeg:{_QUALITY}")
-    spec.attribute("jpeg:subsampling", "4:4:4")
-    with atomic_path(path) as temporary, from_memory(temporary) as name:
-        output = oiio.ImageOutput.create(str(temporary))
-        written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
-        if not (output.close() and written):
-            raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
 
 
 def _content_key(*parts: object) -> str:
