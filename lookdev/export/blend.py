@@ -10,13 +10,13 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
 from lookdev.cache import Content, atomic_path, output_errors
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
+from lookdev.export import Exported
 from lookdev.light import native_images
 from lookdev.light.native import still_domes
 from lookdev.material import Bump, Look, Texture
@@ -35,27 +35,6 @@ class Answer(BaseModel):
 
     notes: tuple[str, ...] = ()
     error: str = ""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """The written .blend, its images (empty if they are packed), scenes and rigs, and notes for the user."""
-
-    file: Path
-    images: tuple[Path, ...]
-    scenes: tuple[str, ...]
-    rigs: tuple[str, ...]
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the files and their sizes as text."""
-        text = (
-            f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, rigs {', '.join(self.rigs)}; "
-            "looks are Cycles' own closures, as backend 'nodes' renders them"
-        )
-        if self.images:
-            text += f"\n{self.images[0].parent}: {len(self.images)} images, {_size(self.images)}; keep them together"
-        return text
 
 
 def export_blend(
@@ -100,8 +79,12 @@ def export_blend(
         temporary = Path(folder, out.name)
         notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
         temporary.replace(out)
-    looks, rigs = (tuple(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
-    return Exported(out, copies, looks, rigs, (*prepared.notes, *notes))
+    looks, rigs = (", ".join(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
+    closures = "looks are Cycles' own closures, as backend 'nodes' renders them"
+    text = f"{out}: {_size([out])}, scenes {looks}, rigs {rigs}; {closures}"
+    if copies:
+        text += f"\n{copies[0].parent}: {len(copies)} images, {_size(copies)}; keep them together"
+    return Exported((out, *copies), text, (*prepared.notes, *notes))
 
 
 def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
@@ -149,10 +132,12 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
         for image in native_images(setup.task.lights):
             names.setdefault(image, setup.ibl)
     originals: dict[Content, str] = {}
-    for texture in {texture: None for setup in prepared.setups for texture in _textures(setup.scene.looks)}:
+    for source in {source: None for setup in prepared.setups for source in _textures(setup.scene.looks)}:
+        texture, suffix = (source.height, "_slopes") if isinstance(source, Bump) else (source, "")
         with suppress(TextureError):  # `read_setups` ignores a missing image only if it affects no pixel
-            for tile in _tiles(texture):
-                originals[Content.of(image_file(tile))] = _stem(tile)
+            for tile in udim_tiles(texture).values() or [texture]:
+                image = Content.of(image_file(Bump(tile) if isinstance(source, Bump) else tile))
+                originals[image] = re.sub(r"[^\w.-]", "_", tile.file.stem + suffix)[:100]
     for setup in prepared.setups:
         names |= {image: originals[image] for source in setup.task.shaders for image in source.images}
     return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in names.items()}
@@ -164,17 +149,6 @@ def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     for source in leaf_sources(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
         if isinstance(source, Texture | Bump):
             yield source
-
-
-def _tiles(source: Texture | Bump) -> Sequence[Texture | Bump]:
-    if isinstance(source, Bump):
-        return [Bump(tile) for tile in udim_tiles(source.height).values()] or [source]
-    return list(udim_tiles(source).values()) or [source]
-
-
-def _stem(source: Texture | Bump) -> str:
-    stem = source.height.file.stem + "_slopes" if isinstance(source, Bump) else source.file.stem
-    return re.sub(r"[^\w.-]", "_", stem)[:100]
 
 
 @contextmanager

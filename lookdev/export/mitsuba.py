@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,6 +14,7 @@ from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path, output_errors, write_file
 from lookdev.codegen import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError
+from lookdev.export import Exported
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called
 from lookdev.light.dome.files import read_exr, write_exr
@@ -33,23 +33,6 @@ _Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0,
 _FLIP_Z = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
-
-
-@dataclass(frozen=True)
-class Exported:
-    """The written scenes, their folder, and notes for the user."""
-
-    folder: Path
-    scenes: tuple[Path, ...]
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the scenes and how to render one."""
-        names = ", ".join(scene.name for scene in self.scenes)
-        return (
-            f"{self.folder}: {names}; to render one: import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); "
-            f"import lookdev.mitsuba; mi.render(mi.load_file({str(self.scenes[0])!r}))"
-        )
 
 
 def export_mitsuba(job: Path, out: Path) -> Exported:
@@ -78,7 +61,11 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
             with atomic_path(file) as path:
                 ElementTree.ElementTree(root).write(path, encoding="utf-8")
             scenes.append(file)
-    return Exported(out, tuple(scenes), prepared.notes)
+    text = (
+        f"{out}: {', '.join(scene.name for scene in scenes)}; to render one: import mitsuba as mi; "
+        f"mi.set_variant('llvm_ad_rgb'); import lookdev.mitsuba; mi.render(mi.load_file({str(scenes[0])!r}))"
+    )
+    return Exported(tuple(scenes), text, prepared.notes)
 
 
 def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:

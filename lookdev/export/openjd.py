@@ -20,6 +20,7 @@ from typing import Any
 
 from lookdev.cache import output_errors, write_file
 from lookdev.errors import LookdevError
+from lookdev.export import Exported
 from lookdev.job import Job
 from lookdev.plan.chunks import MOST_CHUNKS, Division
 from lookdev.plan.costs import estimated
@@ -43,28 +44,7 @@ class Needs:
     command: str = "lookdev"
 
 
-@dataclass(frozen=True)
-class ExportedFarmJob:
-    """The written template, its chunks and frames, values of its parameters, and notes for the user."""
-
-    template: Path
-    chunks: int
-    frames: int
-    values: Mapping[str, str]
-    bundle: bool
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the result as text, with the command that runs it."""
-        if self.bundle:
-            run = f"deadline bundle submit {shlex.quote(str(self.template.parent))}"
-        else:
-            run = f"openjd run {shlex.quote(str(self.template))} --step Outputs --run-dependencies"
-        options = "" if self.bundle else "".join(f" -p {shlex.quote(f'{k}={v}')}" for k, v in self.values.items())
-        return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{options}"
-
-
-def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
+def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> Exported:
     """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
     Without `chunks`, chunks take about five minutes by an estimate.
@@ -112,9 +92,14 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
     for file, data in documents.items():
         with output_errors(file, name_file=True):
             write_file(file, encode(data, file))
-    required = {name: value for name, value in values.items() if not Path(value).is_relative_to(folder)}
-    notes = (*prepared.notes, *_path_notes(job))
-    return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
+    if bundle:
+        run = f"deadline bundle submit {shlex.quote(str(out))}"
+    else:
+        run = f"openjd run {shlex.quote(str(out))} --step Outputs --run-dependencies"
+        required = (f"{name}={value}" for name, value in values.items() if not Path(value).is_relative_to(folder))
+        run += "".join(f" -p {shlex.quote(parameter)}" for parameter in required)
+    text = f"{template_file}: {len(tasks)} frames in {division.count} chunks; to run it: {run}"
+    return Exported(tuple(documents), text, (*prepared.notes, *_path_notes(job)))
 
 
 def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:

@@ -177,15 +177,8 @@ def _image_count(look: Look) -> int:
     """Return the number of images that a look reads, before folding."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     heights = [look.displacement.height] if look.displacement else []
-    return len({file for source in leaf_sources([*sources, *heights]) for file in _image_files(source)})
-
-
-def _image_files(source: object) -> Iterator[Path]:
-    match source:
-        case Texture():
-            yield source.file
-        case Bump():
-            yield source.height.file
+    leaves = (leaf.height if isinstance(leaf, Bump) else leaf for leaf in leaf_sources([*sources, *heights]))
+    return len({leaf.file for leaf in leaves if isinstance(leaf, Texture)})
 
 
 def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module, metadata
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, RenderError
 from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
 from lookdev.text import align_columns
@@ -159,8 +159,7 @@ def _check_mitsuba() -> Finding:
 def _check_cache() -> Finding:
     try:
         folder = cache_dir()
-        with atomic_path(folder / "doctor.txt") as path:
-            path.write_text("can be written")
+        write_file(folder / "doctor.txt", "can be written")
         (folder / "doctor.txt").unlink()
         free = shutil.disk_usage(folder).free / 1e9
     except (OSError, OutputError) as error:
@@ -179,5 +178,4 @@ def _run(command: Sequence[str]) -> tuple[int, str, str]:
 
 
 def _last_line(text: str) -> str:
-    lines = text.strip().splitlines()
-    return lines[-1].strip() if lines else ""
+    return "".join(text.strip().splitlines()[-1:]).strip()

@@ -4,11 +4,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from lookdev.output.display import composite, laid_over, to_display, write_png
-from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
-from lookdev.output.record import Frames, Output, write_picture
-from lookdev.output.sheet import write_overview, write_page, write_sheet
+from lookdev.output.record import Output, write_picture
+from lookdev.output.sheet import write_overview, write_page
 
 _COLUMNS = Field(default=None, description="Looks in a row of an overview; by default as many as fill a page of 16:10.")
 
@@ -59,8 +57,3 @@ OUTPUTS: dict[str, Output] = {
     )
 }
 """All outputs except the EXR frames, by name."""
-
-__all__ = [
-    "OUTPUTS", "Frames", "Output", "composite", "laid_over", "read_frame", "read_header", "to_display", "write_frame",
-    "write_png", "write_sheet",
-]  # fmt: skip

@@ -68,18 +68,6 @@ def laid_over(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32])
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
 
 
-def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: DisplayView | str) -> None:
-    """Write linear light (H, W, 3) as a PNG, complete or not at all.
-
-    With `alpha` (H, W), `rgb` is premultiplied, and the pixels are those of `straight_codes`, because PNG stores
-    unassociated alpha. Without alpha, the picture is opaque. Raises OutputError as `to_display` and `write_pixels`.
-    """
-    if alpha is None:
-        write_pixels(path, to_display(rgb, view))
-        return
-    write_pixels(path, quantise(straight_codes(rgb, alpha, view)))
-
-
 def write_pixels(path: Path, pixels: Bytes) -> None:
     """Write sRGB-encoded pixels (H, W, 3 or 4) as a PNG, complete or not at all; alpha is unassociated.
 

@@ -76,7 +76,6 @@ class RunFrames:
     """The frames of a plan, of which a run updates, renders and writes those that it claims."""
 
     def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: Report, force: bool) -> None:
-        self._root = plan.output
         self._plan = plan
         self._run = run
         self._report = report
@@ -101,7 +100,9 @@ class RunFrames:
         selected = self._files_named(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named after lights, beside the folders of looks.
-        self._run.remove_leftovers({self._run.state} | folders | {self._root / folder.name for folder in folders})
+        self._run.remove_leftovers(
+            {self._run.state} | folders | {self._plan.output / folder.name for folder in folders}
+        )
         # By file, not by digest: equal looks have the same digest.
         waiting = {task.files for task in self._plan.pending()} | (selected if force else set())
         pending = [task for task in tasks if task.files in waiting & selected]
@@ -190,7 +191,7 @@ class RunFrames:
                 link_or_copy(task.files[0], path)
         self._pictures.refresh(task, self._done)
         self._mark_done(task)
-        self._report(events.FrameFound(self._name(task), task.digest))
+        self._report(events.FrameFound(self._name(task), id=task.digest))
         self._refresh_sheets()
         return True
 
@@ -203,15 +204,15 @@ class RunFrames:
         name, digest = self._name(task), task.digest
         match event:
             case executors.Started():
-                self._report(events.FrameStarted(name, digest))
+                self._report(events.FrameStarted(name, id=digest))
             case executors.Progressed(_, progress):
-                self._report(events.FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
+                self._report(events.FrameProgressed(name, progress.samples, progress.of, progress.relmse, id=digest))
             case executors.Retried(_, reason, attempt, attempts):
-                self._report(events.FrameRetried(name, reason, attempt, attempts, digest))
+                self._report(events.FrameRetried(name, reason, attempt, attempts, id=digest))
             case executors.GivenUp(_, reason, log):
                 self._run.release(name)
                 self._failures.append(record_failure(self._run, name, reason, log))
-                self._report(events.FrameFailed(name, reason, digest))
+                self._report(events.FrameFailed(name, reason, id=digest))
             case executors.Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
@@ -225,7 +226,7 @@ class RunFrames:
         self._pictures.refresh(task, self._done, pixels)
         self._mark_done(task)
         self._rendered += 1
-        self._report(events.FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
+        self._report(events.FrameDone(self._name(task), seconds, stored.samples, stored.relmse, id=task.digest))
         self._refresh_sheets(task)
 
     def _mark_done(self, task: FrameTask) -> None:
@@ -245,12 +246,12 @@ class RunFrames:
 
     def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:
         """Make a file of several frames if it is `new` or due; return False where another run has claimed it."""
-        name = file.paths[0].relative_to(self._root).as_posix()
+        name = file.paths[0].relative_to(self._plan.output).as_posix()
         if not self._run.claim(name):
             return False
         try:
             if new or self._pictures.is_due(file):
-                self._pictures.make(file)
+                self._pictures.write(file, file.paths)
                 for path in file.paths:
                     self._report(events.SheetWritten(path))
         finally:

@@ -17,10 +17,11 @@ from pathlib import Path
 from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
+from lookdev.output.display import composite, laid_over
 from lookdev.output.exr import read_shown, shown_light
 from lookdev.output.frame_name import FrameName
+from lookdev.output.record import Frames, Output
 from lookdev.plan import Plan, Reel
 from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
@@ -85,7 +86,7 @@ class PictureWriter:
             key = self._key(file)
             due = [path for path in file.paths if pixels or path in self._due or not self._is_current(path, key)]
             if due:
-                self._write(file, due, pixels)
+                self.write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
         """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
@@ -105,12 +106,8 @@ class PictureWriter:
         """Return whether a file is missing or out of date."""
         return not self._is_current(file.paths[0], self._key(file))
 
-    def make(self, file: PictureFile) -> None:
-        """Make a file of several frames."""
-        self._write(file, file.paths)
-
-    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file; `pixels` are beauty and alpha of its only frame, which otherwise is read."""
+    def write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
+        """Write a file to some paths, from beauty and alpha of its only frame, or from its frames on disk."""
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
             props = self._charts.get(frame)

@@ -38,7 +38,12 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
     elif form is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
-        with _live_display(Console(file=stream)) as display:
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(30),
+            TextColumn("{task.fields[note]}", markup=False),
+        )
+        with Progress(*columns, console=Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
         yield _PlainReport(stream)
@@ -92,7 +97,7 @@ class Tally:
                 return f"{self._position()} {event.name}  FAILED: {event.reason}"
             case events.SheetWritten():
                 return f"sheet {event.path}"
-            case events.FrameStarted() | events.FrameProgressed() | events.RunJoined() | events.RunEnded():
+            case _:
                 return None
 
     def time_left(self) -> str:
@@ -197,12 +202,3 @@ class _LiveReport:
                 self._display.update(self._frames, completed=ended, total=tally.total, note=note)
                 if not isinstance(event, events.RunStarted) and event.name in self._rendering:
                     self._display.remove_task(self._rendering.pop(event.name))
-
-
-def _live_display(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=30),
-        TextColumn("{task.fields[note]}", markup=False),
-        console=console,
-    )

@@ -84,11 +84,7 @@ class Runs:
 
     def all(self) -> list[RunInfo]:
         """Return the runs that have files, including dead runs."""
-        try:
-            names = sorted(path.name for path in self._folder.iterdir() if not path.name.startswith("."))
-        except FileNotFoundError:
-            return []
-        return [run for name in names if (run := _read_run(self._folder / name))]
+        return [run for file in sorted(self._folder.glob("[!.]*")) if (run := _read_run(file))]
 
     def alive(self) -> list[RunInfo]:
         """Return the runs that are not known to be dead; the files of dead runs are removed."""
@@ -280,10 +276,11 @@ class Run:
                 stream.write(self._text())
         except FileExistsError:
             # Between its creation and its content, the owner of a claim is unknown.
-            for _ in range(20):
-                if not _is_empty(file):
-                    break
-                time.sleep(0.1)
+            with suppress(FileNotFoundError):
+                for _ in range(20):
+                    if file.stat().st_size:
+                        break
+                    time.sleep(0.1)
             return False
         return True
 
@@ -361,13 +358,6 @@ def _read_run(file: Path) -> RunInfo | None:
         return RunInfo(**read_json_object(file))
     except TypeError:
         return None
-
-
-def _is_empty(file: Path) -> bool:
-    try:
-        return file.stat().st_size == 0
-    except FileNotFoundError:
-        return False
 
 
 @cache

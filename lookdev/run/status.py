@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -100,10 +101,7 @@ def record_failure(run: Run, name: str, reason: str, log: Path | None) -> Failed
 
 def remove_failures(state: Path) -> None:
     """Remove the failures from a state folder; all frames of the output are done."""
-    for file in (state / _FAILED).glob("*.json"):
-        file.unlink(missing_ok=True)
-    with suppress(OSError):
-        (state / _FAILED).rmdir()
+    shutil.rmtree(state / _FAILED, ignore_errors=True)
 
 
 def read_status(output: Path) -> Status:
@@ -115,7 +113,9 @@ def read_status(output: Path) -> Status:
     left: dict[str, tuple[str, float]] = {}
     times: dict[str, list[float]] = {}
     for name, (digest, cost) in plan["frames"].items():
-        header = _header(output / f"{name}.exr")
+        header: Mapping[str, str] = {}
+        with suppress(OutputError):
+            header = read_header(output / f"{name}.exr", check=False)
         if header.get("digest") == digest:
             with suppress(KeyError, ValueError):
                 times.setdefault(_scene(name), []).append(float(header["seconds"]))
@@ -233,13 +233,6 @@ def _time_left(
 
 def _scene(name: str) -> str:
     return name.rpartition("/")[0]
-
-
-def _header(file: Path) -> Mapping[str, str]:
-    try:
-        return read_header(file, check=False)
-    except OutputError:
-        return {}
 
 
 def _failures(state: Path) -> Iterator[FailedFrame]:

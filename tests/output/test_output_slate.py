@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lookdev.output import write_frame
+from lookdev.output.exr import write_frame
 from lookdev.output.lettering import write_text
 from lookdev.output.slate import burn_in, draw_slate
 

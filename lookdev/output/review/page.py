@@ -25,8 +25,7 @@ from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 from lookdev.output.display import composite, to_display, write_image
 from lookdev.output.frame_name import FrameName
-from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
-from lookdev.output.review.pixels import read_pixels, write_pixels_script
+from lookdev.output.review.pixels import SQUARE, Comparison, compare_frames, read_pixels, write_pixels_script
 from lookdev.output.review.view import view_shader
 from lookdev.text import read_json_object
 
