@@ -145,8 +145,7 @@ def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, 
 def _path_notes(job: Job) -> list[str]:
     """Return notes about files that a farm without a shared file system cannot find."""
     folder = job.file.parent
-    if outside := [file for file in input_files(job) if not file.is_relative_to(folder)]:
-        common = os.path.commonpath([folder, *map(str, outside)])
-        if common == "/":
-            return [f"{outside[0]} has no folder in common with {job.file}: a farm that maps paths may not find it"]
+    outside = [file for file in input_files(job) if not file.is_relative_to(folder)]
+    if outside and os.path.commonpath([folder, *outside]) == "/":
+        return [f"{outside[0]} has no folder in common with {job.file}: a farm that maps paths may not find it"]
     return []

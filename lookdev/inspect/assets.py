@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -186,9 +187,8 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
     above: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
-        shared = next((i for i, pair in enumerate(zip(above, groups, strict=False)) if pair[0] != pair[1]), None)
-        shared = min(len(above), len(groups)) if shared is None else shared
-        for depth in range(shared, len(groups)):
+        shared = takewhile(lambda pair: pair[0] == pair[1], zip(above, groups, strict=False))
+        for depth in range(len(list(shared)), len(groups)):
             yield ("  " * depth + groups[depth],)
         above = [*groups, name]  # the rows of its GeomSubsets follow
         yield (

@@ -6,6 +6,7 @@ import colorsys
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -106,9 +107,8 @@ def _render(
 def group_names(paths: Sequence[str]) -> list[str]:
     """Return a group name for each path: the path below the common ancestor, cut to at most `_MOST_COLORS` names."""
     split_paths = [path.strip("/").split("/") for path in paths]
-    common = 0
-    while all(len(path) > common + 1 and path[common] == split_paths[0][common] for path in split_paths):
-        common += 1
+    levels = zip(*(path[:-1] for path in split_paths), strict=False)
+    common = len(list(takewhile(lambda names: len(set(names)) == 1, levels)))
     for depth in range(max(map(len, split_paths)), common, -1):
         names = ["/".join(path[common:depth]) for path in split_paths]
         if len(set(names)) <= _MOST_COLORS:

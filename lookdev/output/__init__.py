@@ -1,6 +1,6 @@
 """The files that a job writes: float EXR frames, and a registry of the outputs that are made from them."""
 
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import Field
 
@@ -8,22 +8,15 @@ from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Output, write_picture
 from lookdev.output.sheet import write_overview, write_page
 
-_COLUMNS = Field(default=None, description="Looks in a row of an overview; by default as many as fill a page of 16:10.")
-
-_FPS = Field(
-    default=24.0,
-    description="Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001.",
-)
-_TURNS = Field(
-    default=1,
-    description="Number of times that a movie shows its turntable; no frame is doubled where it starts again.",
-)
-_SLATE = Field(default=0.0, description="Seconds of a slate before each movie; 0 for no slate.")
+_COLUMNS = "Looks in a row of an overview; by default as many as fill a page of 16:10."
+_FPS = "Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."
+_TURNS = "Number of times that a movie shows its turntable; no frame is doubled where it starts again."
+_SLATE = "Seconds of a slate before each movie; 0 for no slate."
 _MOVIE: dict[str, Any] = {
     "options": {
-        "fps": (Annotated[float, Field(ge=1.0, le=240.0)], _FPS),
-        "movie_turns": (Annotated[int, Field(ge=1, le=100)], _TURNS),
-        "slate": (Annotated[float, Field(ge=0.0, le=60.0)], _SLATE),
+        "fps": (float, Field(default=24.0, ge=1.0, le=240.0, description=_FPS)),
+        "movie_turns": (int, Field(default=1, ge=1, le=100, description=_TURNS)),
+        "slate": (float, Field(default=0.0, ge=0.0, le=60.0, description=_SLATE)),
     },
     "extra": ("movie", "av"),
 }
@@ -40,7 +33,7 @@ OUTPUTS: dict[str, Output] = {
             "looks",
             ".looks.png",
             write_overview,
-            options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
+            options={"overview_columns": (int | None, Field(default=None, ge=1, le=1000, description=_COLUMNS))},
         ),
         Output("wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_page, True),
         Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),

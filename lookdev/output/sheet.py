@@ -13,8 +13,8 @@ from lookdev.arrays import Bytes
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 from lookdev.output.display import to_display, write_pixels
-from lookdev.output.lettering import write_text
 from lookdev.output.record import Frames
+from lookdev.output.slate import write_text
 
 PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190

@@ -1,4 +1,4 @@
-"""Text that identifies a picture: a burn-in on each frame, and a slate before a movie.
+"""Text on pictures: lines, a burn-in that identifies each frame, and a slate before a movie.
 
 All facts are from the headers of the frames. The date is the day of the render in UTC, so that a frame that is rendered
 again on the same day gives the same picture.
@@ -13,8 +13,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lookdev.arrays import Floats32
+from lookdev.errors import OutputError, replace_controls
 from lookdev.output.exr import read_header
-from lookdev.output.lettering import text_width, write_text
 
 _LINES = 30  # lines of text in the height of a frame: 16 pixels each at 480
 _SMALLEST = 8  # size of text in pixels
@@ -23,6 +23,30 @@ _INK = np.float32(0.92)
 _PAGE = np.float32(0.12)
 
 Fact = tuple[str, str]
+
+FONT = "DroidSans"
+"""A font that ships with OpenImageIO, under the Apache License 2.0."""
+
+
+def text_width(text: str, size: int) -> int:
+    """Return the width of a line of text in pixels."""
+    width: int = oiio.ImageBufAlgo.text_size(replace_controls(text), size, FONT).width
+    return width
+
+
+def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
+    """Write one line of text, at most `room` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
+
+    Longer text is shortened in its middle, because names of looks often differ at their end.
+    """
+    text = replace_controls(text)
+    line, count = text, len(text)
+    while line and oiio.ImageBufAlgo.text_size(line, size, FONT).width > room:
+        count -= 1
+        line = f"{text[: (count + 1) // 2]}…{text[len(text) - count // 2 :]}" if count > 0 else ""
+    color = (ink / 255.0,) * 3
+    if line and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, line, size, FONT, color):
+        raise OutputError(f"cannot write '{text}' on a picture: {canvas.geterror().strip()}")
 
 
 def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) -> Floats32:

@@ -16,11 +16,11 @@ from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.output.frame_name import FrameName
 from lookdev.rendering.cryptomatte import matte_header
-from lookdev.rendering.executors import Stored
+from lookdev.rendering.executors.protocol import Stored
 from lookdev.rendering.passes import CATCHER, light_parts
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.run.pictures import write_shared
+from lookdev.run.pictures import link_first
 from lookdev.scene.charts import STRIP, Strip
 from lookdev.space import REC709
 
@@ -113,9 +113,7 @@ def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping
     attributes = {
         key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
     }
-    write_shared(
-        task.files,
-        lambda path: write_frame(
-            path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
-        ),
+    write_frame(
+        task.files[0], beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
     )
+    link_first(task.files)

@@ -14,8 +14,8 @@ from lookdev.output.exr import read_frame, read_header
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
-from lookdev.rendering import executors
-from lookdev.rendering.executors import Executor, Happening, Stored
+from lookdev.rendering.executors import protocol
+from lookdev.rendering.executors.protocol import Executor, Happening, Stored
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.run import events
@@ -197,23 +197,23 @@ class RunFrames:
 
     def _handle(self, event: Happening) -> None:
         """Report an event of the executor, and write the frame that it finishes."""
-        if isinstance(event, executors.Remarked):
+        if isinstance(event, protocol.Remarked):
             self._report(events.Noted(event.text))
             return
         task = event.task
         name, digest = self._name(task), task.digest
         match event:
-            case executors.Started():
+            case protocol.Started():
                 self._report(events.FrameStarted(name, id=digest))
-            case executors.Progressed(_, progress):
+            case protocol.Progressed(_, progress):
                 self._report(events.FrameProgressed(name, progress.samples, progress.of, progress.relmse, id=digest))
-            case executors.Retried(_, reason, attempt, attempts):
+            case protocol.Retried(_, reason, attempt, attempts):
                 self._report(events.FrameRetried(name, reason, attempt, attempts, id=digest))
-            case executors.GivenUp(_, reason, log):
+            case protocol.GivenUp(_, reason, log):
                 self._run.release(name)
                 self._failures.append(record_failure(self._run, name, reason, log))
                 self._report(events.FrameFailed(name, reason, id=digest))
-            case executors.Finished(_, rendered, seconds):
+            case protocol.Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
@@ -239,9 +239,8 @@ class RunFrames:
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:
         """Make the due files of several frames that are all done; with `task`, all that show this new frame."""
         for file in self._pictures.sheets(self._done, task):
-            if task is None and not self._pictures.is_due(file):
-                continue
-            if not self._make_sheet(file, new=task is not None):
+            is_due = task is not None or self._pictures.is_due(file)
+            if is_due and not self._make_sheet(file, new=task is not None):
                 self._sheets_of_others.append(file)
 
     def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:

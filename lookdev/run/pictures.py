@@ -12,12 +12,12 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product
+from operator import attrgetter
 from pathlib import Path
 
 from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
-from lookdev.output.color import DisplayView
 from lookdev.output.display import composite, laid_over
 from lookdev.output.exr import read_shown, shown_light
 from lookdev.output.frame_name import FrameName
@@ -56,14 +56,13 @@ class PictureWriter:
     """
 
     def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
+        self._plan = plan
         self._outputs = outputs
-        self._root = plan.output
         self._background_light = light
         self._background = background
         self._ledger = ledger
         self._due = set(plan.pictures)
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
-        self._charts = plan.charts
         self._sheets: list[PictureFile] = []
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
         for output in outputs.wanted:
@@ -90,7 +89,7 @@ class PictureWriter:
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
         """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
-        frames = {self._tasks[frame].files for frame, props in self._charts.items() if props in task.files}
+        frames = {self._tasks[frame].files for frame, props in self._plan.charts.items() if props in task.files}
         for files in frames:
             if files[0] in done:
                 self.refresh(self._tasks[files[0]], done)
@@ -110,7 +109,7 @@ class PictureWriter:
         """Write a file to some paths, from beauty and alpha of its only frame, or from its frames on disk."""
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
-            props = self._charts.get(frame)
+            props = self._plan.charts.get(frame)
             if pixels is None:
                 layer = read_shown(frame)
             else:
@@ -123,7 +122,8 @@ class PictureWriter:
         frames = Frames(
             tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
         )
-        write_shared(paths, lambda path: file.output.write(path, frames))
+        file.output.write(paths[0], frames)
+        link_first(paths)
         key = self._key(file)
         digest = file_digest(paths[0])
         for path in paths:
@@ -131,15 +131,15 @@ class PictureWriter:
 
     def _props_over(self, file: PictureFile) -> set[Path]:
         """Return the frames of props that are laid over the frames of a file."""
-        return {self._charts[frame] for frame in file.frames if frame in self._charts}
+        return {self._plan.charts[frame] for frame in file.frames if frame in self._plan.charts}
 
     def _key(self, file: PictureFile) -> str:
         """Return a digest of the inputs of a file."""
         digests = [task.digest for task in file.frames.values()]
-        digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
+        digests += [self._tasks[self._plan.charts[frame]].digest for frame in file.frames if frame in self._plan.charts]
         inputs = [digests, file.labels, self._background, self._options(file.output)]
         inputs += [file.columns] if file.columns else []
-        return hashlib.sha256(json.dumps(inputs, default=_view_digest).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(inputs, default=attrgetter("digest")).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
         options = {name: getattr(self._outputs, name) for name in output.options}
@@ -150,16 +150,11 @@ class PictureWriter:
         return path.is_file() and self._ledger.has(self._name(path), key, path)
 
     def _name(self, path: Path) -> str:
-        return path.relative_to(self._root).as_posix()
+        return path.relative_to(self._plan.output).as_posix()
 
 
-def _view_digest(view: DisplayView) -> str:
-    return view.digest
-
-
-def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
-    """Write the first path, and link or copy it to the others."""
-    write(paths[0])
+def link_first(paths: Sequence[Path]) -> None:
+    """Link or copy the file of the first path to the others."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 

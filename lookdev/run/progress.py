@@ -38,12 +38,8 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
     elif form is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(30),
-            TextColumn("{task.fields[note]}", markup=False),
-        )
-        with Progress(*columns, console=Console(file=stream)) as display:
+        name, note = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[note]}"))
+        with Progress(name, BarColumn(bar_width=30), note, console=Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
         yield _PlainReport(stream)

@@ -17,8 +17,8 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors import Executor, Place
 from lookdev.rendering.executors.choice import LOCAL, Choice, open_executor
+from lookdev.rendering.executors.protocol import Executor, Place
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import PATIENCE
 from lookdev.run.chunks import plan_of_chunk, remove_divisions

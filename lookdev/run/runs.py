@@ -337,11 +337,9 @@ def lease() -> float:
 
 def read_claims(state: Path) -> dict[str, list[str]]:
     """Return the keys of the claims of all runs, by the ids of the runs."""
-    latest: dict[str, tuple[int, Path]] = {}
-    for file in (state / "claims").glob("*.*"):
-        latest[file.stem] = max(latest.get(file.stem, (-1, file)), (int(file.suffix[1:]), file))
+    files = sorted((state / "claims").glob("*.*"), key=lambda file: int(file.suffix[1:]))
     keys: dict[str, list[str]] = {}
-    for key, (_, file) in latest.items():
+    for key, file in {file.stem: file for file in files}.items():  # of several claims, the last
         if run := _read_run(file):
             keys.setdefault(run.id, []).append(key)
     return keys
