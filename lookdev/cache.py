@@ -72,6 +72,22 @@ def atomic_path(final: Path) -> Iterator[Path]:
         raise
 
 
+def write_file(file: Path, content: str | bytes) -> None:
+    """Write a text as UTF-8, or bytes, complete or not at all; raises OSError."""
+    with atomic_path(file) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def output_errors(path: Path, problem: str = "cannot be written", *, name_file: bool = False) -> Iterator[None]:
+    """Raise OutputError with a problem of `path`, or with `name_file` of the file that failed, for an OSError."""
+    try:
+        yield
+    except OSError as error:
+        file = (name_file and error.filename) or path
+        raise OutputError(f"{file}: {problem}: {error.strerror or error}") from error
+
+
 @contextmanager
 def from_memory(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.

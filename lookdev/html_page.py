@@ -5,7 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from pathlib import Path
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import replace_controls
 
 
@@ -24,5 +24,4 @@ def write_html_page(file: Path, template: Path, title: str, **values: object) ->
         finalize=lambda value: replace_controls(value) if type(value) is str else value,
     )
     environment.filters["base64"] = lambda data: b64encode(data).decode()
-    with atomic_path(file) as temporary:
-        temporary.write_text(environment.get_template(template.name).render(title=title, **values), encoding="utf-8")
+    write_file(file, environment.get_template(template.name).render(title=title, **values))

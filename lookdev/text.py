@@ -1,4 +1,4 @@
-"""Text files of any content: read whole or refused, and parsed to data of limited depth.
+"""Text files of any content: read whole or refused, and parsed to data of limited depth; tables as text.
 
 Reading a named pipe or a device could wait without end, a sparse file could fill the memory, and deep nesting could
 overflow Python's stack. Each of these raises a `TextError` that states the reason.
@@ -10,7 +10,8 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,24 @@ def parse_toml(text: str, file: object) -> dict[str, Any]:
 def parse_json(text: str | bytes, file: object) -> Any:
     """Return the value of a JSON text; raises TextError with line and column."""
     return _parse(json.loads, text, file, "JSON")
+
+
+def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines of aligned text; rows may end early, and columns without text are left out."""
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    return [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False) if width).rstrip()
+        for row in rows
+    ]
+
+
+def read_json_object(file: Path, largest: int = MAX_BYTES) -> dict[str, Any]:
+    """Return the JSON object in a file of at most `largest` bytes; empty where the file is missing or damaged."""
+    try:
+        data = parse_json(read_text(file, largest), file)
+    except TextError:
+        return {}
+    return data if isinstance(data, dict) else {}
 
 
 def _parse(parse: Callable[[Any], Any], text: str | bytes, file: object, language: str) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import LookdevError
 from lookdev.text import read_text
 
@@ -25,8 +25,7 @@ def check_document(file: Path, name: str) -> None:
 def write_section(file: Path, name: str, text: str) -> None:
     """Replace the text between markers, and nothing else; the file is written whole or not at all."""
     before, after = _split(file, name)
-    with atomic_path(file) as path:
-        path.write_text(f"{before}\n{text.strip()}\n{after}", encoding="utf-8")
+    write_file(file, f"{before}\n{text.strip()}\n{after}")
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

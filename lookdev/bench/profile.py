@@ -22,7 +22,7 @@ from lookdev.bench.growth import OpenRenderer, open_process
 from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import IBLS, SCENES, Cell, Options
 from lookdev.bench.results import Machine, machine_line, this_machine
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
@@ -136,8 +136,7 @@ def run_profile(
     except KeyboardInterrupt:
         pass
     finally:
-        with atomic_path(folder / "profile.json") as path:
-            path.write_text(json.dumps(asdict(profile), indent=1) + "\n", encoding="utf-8")
+        write_file(folder / "profile.json", json.dumps(asdict(profile), indent=1) + "\n")
         if profile.cells:
             write_section(document, NAME, profile_text(profile, options))
     return profile

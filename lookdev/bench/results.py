@@ -17,7 +17,7 @@ from lookdev.bench.growth import Growth
 from lookdev.bench.matrix import Options
 from lookdev.bench.measure import CellResult, Measurement
 from lookdev.bench.sequence import SequenceResult
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, write_file
 from lookdev.rendering.backends import blender_version
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
@@ -55,8 +55,7 @@ class Results:
             table = csv.DictWriter(stream, [each.name for each in fields(Measurement)])
             table.writeheader()
             table.writerows(asdict(row) for cell in self.cells for row in cell.measurements)
-        with atomic_path(folder / JSON_FILE) as path:
-            path.write_text(json.dumps(self.data(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_file(folder / JSON_FILE, json.dumps(self.data(), indent=1, allow_nan=False) + "\n")
 
     def data(self) -> dict[str, Any]:
         """Return the results as plain data."""

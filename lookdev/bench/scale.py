@@ -21,7 +21,7 @@ from typing import Literal
 
 from lookdev.bench.results import Machine, this_machine
 from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import RenderError
 
 Way = Literal["lookdev", "blender"]
@@ -88,8 +88,7 @@ class ScaleResults:
     def write(self, folder: Path) -> None:
         """Write ``scale.json``, whole or not at all."""
         data = {"machine": asdict(self.machine), "starts": [asdict(each) for each in self.starts]}
-        with atomic_path(folder / JSON_FILE) as path:
-            path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        write_file(folder / JSON_FILE, json.dumps(data, indent=1) + "\n")
 
 
 def run_scale(

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from lookdev.bench.document import check_document, markdown, write_section
 from lookdev.bench.results import Machine, machine_line, this_machine
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.export.examples import copy_example
@@ -70,8 +70,7 @@ def run_setup(folder: Path, report: Callable[[str], None], *, document: Path, re
         except KeyboardInterrupt:
             pass
         finally:
-            with atomic_path(folder / "setup.json") as path:
-                path.write_text(json.dumps(asdict(results), indent=1) + "\n", encoding="utf-8")
+            write_file(folder / "setup.json", json.dumps(asdict(results), indent=1) + "\n")
             if results.taken:
                 write_section(document, NAME, setup_text(results))
     return results

@@ -81,7 +81,7 @@ def inspect(
     else:
         say(report.text())
     if png is not None and inspected_asset is not None:
-        from lookdev.inspect.portrait import write_portrait
+        from lookdev.inspect.pictures import write_portrait
 
         result = write_portrait(inspected_asset, png)
         if result.exit_code:

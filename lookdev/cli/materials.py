@@ -73,7 +73,7 @@ def list_presets(
         say(f"note: {fault}", err=True)
     say(library_text(presets))
     if sheet is not None:
-        from lookdev.inspect.thumbnails import write_library_sheet
+        from lookdev.inspect.pictures import write_library_sheet
         from lookdev.run.progress import show_progress
 
         with show_progress(sys.stdout) as report:

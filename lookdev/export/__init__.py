@@ -1,1 +1,17 @@
 """What a job becomes for other programs: a .blend, scenes of Mitsuba, a job of a farm; copies of the example jobs."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The files that an export wrote, text about them and their use, and notes for the user."""
+
+    files: tuple[Path, ...]
+    text: str
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Return the text about the files."""
+        return self.text

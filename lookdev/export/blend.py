@@ -5,19 +5,18 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
-from lookdev.cache import Content, atomic_path
+from lookdev.cache import Content, atomic_path, output_errors
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
+from lookdev.export import Exported
 from lookdev.light import native_images
 from lookdev.light.native import still_domes
 from lookdev.material import Bump, Look, Texture
@@ -26,7 +25,7 @@ from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import JobSetups, read_setups
 from lookdev.rendering.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
-from lookdev.rendering.worker import PATIENCE, last_line
+from lookdev.rendering.worker import PATIENCE, kill_group, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 
@@ -36,27 +35,6 @@ class Answer(BaseModel):
 
     notes: tuple[str, ...] = ()
     error: str = ""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """The written .blend, its images (empty if they are packed), scenes and rigs, and notes for the user."""
-
-    file: Path
-    images: tuple[Path, ...]
-    scenes: tuple[str, ...]
-    rigs: tuple[str, ...]
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the files and their sizes as text."""
-        text = (
-            f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, rigs {', '.join(self.rigs)}; "
-            "looks are Cycles' own closures, as backend 'nodes' renders them"
-        )
-        if self.images:
-            text += f"\n{self.images[0].parent}: {len(self.images)} images, {_size(self.images)}; keep them together"
-        return text
 
 
 def export_blend(
@@ -93,20 +71,20 @@ def export_blend(
         raise OutputError(f"{out}: is a folder; name a file")
     prepared = read_setups(job, backend="nodes")
     images = tuple(BlendImage(image, f"{out.stem}_files/{name}") for image, name in image_names(prepared).items())
-    try:
+    with output_errors(out, name_file=True), ExitStack() as stack:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with (
-            _copy_images(() if pack else images, out.parent) as copies,
-            # A folder, because Blender first writes a file with another name.
-            tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as folder,
-        ):
-            temporary = Path(folder, out.name)
-            notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
-            temporary.replace(out)
-    except OSError as error:
-        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    looks, rigs = (tuple(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
-    return Exported(out, copies, looks, rigs, (*prepared.notes, *notes))
+        copies = stack.enter_context(_copy_images(() if pack else images, out.parent))
+        # A folder, because Blender first writes a file with another name.
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent))
+        temporary = Path(folder, out.name)
+        notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
+        temporary.replace(out)
+    looks, rigs = (", ".join(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
+    closures = "looks are Cycles' own closures, as backend 'nodes' renders them"
+    text = f"{out}: {_size([out])}, scenes {looks}, rigs {rigs}; {closures}"
+    if copies:
+        text += f"\n{copies[0].parent}: {len(copies)} images, {_size(copies)}; keep them together"
+    return Exported((out, *copies), text, (*prepared.notes, *notes))
 
 
 def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
@@ -154,10 +132,12 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
         for image in native_images(setup.task.lights):
             names.setdefault(image, setup.ibl)
     originals: dict[Content, str] = {}
-    for texture in {texture: None for setup in prepared.setups for texture in _textures(setup.scene.looks)}:
+    for source in {source: None for setup in prepared.setups for source in _textures(setup.scene.looks)}:
+        texture, suffix = (source.height, "_slopes") if isinstance(source, Bump) else (source, "")
         with suppress(TextureError):  # `read_setups` ignores a missing image only if it affects no pixel
-            for tile in _tiles(texture):
-                originals[Content.of(image_file(tile))] = _stem(tile)
+            for tile in udim_tiles(texture).values() or [texture]:
+                image = Content.of(image_file(Bump(tile) if isinstance(source, Bump) else tile))
+                originals[image] = re.sub(r"[^\w.-]", "_", tile.file.stem + suffix)[:100]
     for setup in prepared.setups:
         names |= {image: originals[image] for source in setup.task.shaders for image in source.images}
     return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in names.items()}
@@ -169,17 +149,6 @@ def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     for source in leaf_sources(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
         if isinstance(source, Texture | Bump):
             yield source
-
-
-def _tiles(source: Texture | Bump) -> Sequence[Texture | Bump]:
-    if isinstance(source, Bump):
-        return [Bump(tile) for tile in udim_tiles(source.height).values()] or [source]
-    return list(udim_tiles(source).values()) or [source]
-
-
-def _stem(source: Texture | Bump) -> str:
-    stem = source.height.file.stem + "_slopes" if isinstance(source, Bump) else source.file.stem
-    return re.sub(r"[^\w.-]", "_", stem)[:100]
 
 
 @contextmanager
@@ -226,8 +195,7 @@ def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> t
             try:
                 output, _ = process.communicate(timeout=seconds)
             except BaseException as error:
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                kill_group(process)
                 if isinstance(error, subprocess.TimeoutExpired):
                     raise WorkerError(f"the exporter was silent for {seconds:g} s and was killed") from None
                 raise

@@ -5,16 +5,16 @@ from __future__ import annotations
 import filecmp
 import re
 import shlex
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.cache import atomic_path
+from lookdev.cache import output_errors, write_file
 from lookdev.errors import LookdevError, OutputError, nearest_hint
 from lookdev.job import load_job
 from lookdev.run.manifest import input_files
 from lookdev.shipped import shipped_folder
+from lookdev.text import align_columns
 
 _TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
 _SECONDS = {"s": 1, "min": 60}
@@ -60,13 +60,13 @@ def list_examples() -> tuple[Example, ...]:
 
 def examples_text(examples: Sequence[Example]) -> str:
     """Return an aligned table of examples (name, time on two cores, title) and the command that copies one."""
-    width = max(len(example.name) for example in examples)
-    lines = []
+    rows = []
     for example in examples:
         seconds = example.seconds
         time = f"{round(seconds / 60)} min" if seconds >= 60 else f"{seconds} s" if seconds else ""
-        lines.append(f"{example.name:<{width}}  {time:>6}  {example.title}")
-    return "\n".join([*lines, "", "Times are for two cores. To copy one into this folder: lookdev example first"])
+        rows.append((example.name, f"{time:>6}", example.title))
+    hint = "Times are for two cores. To copy one into this folder: lookdev example first"
+    return "\n".join([*align_columns(rows), "", hint])
 
 
 def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
@@ -89,10 +89,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     if differing and not force:
         hint = "--force replaces what differs, --to names another folder"
         raise OutputError(f"these files exist and differ from the example's: {', '.join(differing)} ({hint})")
-    try:
+    with output_errors(to, "the example cannot be written"):
         for file in stale:
-            with atomic_path(targets[file]) as temporary:
-                shutil.copyfile(file, temporary)  # without the mode: an installed file may be read-only
-    except OSError as error:
-        raise OutputError(f"{to}: the example cannot be written: {error.strerror}") from error
+            write_file(targets[file], file.read_bytes())  # without the mode: an installed file may be read-only
     return Copied(targets[source], len(stale))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,9 +11,10 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.triangles import triangulate
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, output_errors, write_file
 from lookdev.codegen import ProgramSource
-from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
+from lookdev.errors import EnvironmentMapError, LookdevError
+from lookdev.export import Exported
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called
 from lookdev.light.dome.environment import read_exr, write_exr
@@ -35,23 +35,6 @@ _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
 
 
-@dataclass(frozen=True)
-class Exported:
-    """The written scenes, their folder, and notes for the user."""
-
-    folder: Path
-    scenes: tuple[Path, ...]
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the scenes and how to render one."""
-        names = ", ".join(scene.name for scene in self.scenes)
-        return (
-            f"{self.folder}: {names}; to render one: import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); "
-            f"import lookdev.mitsuba; mi.render(mi.load_file({str(self.scenes[0])!r}))"
-        )
-
-
 def export_mitsuba(job: Path, out: Path) -> Exported:
     """Write ``<look>.<light>.xml`` for each look under each light of a job, with its meshes and maps, into a folder.
 
@@ -68,7 +51,7 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
     prepared = read_setups(job, backend="mitsuba")
     looks = {look.name: look for look in prepared.job.look}
     scenes = []
-    try:
+    with output_errors(out, name_file=True):
         out.mkdir(parents=True, exist_ok=True)
         for setup in prepared.setups:
             pose = setup.poses(prepared.job.turntable[0], prepared.job.camera.azimuth)[0]
@@ -78,9 +61,11 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
             with atomic_path(file) as path:
                 ElementTree.ElementTree(root).write(path, encoding="utf-8")
             scenes.append(file)
-    except OSError as error:
-        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    return Exported(out, tuple(scenes), prepared.notes)
+    text = (
+        f"{out}: {', '.join(scene.name for scene in scenes)}; to render one: import mitsuba as mi; "
+        f"mi.set_variant('llvm_ad_rgb'); import lookdev.mitsuba; mi.render(mi.load_file({str(scenes[0])!r}))"
+    )
+    return Exported(tuple(scenes), text, prepared.notes)
 
 
 def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
@@ -93,25 +78,18 @@ def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementT
         source.check_plugin(f"look '{look.name}'")
     sampling, scene = setup.task.sampling, setup.scene
     root = ElementTree.Element("scene", version="3.0.0")
-    integrator = _add_plugin(root, "integrator", "path")
     # Depth 1 is direct view of a light, depth 2 is light reflected once.
-    _add_values(integrator, max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
-    bsdf = _add_plugin(root, "bsdf", "lookdev_look", id="look")
-    _add_values(
-        bsdf, file=str(look.material), **{f"variant_{name}": variant for name, variant in look.variants.items()}
-    )
-    if look.prim is not None:
-        _add_values(bsdf, prim=look.prim)
+    _add_plugin(root, "integrator", "path", max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
+    values = {f"variant_{name}": variant for name, variant in look.variants.items()}
+    values |= {"prim": look.prim} if look.prim is not None else {}
+    _add_plugin(root, "bsdf", "lookdev_look", file=str(look.material), **values).set("id", "look")
     center = np.array(scene.asset.center)
     _add_sensor(root, setup, pose, center)
     for name in _write_meshes(scene.asset, center, out / "meshes"):
-        shape = _add_plugin(root, "shape", "ply")
-        _add_values(shape, filename=f"meshes/{name}")
+        shape = _add_plugin(root, "shape", "ply", filename=f"meshes/{name}")
         ElementTree.SubElement(shape, "ref", id="look")
     for number, light in enumerate(setup.task.lights, start=1):
-        _add_emitter(
-            root, light, called(light, number), 2.0**setup.exposure, pose, scene.camera, center, out / "lights"
-        )
+        _add_emitter(root, light, called(light, number), setup, pose, out / "lights")
     return root
 
 
@@ -123,29 +101,20 @@ def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Flo
     to_world = np.eye(4)
     # Mitsuba's camera looks along its z, with x to the left.
     to_world[:3] = np.stack([-right, up, -back, camera.position - center], axis=1)
-    sensor = _add_plugin(root, "sensor", "perspective")
-    near, far = camera.clip
-    _add_values(sensor, fov=float(camera.fov), fov_axis="x", near_clip=float(near), far_clip=float(far))
+    near, far = map(float, camera.clip)
+    lens: dict[str, float | str] = {"fov": float(camera.fov), "fov_axis": "x", "near_clip": near, "far_clip": far}
+    sensor = _add_plugin(root, "sensor", "perspective", **lens)
     _add_transform(sensor, to_world)
-    _add_values(_add_plugin(sensor, "sampler", "multijitter"), sample_count=256)
-    film = _add_plugin(sensor, "film", "hdrfilm")
+    _add_plugin(sensor, "sampler", "multijitter", sample_count=256)
     width, height = setup.task.resolution
-    _add_values(film, width=width, height=height, pixel_format="rgba")
+    film = _add_plugin(sensor, "film", "hdrfilm", width=width, height=height, pixel_format="rgba")
     _add_plugin(film, "rfilter", "box")
 
 
-def _add_emitter(
-    root: ElementTree.Element,
-    light: Light,
-    name: str,
-    gain: float,
-    pose: Pose,
-    camera: Camera,
-    center: Floats,
-    folder: Path,
-) -> None:
+def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setup, pose: Pose, folder: Path) -> None:
     """Add a light in its pose, relative to the asset's centre; an EnvironmentMapError reports what Mitsuba lacks."""
-    turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, camera, center)
+    gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
+    turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
     if dome := light.world_dome:
         if not is_plain(light):
             raise _unsupported_light(name, "a dome with a colour, axes or controls of its own")
@@ -153,8 +122,7 @@ def _add_emitter(
         if not file.exists():
             with atomic_path(file) as path:
                 write_exr(path, "RGB", read_exr(dome.radiance_file.path, "RGB"))
-        emitter = _add_plugin(root, "emitter", "envmap")
-        _add_values(emitter, filename=f"lights/{file.name}", scale=float(gain))
+        emitter = _add_plugin(root, "emitter", "envmap", filename=f"lights/{file.name}", scale=float(gain))
         _add_transform(emitter, turn @ _Y_UP_TO_Z_UP)
         return
     exported = Emission(**{field: getattr(light.emission, field) for field in _EXPORTED_FIELDS})
@@ -191,8 +159,8 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
     for number, instance in enumerate(asset.instances):
         name = f"{asset.digest[:16]}.{number}.ply"
         if not (folder / name).exists():
-            with atomic_path(folder / name) as path:
-                path.write_bytes(_encode_ply(triangulate(asset.meshes[instance.mesh]), instance.matrix, center))
+            mesh = triangulate(asset.meshes[instance.mesh])
+            write_file(folder / name, _encode_ply(mesh, instance.matrix, center))
         yield name
 
 
@@ -216,15 +184,15 @@ def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
     return b"".join(["\n".join(head).encode(), vertices.tobytes(), faces.tobytes()])
 
 
-def _add_plugin(parent: ElementTree.Element, tag: str, kind: str, **attributes: str) -> ElementTree.Element:
-    return ElementTree.SubElement(parent, tag, {"type": kind, **attributes})
-
-
-def _add_values(parent: ElementTree.Element, **values: bool | int | float | str) -> None:
+def _add_plugin(
+    parent: ElementTree.Element, tag: str, plugin: str, **values: bool | int | float | str
+) -> ElementTree.Element:
+    element = ElementTree.SubElement(parent, tag, type=plugin)
     for name, value in values.items():
         kind = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
         text = str(value).lower() if isinstance(value, bool) else str(value)
-        ElementTree.SubElement(parent, kind, name=name, value=text)
+        ElementTree.SubElement(element, kind, name=name, value=text)
+    return element
 
 
 def _add_transform(parent: ElementTree.Element, matrix: Sequence[Sequence[float]] | Matrix) -> None:

@@ -16,9 +16,11 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from lookdev.cache import atomic_path
-from lookdev.errors import LookdevError, OutputError
+from lookdev.cache import output_errors, write_file
+from lookdev.errors import LookdevError
+from lookdev.export import Exported
 from lookdev.job import Job
 from lookdev.plan.chunks import MOST_CHUNKS, Division
 from lookdev.plan.costs import estimated
@@ -28,7 +30,7 @@ from lookdev.run.manifest import input_files
 SUFFIXES = (".yaml", ".yml", ".json")
 
 _CHUNK_SECONDS = 300.0  # of a chunk, of which start and preparation take some seconds
-_NOTICE = 10  # seconds between a signal and the end of a task; the program ends within two
+_TEMPLATE = Path(__file__).with_name("openjd.yaml")
 _LONGEST_NAME = 64
 _GPUS = {"cuda", "optix", "hip", "oneapi"}
 
@@ -42,28 +44,7 @@ class Needs:
     command: str = "lookdev"
 
 
-@dataclass(frozen=True)
-class ExportedFarmJob:
-    """The written template, its chunks and frames, values of its parameters, and notes for the user."""
-
-    template: Path
-    chunks: int
-    frames: int
-    values: Mapping[str, str]
-    bundle: bool
-    notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the result as text, with the command that runs it."""
-        if self.bundle:
-            run = f"deadline bundle submit {shlex.quote(str(self.template.parent))}"
-        else:
-            run = f"openjd run {shlex.quote(str(self.template))} --step Outputs --run-dependencies"
-        options = "" if self.bundle else "".join(f" -p {shlex.quote(f'{k}={v}')}" for k, v in self.values.items())
-        return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{options}"
-
-
-def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
+def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> Exported:
     """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
     Without `chunks`, chunks take about five minutes by an estimate.
@@ -108,121 +89,42 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
 
-    try:
-        for file, data in documents.items():
-            with atomic_path(file) as temporary:
-                temporary.write_text(encode(data, file))
-    except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    required = {name: value for name, value in values.items() if not _is_below(Path(value), folder)}
-    notes = (*prepared.notes, *_path_notes(job))
-    return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
+    for file, data in documents.items():
+        with output_errors(file, name_file=True):
+            write_file(file, encode(data, file))
+    if bundle:
+        run = f"deadline bundle submit {shlex.quote(str(out))}"
+    else:
+        run = f"openjd run {shlex.quote(str(out))} --step Outputs --run-dependencies"
+        required = (f"{name}={value}" for name, value in values.items() if not Path(value).is_relative_to(folder))
+        run += "".join(f" -p {shlex.quote(parameter)}" for parameter in required)
+    text = f"{template_file}: {len(tasks)} frames in {division.count} chunks; to run it: {run}"
+    return Exported(tuple(documents), text, (*prepared.notes, *_path_notes(job)))
 
 
-def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, object]:
+def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
     """Return the template of a job as a document of the specification, for a file in `folder`."""
-    socket = "{{Session.WorkingDirectory}}/warm.sock"
-    render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
-    render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
-    part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}@{{Param.Machines}}", "--executor", f"warm:{socket}"]
-    warm = ["warm", "start", socket, "--backend", job.render.backend]
-    return {
-        "specificationVersion": "jobtemplate-2023-09",
-        "name": f"lookdev {job.file.stem}"[:_LONGEST_NAME],
-        "description": f"Turntables of {job.file.name}, by lookdev",
-        "parameterDefinitions": [
-            _path_parameter("Job", job.file, folder, "FILE", "IN", "The job file, TOML.", "CHOOSE_INPUT_FILE"),
-            _path_parameter(
-                "Output", job.output, folder, "DIRECTORY", "OUT", "The folder of the frames.", "CHOOSE_DIRECTORY"
-            ),
-            {
-                "name": "Chunks",
-                "type": "INT",
-                "default": chunks.count,
-                "minValue": 1,
-                "maxValue": MOST_CHUNKS,
-                "description": "Parts that the frames are rendered in.",
-            },
-            {
-                "name": "Machines",
-                "type": "INT",
-                "default": chunks.machines or chunks.count,
-                "minValue": 1,
-                "maxValue": MOST_CHUNKS,
-                "description": "Hosts that begin the parts in turn; fewer than these: the last parts are small.",
-            },
-            {
-                "name": "Command",
-                "type": "STRING",
-                "default": needs.command,
-                "description": "The program on the hosts: its name, or its path.",
-            },
-        ],
-        "steps": [
-            {
-                "name": "Render",
-                "parameterSpace": {
-                    "taskParameterDefinitions": [{"name": "Chunk", "type": "INT", "range": "1-{{Param.Chunks}}"}]
-                },
-                "stepEnvironments": [
-                    {
-                        "name": "Warm worker",
-                        "description": "Keeps a renderer, and what it has compiled, between the chunks of a host.",
-                        "script": {
-                            "actions": {
-                                "onEnter": {"command": "{{Param.Command}}", "args": warm, "timeout": 120},
-                                "onExit": {"command": "{{Param.Command}}", "args": ["warm", "stop", socket]},
-                            }
-                        },
-                    }
-                ],
-                "hostRequirements": _host_requirements(job, needs),
-                "script": {"actions": {"onRun": _action([*render, *part])}},
-            },
-            {
-                "name": "Outputs",
-                "description": "Sheets, movies, the review page and the manifest, of all frames.",
-                "dependencies": [{"dependsOn": "Render"}],
-                "hostRequirements": {"attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]},
-                "script": {"actions": {"onRun": _action([*render, "--outputs-only"])}},
-            },
-        ],
-    }
+    import yaml
 
-
-def _path_parameter(
-    name: str, value: Path, folder: Path, kind: str, flow: str, text: str, control: str
-) -> dict[str, object]:
-    """Return a path parameter; it has a default only if the path is in the template's folder."""
-    default = {"default": value.relative_to(folder).as_posix()} if _is_below(value, folder) else {}
-    return {
-        "name": name,
-        "type": "PATH",
-        "objectType": kind,
-        "dataFlow": flow,
-        **default,
-        "description": text,
-        "userInterface": {"control": control},
-    }
-
-
-def _is_below(path: Path, folder: Path) -> bool:
-    return path.is_relative_to(folder)
-
-
-def _host_requirements(job: Job, needs: Needs) -> dict[str, object]:
-    amounts: list[dict[str, object]] = [
-        {"name": "amount.worker.vcpu", "min": needs.cores},
-        {"name": "amount.worker.memory", "min": needs.memory},
-    ]
-    if job.render.device in _GPUS:
-        amounts.append({"name": "amount.worker.gpu", "min": 1})
-    return {"amounts": amounts, "attributes": [{"name": "attr.worker.os.family", "anyOf": ["linux"]}]}
-
-
-def _action(arguments: list[str]) -> dict[str, object]:
-    cancelation = {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": _NOTICE}
-    return {"command": "{{Param.Command}}", "args": arguments, "cancelation": cancelation}
+    template: dict[str, Any] = yaml.safe_load(_TEMPLATE.read_text("utf-8"))
+    template["name"] = f"lookdev {job.file.stem}"[:_LONGEST_NAME]
+    template["description"] = f"Turntables of {job.file.name}, by lookdev"
+    parameters = {parameter["name"]: parameter for parameter in template["parameterDefinitions"]}
+    for name, path in (("Job", job.file), ("Output", job.output)):
+        if path.is_relative_to(folder):
+            parameters[name]["default"] = path.relative_to(folder).as_posix()
+        else:
+            del parameters[name]["default"]
+    for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
+        parameters[name] |= {"default": count, "maxValue": MOST_CHUNKS}
+    parameters["Command"]["default"] = needs.command
+    render = template["steps"][0]
+    render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend
+    cores, memory, gpu = amounts = render["hostRequirements"]["amounts"]
+    cores["min"], memory["min"] = needs.cores, needs.memory
+    if job.render.device not in _GPUS:
+        amounts.remove(gpu)
+    return template
 
 
 def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, object]:
@@ -243,8 +145,7 @@ def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, 
 def _path_notes(job: Job) -> list[str]:
     """Return notes about files that a farm without a shared file system cannot find."""
     folder = job.file.parent
-    if outside := [file for file in input_files(job) if not file.is_relative_to(folder)]:
-        common = os.path.commonpath([folder, *map(str, outside)])
-        if common == "/":
-            return [f"{outside[0]} has no folder in common with {job.file}: a farm that maps paths may not find it"]
+    outside = [file for file in input_files(job) if not file.is_relative_to(folder)]
+    if outside and os.path.commonpath([folder, *outside]) == "/":
+        return [f"{outside[0]} has no folder in common with {job.file}: a farm that maps paths may not find it"]
     return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaf_sources
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.stage import Composition, compose
+from lookdev.text import align_columns
 
 MOST_LINES = 200
 """Parts that the text lists; ``--json`` has all."""
@@ -80,7 +82,7 @@ class Inspection:
         more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
         counts = [_count(self.meshes, "mesh", "es"), *map(_count, (self.instances, self.points), ("instance", "point"))]
         lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count(self.faces, 'face')}{more}", ""]
-        lines += _align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
+        lines += align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
         if (left := len(self.parts) - MOST_LINES) > 0:
             lines.append(f"... and {left:,} more parts; --json lists all")
         if self.materials:
@@ -176,15 +178,8 @@ def _image_count(look: Look) -> int:
     """Return the number of images that a look reads, before folding."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     heights = [look.displacement.height] if look.displacement else []
-    return len({file for source in leaf_sources([*sources, *heights]) for file in _image_files(source)})
-
-
-def _image_files(source: object) -> Iterator[Path]:
-    match source:
-        case Texture():
-            yield source.file
-        case Bump():
-            yield source.height.file
+    leaves = (leaf.height if isinstance(leaf, Bump) else leaf for leaf in leaf_sources([*sources, *heights]))
+    return len({leaf.file for leaf in leaves if isinstance(leaf, Texture)})
 
 
 def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
@@ -192,9 +187,8 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
     above: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
-        shared = next((i for i, pair in enumerate(zip(above, groups, strict=False)) if pair[0] != pair[1]), None)
-        shared = min(len(above), len(groups)) if shared is None else shared
-        for depth in range(shared, len(groups)):
+        shared = takewhile(lambda pair: pair[0] == pair[1], zip(above, groups, strict=False))
+        for depth in range(len(list(shared)), len(groups)):
             yield ("  " * depth + groups[depth],)
         above = [*groups, name]  # the rows of its GeomSubsets follow
         yield (
@@ -209,15 +203,6 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
 
 def _count(number: int, noun: str, plural: str = "s") -> str:
     return f"{number:,} {noun}{plural if number != 1 else ''}"
-
-
-def _align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    columns = max((len(row) for row in rows), default=0)
-    widths = [max((len(row[i]) for row in rows if i < len(row)), default=0) for i in range(columns)]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False) if width).rstrip()
-        for row in rows
-    ]
 
 
 def _material_lines(material: InspectedMaterial) -> Iterator[str]:

@@ -14,9 +14,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module, metadata
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, RenderError
 from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
+from lookdev.text import align_columns
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """The Blender of each Python: a bpy wheel fits exactly one (VFX Reference Platform CY2025 and CY2026)."""
@@ -78,14 +79,12 @@ def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = S
 
 def describe(findings: Sequence[Finding]) -> str:
     """Return findings as aligned lines, each remedy on a separate line so that it can be copied."""
-    width = max(len(finding.subject) for finding in findings)
-    lines = []
+    rows = []
     for finding in findings:
-        mark = "ok     " if finding.good else "MISSING"
-        lines.append(f"{mark}  {finding.subject:<{width}}  {finding.found}")
+        rows.append(("ok     " if finding.good else "MISSING", finding.subject, finding.found))
         if finding.remedy:
-            lines.append(f"         {'':<{width}}  to get it: {finding.remedy}")
-    return "\n".join(lines)
+            rows.append(("", "", f"to get it: {finding.remedy}"))
+    return "\n".join(align_columns(rows))
 
 
 def _check_python() -> Finding:
@@ -160,8 +159,7 @@ def _check_mitsuba() -> Finding:
 def _check_cache() -> Finding:
     try:
         folder = cache_dir()
-        with atomic_path(folder / "doctor.txt") as path:
-            path.write_text("can be written")
+        write_file(folder / "doctor.txt", "can be written")
         (folder / "doctor.txt").unlink()
         free = shutil.disk_usage(folder).free / 1e9
     except (OSError, OutputError) as error:
@@ -180,5 +178,4 @@ def _run(command: Sequence[str]) -> tuple[int, str, str]:
 
 
 def _last_line(text: str) -> str:
-    lines = text.strip().splitlines()
-    return lines[-1].strip() if lines else ""
+    return "".join(text.strip().splitlines()[-1:]).strip()

@@ -11,6 +11,7 @@ from lookdev.light import Emission
 from lookdev.light.emission import Link
 from lookdev.light.placement import Vector, vector
 from lookdev.light.rig import Rig, RigLight
+from lookdev.text import align_columns
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,8 @@ class InspectedRig:
         unit = "in radii of the asset's bounding sphere, about its centre" if self.fit else "in metres, z up"
         count = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
         lines = [f"{self.file}: a rig of {count}, {unit}", ""]
-        rows = [_light_row(light) for light in self.lights]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        for light, row in zip(self.lights, rows, strict=True):
-            cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True) if width)
-            lines.append("  ".join(cells).rstrip())
-            lines += (f"    {line}" for line in _light_details(light))
+        for light, line in zip(self.lights, align_columns(list(map(_light_row, self.lights))), strict=True):
+            lines += [line, *(f"    {detail}" for detail in _light_details(light))]
         if self.notes:
             lines += ["", "notes", *(f"  {note}" for note in self.notes)]
         return "\n".join(lines)
@@ -93,11 +90,7 @@ def _inspect_light(rig_light: RigLight) -> InspectedLight:
         value=(r, g, b),
         unit="nits" if irradiance is None else "lux",
         image=rig_light.image,
-        group=emission.group,
-        turns=emission.turns,
-        camera=emission.camera,
-        diffuse=emission.diffuse,
-        specular=emission.specular,
+        **{name: getattr(emission, name) for name in ("group", "turns", "camera", "diffuse", "specular")},
         shaping=_describe_shaping(emission),
         shadow=_describe_shadow(emission),
         falloff=_describe_falloff(emission),

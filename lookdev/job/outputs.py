@@ -11,8 +11,9 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from lookdev.errors import OutputError, nearest_hint
 from lookdev.job.keys import OcioConfig, Table, Text, default_config, key_error
-from lookdev.output import OUTPUTS, Output
+from lookdev.output import OUTPUTS
 from lookdev.output.color import SHIPPED, DisplayView, default_display, default_view
+from lookdev.output.record import Output
 
 
 class OutputsTable(Table):

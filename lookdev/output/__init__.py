@@ -1,31 +1,22 @@
 """The files that a job writes: float EXR frames, and a registry of the outputs that are made from them."""
 
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import Field
 
-from lookdev.output.display import composite, laid_over, to_display, write_png
-from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
-from lookdev.output.record import Frames, Output, write_picture
-from lookdev.output.sheet import write_overview, write_sheet, write_turntable, write_wedge
+from lookdev.output.record import Output, write_picture
+from lookdev.output.sheet import write_overview, write_page
 
-_COLUMNS = Field(default=None, description="Looks in a row of an overview; by default as many as fill a page of 16:10.")
-
-_FPS = Field(
-    default=24.0,
-    description="Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001.",
-)
-_TURNS = Field(
-    default=1,
-    description="Number of times that a movie shows its turntable; no frame is doubled where it starts again.",
-)
-_SLATE = Field(default=0.0, description="Seconds of a slate before each movie; 0 for no slate.")
+_COLUMNS = "Looks in a row of an overview; by default as many as fill a page of 16:10."
+_FPS = "Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."
+_TURNS = "Number of times that a movie shows its turntable; no frame is doubled where it starts again."
+_SLATE = "Seconds of a slate before each movie; 0 for no slate."
 _MOVIE: dict[str, Any] = {
     "options": {
-        "fps": (Annotated[float, Field(ge=1.0, le=240.0)], _FPS),
-        "movie_turns": (Annotated[int, Field(ge=1, le=100)], _TURNS),
-        "slate": (Annotated[float, Field(ge=0.0, le=60.0)], _SLATE),
+        "fps": (float, Field(default=24.0, ge=1.0, le=240.0, description=_FPS)),
+        "movie_turns": (int, Field(default=1, ge=1, le=100, description=_TURNS)),
+        "slate": (float, Field(default=0.0, ge=0.0, le=60.0, description=_SLATE)),
     },
     "extra": ("movie", "av"),
 }
@@ -35,23 +26,16 @@ OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
         Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, burns=True),
-        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_turntable, True),
+        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_page, True),
         Output(
             "overview",
             "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
             "looks",
             ".looks.png",
             write_overview,
-            options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
+            options={"overview_columns": (int | None, Field(default=None, ge=1, le=1000, description=_COLUMNS))},
         ),
-        Output(
-            "wedges",
-            "A sheet for each [[wedge]], look and light.",
-            "wedge",
-            ".wedge.png",
-            write_wedge,
-            True,
-        ),
+        Output("wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_page, True),
         Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
         Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),
         Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_BURNS),
@@ -66,8 +50,3 @@ OUTPUTS: dict[str, Output] = {
     )
 }
 """All outputs except the EXR frames, by name."""
-
-__all__ = [
-    "OUTPUTS", "Frames", "Output", "composite", "laid_over", "read_frame", "read_header", "to_display", "write_frame",
-    "write_png", "write_sheet",
-]  # fmt: skip

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -115,27 +116,20 @@ def _processor(view: DisplayView) -> ocio.Processor:
     _require_name(view.config, "display", view.display, tuple(config.getDisplays()))
     _require_name(view.config, f"view of {view.display}", view.view, tuple(config.getViews(view.display)))
     ends = (view.display, view.view, ocio.TRANSFORM_DIR_FORWARD)
+    source = view.space or (SOURCE if view.config == SHIPPED else "")
     try:
-        if view.space:
-            if config.getColorSpace(view.space) is None:
-                _require_name(view.config, "colour space", view.space, tuple(config.getColorSpaceNames()))
-            return config.getProcessor(view.space, *ends)
-        if view.config == SHIPPED:
-            return config.getProcessor(SOURCE, *ends)
-        base = ocio.Config.CreateFromBuiltinConfig(BASE)
-        name = ocio.Config.IdentifyBuiltinColorSpace(config, base, SOURCE)
-    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        if view.space or view.config == SHIPPED:
-            raise OutputError(f"{view.config}: cannot show '{view}': {_first_line(error)}") from error
-        name = ""
-    try:
-        if name:
-            return config.getProcessor(name, *ends)
+        if view.space and config.getColorSpace(view.space) is None:
+            _require_name(view.config, "colour space", view.space, tuple(config.getColorSpaceNames()))
+        if not source:
+            base = ocio.Config.CreateFromBuiltinConfig(BASE)
+            with suppress(ocio.Exception, ocio.ExceptionMissingFile):
+                source = ocio.Config.IdentifyBuiltinColorSpace(config, base, SOURCE)
+        if source:
+            return config.getProcessor(source, *ends)
         return ocio.Config.GetProcessorFromConfigs(base, SOURCE, config, *ends)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        reason = _first_line(error)
-        hint = "" if name else "; name its colour space of linear Rec.709 by 'ocio_space'"
-        raise OutputError(f"{view.config}: cannot show '{view}': {reason}{hint}") from error
+        hint = "" if source else "; name its colour space of linear Rec.709 by 'ocio_space'"
+        raise OutputError(f"{view.config}: cannot show '{view}': {_first_line(error)}{hint}") from error
 
 
 def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> None:

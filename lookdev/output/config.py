@@ -20,7 +20,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.space import BASE, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
@@ -40,13 +40,11 @@ _BEYOND = 2.0  # above every hue and saturation: the curve leaves these two chan
 
 
 def shoulder(knee: float = KNEE, white: float = WHITE) -> float:
-    """Return a, the scale of the logarithm in the curve, by bisection; ``0 < knee < 1 < white``."""
-    low, high = 1e-6, 1e6
-    for _ in range(200):
-        middle = math.sqrt(low * high)
-        above = knee + middle * math.log1p((white - knee) / middle) > 1.0
-        low, high = (low, middle) if above else (middle, high)
-    return round(low, 12)  # so that every machine writes the same text
+    """Return a, the scale of the logarithm in the curve; ``0 < knee < 1 < white``."""
+    from scipy.optimize import brentq  # not at the top: a render does not need it
+
+    scale: float = brentq(lambda a: knee + a * math.log1p((white - knee) / a) - 1.0, 1e-6, 1e6, xtol=1e-15)
+    return round(scale, 12)  # so that every machine writes the same text
 
 
 def make_config() -> ocio.Config:
@@ -97,5 +95,4 @@ def _curve() -> ocio.LogCameraTransform:
 
 
 if __name__ == "__main__":
-    with atomic_path(FILE) as temporary:
-        temporary.write_text(make_config().serialize())
+    write_file(FILE, make_config().serialize())

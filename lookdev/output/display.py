@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import OpenImageIO as oiio
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Bytes, Floats32
-from lookdev.cache import atomic_path, from_memory
+from lookdev.cache import atomic_path, from_memory, output_errors
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 
@@ -67,35 +68,30 @@ def laid_over(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32])
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
 
 
-def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: DisplayView | str) -> None:
-    """Write linear light (H, W, 3) as a PNG, complete or not at all.
-
-    With `alpha` (H, W), `rgb` is premultiplied, and the pixels are those of `straight_codes`, because PNG stores
-    unassociated alpha. Without alpha, the picture is opaque. Raises OutputError as `to_display` and `write_pixels`.
-    """
-    if alpha is None:
-        write_pixels(path, to_display(rgb, view))
-        return
-    write_pixels(path, quantise(straight_codes(rgb, alpha, view)))
-
-
 def write_pixels(path: Path, pixels: Bytes) -> None:
     """Write sRGB-encoded pixels (H, W, 3 or 4) as a PNG, complete or not at all; alpha is unassociated.
 
     Raises OutputError where the file cannot be written.
     """
+    with output_errors(path, "cannot write the picture"):
+        # Without the second attribute, the writer divides by alpha again.
+        write_image(path, pixels, {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1})
+
+
+def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) -> None:
+    """Write pixels (H, W, C) in the format of a file name, with OpenImageIO's attributes, complete or not at all.
+
+    Raises OutputError where OpenImageIO cannot write the file, and OSError.
+    """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("oiio:ColorSpace", "sRGB")
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
-    try:
-        with atomic_path(path) as temporary, from_memory(temporary) as name:
-            output = oiio.ImageOutput.create(str(temporary))
-            if output is None:
-                oiio.geterror()
-                raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
-            written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
-            if not (output.close() and written):
-                raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write the picture: {error.strerror}") from error
+    for key, value in attributes.items():
+        spec.attribute(key, value)
+    with atomic_path(path) as temporary, from_memory(temporary) as name:
+        output = oiio.ImageOutput.create(str(temporary))
+        if output is None:
+            oiio.geterror()
+            raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
+        written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
+        if not (output.close() and written):
+            raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")

@@ -11,17 +11,16 @@ import os
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import BinaryIO, Self
+from typing import BinaryIO
 
 import numpy as np
 import OpenEXR
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats32
-from lookdev.cache import atomic_path, from_memory
+from lookdev.cache import atomic_path, from_memory, output_errors
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
@@ -37,6 +36,9 @@ _NO_CHECKSUM = b"00000000"
 _STRIP = 1 << 20  # number of bytes to read at once
 _MAGIC = b"\x76\x2f\x31\x01"
 _HEAD = 1 << 14  # number of bytes within which a header usually ends
+
+Attributes = dict[bytes, tuple[bytes, int, bytes]]
+"""By name: the type of a value, its offset in the file, and its bytes."""
 
 
 def write_frame(
@@ -82,17 +84,14 @@ def write_frame(
         entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
-    try:
-        with atomic_path(path) as temporary, from_memory(temporary) as name:
-            with OpenEXR.File(entries, channels) as exr:
-                exr.write(name)
-            with Path(name).open("r+b") as stream:
-                _, offset, _ = _Header.read(stream).places[_CHECKSUM]
-                checksum = _checksum(stream, offset)
-                stream.seek(offset)
-                stream.write(checksum)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write the frame: {error.strerror}") from error
+    with output_errors(path, "cannot write the frame"), atomic_path(path) as temporary, from_memory(temporary) as name:
+        with OpenEXR.File(entries, channels) as exr:
+            exr.write(name)
+        with Path(name).open("r+b") as stream:
+            _, offset, _ = _read_attributes(stream)[0][_CHECKSUM]
+            checksum = _checksum(stream, offset)
+            stream.seek(offset)
+            stream.write(checksum)
 
 
 def read_frame(path: Path) -> tuple[Floats32, Floats32]:
@@ -104,7 +103,7 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
                 raise OutputError(f"{path}: has channels {', '.join(names[:20])}")
             pixels = whole_image(image, path, range(len(names)), OutputError)
         with path.open("rb") as stream:
-            _verify_checksum(path, stream, _Header.read(stream))
+            _verify_checksum(path, stream, _read_attributes(stream)[0])
     except (OutputError, OSError, ValueError, struct.error) as error:
         reason = str(error).removeprefix(f"{path}: ")
         raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {reason}") from error
@@ -115,8 +114,12 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
 def read_shown(path: Path) -> tuple[Floats32, Floats32]:
     """Return beauty in linear Rec.709, the space that views and pages take, and alpha; otherwise as `read_frame`."""
     beauty, alpha = read_frame(path)
-    space = frame_space(path)
-    return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+    return shown_light(beauty, frame_space(path)), alpha
+
+
+def shown_light(light: Floats32, space: Space) -> Floats32:
+    """Return light (H, W, 3) of `space` in linear Rec.709."""
+    return light if space == REC709 else to_rec709(light, space).astype(np.float32)
 
 
 def frame_space(path: Path) -> Space:
@@ -153,15 +156,19 @@ def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
         if not path.is_file():
             raise ValueError("not a file")
         with path.open("rb") as stream:
-            header = _Header.read(stream)
-            entries = header.strings(PREFIX)
+            attributes, end = _read_attributes(stream)
+            entries = {
+                name.decode().removeprefix(PREFIX): value.decode()
+                for name, (kind, _, value) in attributes.items()
+                if kind == b"string" and name.startswith(PREFIX.encode())
+            }
             if entries:
-                left, top, right, bottom = struct.unpack("<4i", header.value(b"dataWindow"))
+                left, top, right, bottom = struct.unpack("<4i", attributes[b"dataWindow"][2])
                 width, height = right - left + 1, bottom - top + 1
                 if check:
-                    if not _has_all_rows(stream, header.end, height):
+                    if not _has_all_rows(stream, end, height):
                         raise ValueError("its pixels are cut off")
-                    _verify_checksum(path, stream, header)
+                    _verify_checksum(path, stream, attributes)
                 entries.pop("checksum", None)
                 entries["resolution"] = f"{width} x {height}"
     except (ValueError, KeyError, OSError, struct.error) as error:
@@ -169,58 +176,38 @@ def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
     return entries
 
 
-@dataclass(frozen=True)
-class _Header:
-    """The attributes of an EXR. Source: "OpenEXR File Layout"."""
+def _read_attributes(stream: BinaryIO) -> tuple[Attributes, int]:
+    """Return the attributes in the first header of an EXR by name, and the offset of its end.
 
-    data: bytes  # of the file, from its start
-    places: dict[bytes, tuple[bytes, int, int]]  # by name: type, offset and size of the value
-    end: int
-
-    @classmethod
-    def read(cls, stream: BinaryIO) -> Self:
-        """Read the first header of a file; raises ValueError where the file is not an EXR or its header is cut off."""
-        size = _HEAD
-        while True:
-            stream.seek(0)
-            data = stream.read(size)
-            try:
-                return cls(data, *_attributes(data))
-            except (ValueError, struct.error):
-                if len(data) < size:
-                    raise
-            size *= 4
-
-    def value(self, name: bytes) -> bytes:
-        """Return the bytes of an attribute's value; raises KeyError where there is no attribute of this name."""
-        _, offset, size = self.places[name]
-        return self.data[offset : offset + size]
-
-    def strings(self, prefix: str) -> dict[str, str]:
-        """Return the strings whose names begin with a prefix, by their names without the prefix."""
-        start = prefix.encode()
-        return {
-            name[len(start) :].decode(): self.data[offset : offset + size].decode()
-            for name, (kind, offset, size) in self.places.items()
-            if kind == b"string" and name.startswith(start)
-        }
+    Source: "OpenEXR File Layout". Raises ValueError or struct.error where it is not an EXR or its header is cut off.
+    """
+    size = _HEAD
+    while True:
+        stream.seek(0)
+        data = stream.read(size)
+        try:
+            return _parse_attributes(data)
+        except (ValueError, struct.error):
+            if len(data) < size:
+                raise
+        size *= 4
 
 
-def _attributes(data: bytes) -> tuple[dict[bytes, tuple[bytes, int, int]], int]:
-    """Return type, offset and size of each attribute in the first header of an EXR, and the offset of its end."""
+def _parse_attributes(data: bytes) -> tuple[Attributes, int]:
     if data[:4] != _MAGIC:
         raise ValueError("not an EXR")
-    places: dict[bytes, tuple[bytes, int, int]] = {}
+    attributes: Attributes = {}
     start = 8
     while data[start : start + 1] != b"\0":
         name_end = data.index(b"\0", start)
         kind_end = data.index(b"\0", name_end + 1)
         (size,) = struct.unpack_from("<I", data, kind_end + 1)
-        places[data[start:name_end]] = data[name_end + 1 : kind_end], kind_end + 5, size
-        start = kind_end + 5 + size
+        name, kind, offset = data[start:name_end], data[name_end + 1 : kind_end], kind_end + 5
+        start = offset + size
+        attributes[name] = kind, offset, data[offset:start]
         if start >= len(data):
             raise ValueError("its header is cut off")
-    return places, start + 1
+    return attributes, start + 1
 
 
 def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
@@ -233,11 +220,11 @@ def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
     return bool(start) and start + 8 + size <= os.fstat(stream.fileno()).st_size
 
 
-def _verify_checksum(path: Path, stream: BinaryIO, header: _Header) -> None:
+def _verify_checksum(path: Path, stream: BinaryIO, attributes: Attributes) -> None:
     """Raise OutputError where a file was changed since it was written; a file of an earlier version has no checksum."""
-    if _CHECKSUM in header.places:
-        expected = _checksum(stream, header.places[_CHECKSUM][1])
-        if header.value(_CHECKSUM) != expected:
+    if _CHECKSUM in attributes:
+        _, offset, checksum = attributes[_CHECKSUM]
+        if checksum != _checksum(stream, offset):
             raise OutputError(f"{path}: it was changed since it was written: its checksum differs")
 
 

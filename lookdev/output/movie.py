@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from itertools import islice, repeat
 from pathlib import Path
 
@@ -57,19 +58,12 @@ _VP9 = {"crf": "12", "b": "0", "auto-alt-ref": "0", "cpu-used": "2"}
 VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
 
 
-def write_h264(path: Path, frames: Frames) -> None:
-    """Write a turntable over its background as H.264."""
-    _write(path, frames, frames.codes(), H264)
+def _write_reel(path: Path, frames: Frames, codec: Codec) -> None:
+    """Write a turntable, with alpha where the codec has it, otherwise over its background."""
+    _write(path, frames, frames.codes(alpha=codec.alpha), codec)
 
 
-def write_prores(path: Path, frames: Frames) -> None:
-    """Write a turntable with alpha as ProRes 4444."""
-    _write(path, frames, frames.codes(alpha=True), PRORES)
-
-
-def write_vp9(path: Path, frames: Frames) -> None:
-    """Write a turntable with alpha as VP9."""
-    _write(path, frames, frames.codes(alpha=True), VP9)
+write_h264, write_prores, write_vp9 = (partial(_write_reel, codec=codec) for codec in (H264, PRORES, VP9))
 
 
 def write_grid(path: Path, frames: Frames) -> None:

@@ -44,27 +44,25 @@ class Frames:
     columns: int | None = None
 
     def pictures(self, largest: int | None = None) -> Iterator[Bytes]:
-        """Yield each frame as display pixels in the view, (H, W, 3) uint8.
+        """Return each frame as display pixels in the view, (H, W, 3) uint8.
 
         Blocks of pixels are averaged until the longer side is less than twice `largest`, so that a page of many frames
         fits into memory.
         """
-        for number, file in enumerate(self.files):
-            rgb = self.light(file)
-            codes = display_codes(rgb if largest is None else _downscale(rgb, largest), self.options["view"])
-            yield quantise(self._add_burn_in(codes, number))
+        return map(quantise, self.codes(largest=largest))
 
-    def codes(self, *, alpha: bool = False) -> Iterator[Floats32]:
+    def codes(self, *, alpha: bool = False, largest: int | None = None) -> Iterator[Floats32]:
         """Yield code values in [0, 1] of each frame in the view: (H, W, 3), or (H, W, 4) with straight `alpha`."""
         view = self.options["view"]
         for number, file in enumerate(self.files):
-            codes = straight_codes(*self.layers(file), view) if alpha else display_codes(self.light(file), view)
-            yield self._add_burn_in(codes, number)
-
-    def _add_burn_in(self, codes: Floats32, number: int) -> Floats32:
-        if not self.options.get("burn_in"):
-            return codes
-        return burn_in(codes, self.files[number], self.title, self.labels[number], self.options["view"])
+            if alpha:
+                codes = straight_codes(*self.layers(file), view)
+            else:
+                rgb = self.light(file)
+                codes = display_codes(rgb if largest is None else _downscale(rgb, largest), view)
+            if self.options.get("burn_in"):
+                codes = burn_in(codes, file, self.title, self.labels[number], view)
+            yield codes
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Contact sheets: frames on one labelled page."""
+"""Contact sheets: frames on one labelled page; a picture with a legend of its colours."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import OpenImageIO as oiio
 
 from lookdev.arrays import Bytes
 from lookdev.errors import OutputError
-from lookdev.output.display import write_pixels
-from lookdev.output.lettering import write_text
+from lookdev.output.color import DisplayView
+from lookdev.output.display import to_display, write_pixels
 from lookdev.output.record import Frames
+from lookdev.output.slate import write_text
 
 PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190
@@ -27,10 +28,12 @@ SOURCE_SIZE = 512
 OVERVIEW_CELLS = (128, 256)
 """Smallest and largest cell in pixels: small frames are enlarged only as far as the names below them need."""
 
+_LEGEND_WIDTH = 320  # pixels
 
-def write_turntable(path: Path, frames: Frames) -> None:
-    """Write the contact sheet of a turntable; errors are those of `write_sheet`."""
-    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title)
+
+def write_page(path: Path, frames: Frames) -> None:
+    """Write the contact sheet of a turntable or a wedge; errors are those of `write_sheet`."""
+    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
 def write_overview(path: Path, frames: Frames) -> None:
@@ -38,11 +41,6 @@ def write_overview(path: Path, frames: Frames) -> None:
     pictures, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
     cell = min(max(least, *(side for picture in pictures for side in picture.shape[:2])), most)
     write_sheet(path, pictures, frames.labels, frames.title, frames.options["overview_columns"], cell)
-
-
-def write_wedge(path: Path, frames: Frames) -> None:
-    """Write the sheet of a wedge; errors are those of `write_sheet`."""
-    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
 def write_sheet(
@@ -94,6 +92,28 @@ def sheet_page(
     for label, (x, y) in zip(labels, corners, strict=True):
         write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
     return np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8)
+
+
+def write_legend(
+    path: Path, picture: Bytes, title: str, entries: Sequence[tuple[str, Sequence[float]]], view: DisplayView | str
+) -> None:
+    """Write a picture (H, W, 3) as PNG, with a list of names and their linear colours on its right.
+
+    Raises OutputError where the file cannot be written.
+    """
+    height, width = picture.shape[:2]
+    text, heading, gap = 14, 20, 8
+    left, step, top = width + gap, text + gap, 2 * gap + heading
+    page = np.full((max(height, top + len(entries) * step + gap), width + _LEGEND_WIDTH, 3), PAGE, np.uint8)
+    page[:height, :width] = picture
+    rows = [top + gap + number * step for number in range(len(entries))]
+    for y, (_, color) in zip(rows, entries, strict=True):
+        page[y : y + text, left : left + text] = to_display(np.full((1, 1, 3), color), view)
+    canvas = oiio.ImageBuf(page)
+    write_text(canvas, title, left, top - gap // 2, heading, _LEGEND_WIDTH - 2 * gap, TITLE_INK)
+    for y, (name, _) in zip(rows, entries, strict=True):
+        write_text(canvas, name, left + step, y + text - 2, text, _LEGEND_WIDTH - 2 * gap - step, INK)
+    write_pixels(path, np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8))
 
 
 def _thumbnail(frame: Bytes, width: int, height: int) -> Bytes:

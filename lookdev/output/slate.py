@@ -1,4 +1,4 @@
-"""Text that identifies a picture: a burn-in on each frame, and a slate before a movie.
+"""Text on pictures: lines, a burn-in that identifies each frame, and a slate before a movie.
 
 All facts are from the headers of the frames. The date is the day of the render in UTC, so that a frame that is rendered
 again on the same day gives the same picture.
@@ -6,15 +6,15 @@ again on the same day gives the same picture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
 from lookdev.arrays import Floats32
+from lookdev.errors import OutputError, replace_controls
 from lookdev.output.exr import read_header
-from lookdev.output.lettering import text_width, write_text
 
 _LINES = 30  # lines of text in the height of a frame: 16 pixels each at 480
 _SMALLEST = 8  # size of text in pixels
@@ -24,6 +24,30 @@ _PAGE = np.float32(0.12)
 
 Fact = tuple[str, str]
 
+FONT = "DroidSans"
+"""A font that ships with OpenImageIO, under the Apache License 2.0."""
+
+
+def text_width(text: str, size: int) -> int:
+    """Return the width of a line of text in pixels."""
+    width: int = oiio.ImageBufAlgo.text_size(replace_controls(text), size, FONT).width
+    return width
+
+
+def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
+    """Write one line of text, at most `room` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
+
+    Longer text is shortened in its middle, because names of looks often differ at their end.
+    """
+    text = replace_controls(text)
+    line, count = text, len(text)
+    while line and oiio.ImageBufAlgo.text_size(line, size, FONT).width > room:
+        count -= 1
+        line = f"{text[: (count + 1) // 2]}…{text[len(text) - count // 2 :]}" if count > 0 else ""
+    color = (ink / 255.0,) * 3
+    if line and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, line, size, FONT, color):
+        raise OutputError(f"cannot write '{text}' on a picture: {canvas.geterror().strip()}")
+
 
 def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) -> Floats32:
     """Return code values (H, W, 3 or 4) in [0, 1] with lines of text on bands at the top and the bottom.
@@ -31,7 +55,7 @@ def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) 
     `file` is the EXR of the frame, `title` a name of its contents, `number` the number of the frame. Alpha is at least
     the coverage of the bands. Raises OutputError where the header cannot be read.
     """
-    facts = dict(frame_facts(read_header(file)))
+    facts = frame_facts(read_header(file))
     size = max(_SMALLEST, codes.shape[0] // _LINES)
     top = [(f"{facts['job']} / {title}", number)]
     bottom = [
@@ -61,9 +85,9 @@ def draw_slate(
     """
     headers = [read_header(file) for file in files]
     worst = max(headers, key=lambda header: float(header["relmse"]))
-    facts = dict(frame_facts(worst))
+    facts = frame_facts(worst)
     samples = sorted({int(header["samples"]) for header in headers})
-    dates = sorted({dict(frame_facts(header))["date"] for header in headers})
+    dates = sorted({frame_facts(header)["date"] for header in headers})
     rows = [
         ("job", facts["job"]),
         ("shows", title),
@@ -91,16 +115,17 @@ def draw_slate(
     return pixels if channels == 3 else np.concatenate([pixels, np.ones((height, width, 1), np.float32)], axis=-1)
 
 
-def frame_facts(header: dict[str, str]) -> Iterator[Fact]:
-    """Yield the name and the value of each fact in the header of a frame, as readable text; "?" is a missing value."""
-    yield "job", Path(header.get("job", "?")).stem
-    yield "rig", header.get("ibl", "?")
-    yield "date", header.get("time", "?").partition("T")[0]
-    versions = (("lookdev", "version.lookdev"), ("Blender", "version.blender"))
-    yield "version", ", ".join(f"{name} {header.get(key, '?')}" for name, key in versions)
-    yield "error", f"{float(header.get('relmse', 'nan')):.1e}"
-    yield "samples", header.get("samples", "?")
-    yield "resolution", header.get("resolution", "?")
+def frame_facts(header: Mapping[str, str]) -> dict[str, str]:
+    """Return the facts in the header of a frame as readable text; "?" is a missing value."""
+    return {
+        "job": Path(header.get("job", "?")).stem,
+        "rig": header.get("ibl", "?"),
+        "date": header.get("time", "?").partition("T")[0],
+        "version": f"lookdev {header.get('version.lookdev', '?')}, Blender {header.get('version.blender', '?')}",
+        "error": f"{float(header.get('relmse', 'nan')):.1e}",
+        "samples": header.get("samples", "?"),
+        "resolution": header.get("resolution", "?"),
+    }
 
 
 def _band_height(lines: Sequence[Fact], size: int) -> int:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from lookdev.arrays import Array, Floats32
+from lookdev.cache import output_errors
 from lookdev.errors import OutputError
 
 
@@ -94,7 +95,7 @@ def save_arrays(
 def save_named(arrays: Mapping[str, Array]) -> str:
     """Save arrays by name to a file, and return its path, as `save_arrays` does."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
-    try:
+    with output_errors(Path(folder), "a rendered frame cannot be written"):
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
         try:
             with os.fdopen(handle, "wb") as stream:
@@ -102,8 +103,6 @@ def save_named(arrays: Mapping[str, Array]) -> str:
         except OSError:
             Path(path).unlink()
             raise
-    except OSError as error:
-        raise OutputError(f"{folder}: a rendered frame cannot be written: {error.strerror or error}") from error
     return path
 
 

@@ -200,14 +200,14 @@ class Worker:
         """Kill the process and its children, from any thread; a thread that waits for a frame gets an error."""
         process = self._process
         if process is not None and process.returncode is None:
-            _kill_group(process)
+            kill_group(process)
 
     def kill(self) -> None:
         """Kill the process and its children."""
         process, self._process, self._ready = self._process, None, False
         if process is None:
             return
-        _kill_group(process)
+        kill_group(process)
         process.wait()
         if self._sending is not None:
             self._sending.join()
@@ -235,7 +235,7 @@ class Worker:
 
         def give_up() -> None:
             hung.set()
-            _kill_group(process)
+            kill_group(process)
 
         timer = threading.Timer(self._patience, give_up)
         timer.daemon = True
@@ -323,7 +323,7 @@ def explain_error(error: Exception, log: Path) -> str:
     return str(error) if line in str(error) else f"{error}: {line}"
 
 
-def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    # The worker leads its session, so the group has its id. It may have ended already.
+def kill_group(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process that leads its session, and its children; it may have ended already."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)

@@ -12,16 +12,15 @@ from dataclasses import asdict, dataclass
 from datetime import timedelta
 from pathlib import Path
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.chunks import Chunk, Costs, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
-from lookdev.run.listing import table
 from lookdev.run.runs import Runs
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.text import TextError, align_columns, parse_json, read_text
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,7 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
     for run in Runs(file.parent).alive():
         if run.part.endswith(f"/{division}"):
             raise OutputError(f"{plan.output}: {run} renders chunk {run.part} of the division that would be replaced")
-    with atomic_path(file) as temporary:
-        temporary.write_text(json.dumps(_divide_plan(plan, division, measured(plan))))
+    write_file(file, json.dumps(_divide_plan(plan, division, measured(plan))))
 
 
 def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
@@ -84,7 +82,7 @@ def chunks_text(plan: Plan, division: Division) -> str:
         time = timedelta(seconds=round(chunk.seconds))
         row = chunk.chunk, chunk.frames, chunk.done, chunk.scenes, time, chunk.first or "-", chunk.last or "-"
         rows.append([str(cell) for cell in row])
-    return table(rows)
+    return "\n".join(align_columns(rows))
 
 
 def chunks_data(plan: Plan, division: Division) -> dict[str, object]:

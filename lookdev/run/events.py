@@ -1,13 +1,13 @@
 """The events of a run, reported while it runs.
 
 A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, as in its plan, its worker's log and its EXR.
-The log in JSON names an event by its class: `lookdev.run.log`.
+The log in JSON names an event by its class: `lookdev.run.progress.JsonReport`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -57,61 +57,55 @@ class RunStarted:
 
 
 @dataclass(frozen=True)
-class FrameStarted:
-    """A frame goes to the worker."""
+class FrameEvent:
+    """An event of a frame."""
 
     name: str
-    id: str = ""
+    id: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
-class FrameProgressed:
+class FrameStarted(FrameEvent):
+    """A frame goes to the worker."""
+
+
+@dataclass(frozen=True)
+class FrameProgressed(FrameEvent):
     """`samples` of at most `of` per pixel are rendered; `relmse` is None until both halves have samples."""
 
-    name: str
     samples: int
     of: int
     relmse: float | None
-    id: str = ""
 
 
 @dataclass(frozen=True)
-class FrameDone:
+class FrameDone(FrameEvent):
     """A frame is on disk. `seconds` are its wall time, including all its tries."""
 
-    name: str
     seconds: float
     samples: int
     relmse: float
-    id: str = ""
 
 
 @dataclass(frozen=True)
-class FrameRetried:
+class FrameRetried(FrameEvent):
     """A try of a frame failed; try number `attempt` (from 2) of at most `attempts` begins."""
 
-    name: str
     reason: str
     attempt: int
     attempts: int
-    id: str = ""
 
 
 @dataclass(frozen=True)
-class FrameFound:
+class FrameFound(FrameEvent):
     """A frame of this run is on disk: another run has rendered it."""
 
-    name: str
-    id: str = ""
-
 
 @dataclass(frozen=True)
-class FrameFailed:
+class FrameFailed(FrameEvent):
     """A frame failed in its last try; the run goes on with the others."""
 
-    name: str
     reason: str
-    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,17 +115,5 @@ class SheetWritten:
     path: Path
 
 
-Event = (
-    Noted
-    | RunJoined
-    | RunStarted
-    | RunEnded
-    | FrameStarted
-    | FrameProgressed
-    | FrameDone
-    | FrameFound
-    | FrameRetried
-    | FrameFailed
-    | SheetWritten
-)
+Event = Noted | RunJoined | RunStarted | RunEnded | FrameEvent | SheetWritten
 Report = Callable[[Event], None]

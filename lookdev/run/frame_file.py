@@ -1,13 +1,14 @@
-"""A rendered frame as an EXR: its layers and its header."""
+"""A rendered frame as an EXR: its layers, its header, and doubts about it."""
 
 from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import lookdev
 from lookdev.arrays import Floats32
@@ -15,12 +16,11 @@ from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.output.frame_name import FrameName
 from lookdev.rendering.cryptomatte import matte_header
-from lookdev.rendering.executors import Stored
+from lookdev.rendering.executors.protocol import Stored
 from lookdev.rendering.passes import CATCHER, light_parts
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.run.pictures import write_shared
-from lookdev.run.sanity import frame_doubts
+from lookdev.run.pictures import link_first
 from lookdev.scene.charts.props import STRIP, Strip
 from lookdev.space import REC709
 
@@ -39,6 +39,36 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
     _write(task, rendered, beauty, header)
     notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in doubts)
     return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
+
+
+def frame_doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
+    """Yield the doubts about a frame, each as a sentence whose subject, the frame, is left out.
+
+    Parameters
+    ----------
+    rendered
+        The halves and the alpha.
+    beauty : (H, W, 3)
+        The mean of the halves, exposed, as in the file.
+    constant_light
+        The radiance is the same from all directions: the halves may then be equal.
+    """
+    bright = ~np.isfinite(beauty).all(axis=-1)
+    if bright.any():
+        y, x = np.argwhere(bright)[0]
+        yield (
+            f"has pixels brighter than a number of 32 bits ({bright.sum()}, the first in column {x}, row {y}); a lower"
+            " exposure of its light would be right"
+        )
+    covered = rendered.alpha > 0.0
+    if not covered.any():
+        yield "is empty: no part of the asset is in the picture"
+        return
+    is_black = not ((rendered.a[covered] != 0.0).any() or (rendered.b[covered] != 0.0).any())
+    if is_black:
+        yield "is black: no light reaches the viewer from the asset"
+    elif not constant_light and np.array_equal(rendered.a, rendered.b):
+        yield "has two equal halves: its error is unknown, though it is stated as 0"
 
 
 def exposed_beauty(task: FrameTask, rendered: Rendered) -> Floats32:
@@ -83,9 +113,7 @@ def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping
     attributes = {
         key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
     }
-    write_shared(
-        task.files,
-        lambda path: write_frame(
-            path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
-        ),
+    write_frame(
+        task.files[0], beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
     )
+    link_first(task.files)

@@ -14,49 +14,20 @@ from lookdev.output.exr import read_frame, read_header
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
-from lookdev.rendering.executors import (
-    Executor,
-    Finished,
-    GivenUp,
-    Happening,
-    Progressed,
-    Remarked,
-    Retried,
-    Started,
-    Stored,
-)
+from lookdev.rendering.executors import protocol
+from lookdev.rendering.executors.protocol import Executor, Happening, Stored
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.run.events import (
-    FrameDone,
-    FrameFailed,
-    FrameFound,
-    FrameProgressed,
-    FrameRetried,
-    FrameStarted,
-    Noted,
-    Report,
-    RunEnded,
-    RunStarted,
-    SheetWritten,
-)
+from lookdev.run import events
+from lookdev.run.events import Report
 from lookdev.run.frame_file import exposed_beauty, store
 from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
-from lookdev.run.status import record_failure
+from lookdev.run.status import FailedFrame, record_failure
 
 _MAX_NAMES = 5  # of frames in a message
 
 _WAITS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A failed frame, the reason of its last try, and the log with the details where it is on this machine."""
-
-    name: str
-    reason: str
-    log: Path | None
 
 
 @dataclass(frozen=True)
@@ -69,7 +40,7 @@ class RunResult:
     total: int
     done: int
     rendered: int
-    failures: tuple[Failure, ...]
+    failures: tuple[FailedFrame, ...]
     interrupted: bool
     missing: tuple[str, ...] = ()
 
@@ -81,10 +52,10 @@ class RunResult:
         return 1 if self.failures or self.missing else 0
 
     @property
-    def event(self) -> RunEnded:
+    def event(self) -> events.RunEnded:
         """The result as an event."""
         failed, missing = len(self.failures), len(self.missing)
-        return RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
+        return events.RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
@@ -105,7 +76,6 @@ class RunFrames:
     """The frames of a plan, of which a run updates, renders and writes those that it claims."""
 
     def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: Report, force: bool) -> None:
-        self._root = plan.output
         self._plan = plan
         self._run = run
         self._report = report
@@ -114,7 +84,7 @@ class RunFrames:
         self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
-        self._failures: list[Failure] = []
+        self._failures: list[FailedFrame] = []
         self._sheets_of_others: list[PictureFile] = []
 
     def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
@@ -130,7 +100,9 @@ class RunFrames:
         selected = self._files_named(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named after lights, beside the folders of looks.
-        self._run.remove_leftovers({self._run.state} | folders | {self._root / folder.name for folder in folders})
+        self._run.remove_leftovers(
+            {self._run.state} | folders | {self._plan.output / folder.name for folder in folders}
+        )
         # By file, not by digest: equal looks have the same digest.
         waiting = {task.files for task in self._plan.pending()} | (selected if force else set())
         pending = [task for task in tasks if task.files in waiting & selected]
@@ -152,9 +124,9 @@ class RunFrames:
             else:
                 self._done.update(task.files)
         for path in damaged:
-            self._report(Noted(f"{path}: was damaged, and is made again"))
+            self._report(events.Noted(f"{path}: was damaged, and is made again"))
         self._refresh_sheets()
-        self._report(RunStarted(len(tasks), len(pending)))
+        self._report(events.RunStarted(len(tasks), len(pending)))
         return pending
 
     def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
@@ -219,30 +191,29 @@ class RunFrames:
                 link_or_copy(task.files[0], path)
         self._pictures.refresh(task, self._done)
         self._mark_done(task)
-        self._report(FrameFound(self._name(task), task.digest))
+        self._report(events.FrameFound(self._name(task), id=task.digest))
         self._refresh_sheets()
         return True
 
     def _handle(self, event: Happening) -> None:
         """Report an event of the executor, and write the frame that it finishes."""
-        if isinstance(event, Remarked):
-            self._report(Noted(event.text))
+        if isinstance(event, protocol.Remarked):
+            self._report(events.Noted(event.text))
             return
         task = event.task
         name, digest = self._name(task), task.digest
         match event:
-            case Started():
-                self._report(FrameStarted(name, digest))
-            case Progressed(_, progress):
-                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
-            case Retried(_, reason, attempt, attempts):
-                self._report(FrameRetried(name, reason, attempt, attempts, digest))
-            case GivenUp(_, reason, log):
+            case protocol.Started():
+                self._report(events.FrameStarted(name, id=digest))
+            case protocol.Progressed(_, progress):
+                self._report(events.FrameProgressed(name, progress.samples, progress.of, progress.relmse, id=digest))
+            case protocol.Retried(_, reason, attempt, attempts):
+                self._report(events.FrameRetried(name, reason, attempt, attempts, id=digest))
+            case protocol.GivenUp(_, reason, log):
                 self._run.release(name)
-                self._failures.append(Failure(name, reason, log))
-                record_failure(self._run, name, reason, log)
-                self._report(FrameFailed(name, reason, digest))
-            case Finished(_, rendered, seconds):
+                self._failures.append(record_failure(self._run, name, reason, log))
+                self._report(events.FrameFailed(name, reason, id=digest))
+            case protocol.Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
@@ -250,14 +221,12 @@ class RunFrames:
         self._run.check_alive()
         stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
         for note in stored.notes:
-            self._report(Noted(note))
-        if isinstance(rendered, Stored):
-            self._pictures.refresh(task, self._done)
-        else:
-            self._pictures.write(task, exposed_beauty(task, rendered), rendered.alpha, self._done)
+            self._report(events.Noted(note))
+        pixels = None if isinstance(rendered, Stored) else (exposed_beauty(task, rendered), rendered.alpha)
+        self._pictures.refresh(task, self._done, pixels)
         self._mark_done(task)
         self._rendered += 1
-        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
+        self._report(events.FrameDone(self._name(task), seconds, stored.samples, stored.relmse, id=task.digest))
         self._refresh_sheets(task)
 
     def _mark_done(self, task: FrameTask) -> None:
@@ -270,21 +239,20 @@ class RunFrames:
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:
         """Make the due files of several frames that are all done; with `task`, all that show this new frame."""
         for file in self._pictures.sheets(self._done, task):
-            if task is None and not self._pictures.is_due(file):
-                continue
-            if not self._make_sheet(file, new=task is not None):
+            is_due = task is not None or self._pictures.is_due(file)
+            if is_due and not self._make_sheet(file, new=task is not None):
                 self._sheets_of_others.append(file)
 
     def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:
         """Make a file of several frames if it is `new` or due; return False where another run has claimed it."""
-        name = file.paths[0].relative_to(self._root).as_posix()
+        name = file.paths[0].relative_to(self._plan.output).as_posix()
         if not self._run.claim(name):
             return False
         try:
             if new or self._pictures.is_due(file):
-                self._pictures.make(file)
+                self._pictures.write(file, file.paths)
                 for path in file.paths:
-                    self._report(SheetWritten(path))
+                    self._report(events.SheetWritten(path))
         finally:
             self._run.release(name)
         return True

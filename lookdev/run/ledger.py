@@ -13,8 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from lookdev.cache import atomic_path, file_digest
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.cache import file_digest, write_file
+from lookdev.text import read_json_object
 
 _LARGEST = 1 << 30  # bytes
 
@@ -70,8 +70,7 @@ class Ledger:
             return
         merged = self._merged | self._latest
         if merged != self._merged:
-            with atomic_path(self._file) as temporary:
-                temporary.write_text(json.dumps(merged, indent=0))
+            write_file(self._file, json.dumps(merged, indent=0))
         for file in ended:
             file.unlink(missing_ok=True)
 
@@ -105,13 +104,9 @@ def _parse_line(line: bytes) -> list[str] | None:
 
 
 def _read_merged(file: Path) -> dict[str, Entry]:
-    try:
-        data = parse_json(read_text(file, _LARGEST), file)
-    except TextError:  # missing or damaged: every picture is made again
-        return {}
-    pairs = data.items() if isinstance(data, dict) else ()
+    """Return the entries of ended runs; without the file, every picture is made again."""
     return {
         name: (entry[0], entry[1])
-        for name, entry in pairs
+        for name, entry in read_json_object(file, _LARGEST).items()
         if isinstance(entry, list) and len(entry) == 2 and all(isinstance(part, str) for part in entry)
     }

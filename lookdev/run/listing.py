@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
@@ -10,6 +10,7 @@ from pathlib import Path
 from lookdev.codegen import ShaderSource
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, PlannedFile
+from lookdev.text import align_columns
 
 LINKED = "shown by another frame that is done: linked, not rendered"
 
@@ -49,7 +50,7 @@ def plan_text(plan: Plan) -> str:
     for group in plan_ranges(plan):
         numbers = group.first if group.count == 1 else f"{group.first}-{group.last}"
         rows.append((group.turntable, numbers, group.state, group.reason))
-    lines = [table(rows)]
+    lines = align_columns(rows)
     for (look, ibl), skips in groupby(plan.skips, key=lambda skip: (skip.look, skip.ibl)):
         lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
@@ -89,11 +90,3 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
         "render": len(plan.pending()),
         **dict(zip(("shaders", "programs"), _program_counts(plan), strict=True)),
     }
-
-
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of cells as aligned text."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )

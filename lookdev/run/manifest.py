@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import lookdev
-from lookdev.cache import atomic_path, file_digest
+from lookdev.cache import file_digest, write_file
 from lookdev.errors import LookError, StageError
 from lookdev.job import Job
 from lookdev.mtlx import document_layer, is_document
@@ -23,7 +23,7 @@ from lookdev.output.manifest import NAME, STATE_FOLDER, Deviation, deviations, r
 from lookdev.plan import Plan
 from lookdev.run.ledger import Ledger
 from lookdev.stage import dependencies
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.text import read_json_object
 
 _STATE = f"{STATE_FOLDER}/digests.json"
 
@@ -91,7 +91,7 @@ class _Digests:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._old = _read_object(file)
+        self._old = read_json_object(file)  # without it, all files are read
         self._new: dict[str, list[Any]] = {}
 
     def entry(self, file: Path, name: str) -> dict[str, Any]:
@@ -106,8 +106,7 @@ class _Digests:
     def save(self) -> None:
         """Store the digests of the files of this run."""
         if self._new != self._old:
-            with atomic_path(self._file) as temporary:
-                temporary.write_text(json.dumps(self._new))
+            write_file(self._file, json.dumps(self._new))
 
 
 def verify(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:
@@ -132,11 +131,3 @@ def manifest_text(folder: Path, manifest: Mapping[str, Any], problems: Iterable[
     wrong = sum(deviation.fails for deviation in listed)
     lines.append(f"{wrong} files are not as they are listed" if wrong else "all files are as they are listed")
     return "\n".join(lines)
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        data = parse_json(read_text(path), path)
-    except TextError:  # missing or damaged: all files are read
-        return {}
-    return data if isinstance(data, dict) else {}

@@ -8,24 +8,23 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product
+from operator import attrgetter
 from pathlib import Path
-
-import numpy as np
 
 from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite, laid_over
-from lookdev.output.color import DisplayView
-from lookdev.output.exr import read_shown
+from lookdev.output.display import composite, laid_over
+from lookdev.output.exr import read_shown, shown_light
 from lookdev.output.frame_name import FrameName
+from lookdev.output.record import Frames, Output
 from lookdev.plan import Plan, Reel
 from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
-from lookdev.space import REC709, to_rec709
 
 Background = Callable[[FrameTask], Reals]
 """Returns the linear light behind a frame, with exposure applied: (H, W, 3), or (3,) for a uniform colour."""
@@ -57,46 +56,40 @@ class PictureWriter:
     """
 
     def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
+        self._plan = plan
         self._outputs = outputs
-        self._root = plan.output
         self._background_light = light
         self._background = background
         self._ledger = ledger
         self._due = set(plan.pictures)
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
-        self._charts = plan.charts
-        files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
-        self._sheets = [file for output, file in files if output.of != "frame"]
-        self._files_of_frame: dict[Path, list[PictureFile]] = {}
-        for output, file in files:
-            if output.of == "frame":
-                self._files_of_frame.setdefault(next(iter(file.frames)), []).append(file)
+        self._sheets: list[PictureFile] = []
+        self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
+        for output in outputs.wanted:
+            for file in _files(plan, output):
+                (self._files_of_frame[next(iter(file.frames))] if output.of == "frame" else self._sheets).append(file)
 
-    def refresh(self, task: FrameTask, done: set[Path]) -> None:
-        """Make the files of a single frame on disk that are missing or out of date, if the props over it are `done`.
+    def refresh(self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
+        """Make the files of a single frame that are missing or out of date, if the props over it are `done`.
+
+        With `pixels`, the beauty and the alpha of a new frame, all its files are made from them.
 
         Raises
         ------
         OutputError
             The frame cannot be read, or a file cannot be written.
         """
-        for file in self._files_of_frame.get(task.files[0], ()):
+        for file in self._files_of_frame[task.files[0]]:
             if not self._props_over(file) <= done:
                 continue
             key = self._key(file)
-            due = [path for path in file.paths if path in self._due or not self._is_current(path, key)]
+            due = [path for path in file.paths if pixels or path in self._due or not self._is_current(path, key)]
             if due:
-                self._write(file, due)
-
-    def write(self, task: FrameTask, beauty: Floats32, alpha: Floats32, done: set[Path]) -> None:
-        """Make the files of a single frame, from its new pixels, if the props over it are `done`."""
-        for file in self._files_of_frame.get(task.files[0], ()):
-            if self._props_over(file) <= done:
-                self._write(file, file.paths, (beauty, alpha))
+                self.write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
         """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
-        frames = {self._tasks[frame].files for frame, props in self._charts.items() if props in task.files}
+        frames = {self._tasks[frame].files for frame, props in self._plan.charts.items() if props in task.files}
         for files in frames:
             if files[0] in done:
                 self.refresh(self._tasks[files[0]], done)
@@ -112,21 +105,15 @@ class PictureWriter:
         """Return whether a file is missing or out of date."""
         return not self._is_current(file.paths[0], self._key(file))
 
-    def make(self, file: PictureFile) -> None:
-        """Make a file of several frames."""
-        self._write(file, file.paths)
-
-    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file; `pixels` are beauty and alpha of its only frame, which otherwise is read."""
+    def write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
+        """Write a file to some paths, from beauty and alpha of its only frame, or from its frames on disk."""
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
-            props = self._charts.get(frame)
+            props = self._plan.charts.get(frame)
             if pixels is None:
                 layer = read_shown(frame)
             else:
-                beauty, alpha = pixels
-                space = file.frames[frame].scene.space
-                layer = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+                layer = shown_light(pixels[0], file.frames[frame].scene.space), pixels[1]
             return layer if props is None else laid_over(read_shown(props), layer)
 
         def light(frame: Path) -> Floats32:
@@ -135,7 +122,8 @@ class PictureWriter:
         frames = Frames(
             tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
         )
-        write_shared(paths, lambda path: file.output.write(path, frames))
+        file.output.write(paths[0], frames)
+        link_first(paths)
         key = self._key(file)
         digest = file_digest(paths[0])
         for path in paths:
@@ -143,15 +131,15 @@ class PictureWriter:
 
     def _props_over(self, file: PictureFile) -> set[Path]:
         """Return the frames of props that are laid over the frames of a file."""
-        return {self._charts[frame] for frame in file.frames if frame in self._charts}
+        return {self._plan.charts[frame] for frame in file.frames if frame in self._plan.charts}
 
     def _key(self, file: PictureFile) -> str:
         """Return a digest of the inputs of a file."""
         digests = [task.digest for task in file.frames.values()]
-        digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
+        digests += [self._tasks[self._plan.charts[frame]].digest for frame in file.frames if frame in self._plan.charts]
         inputs = [digests, file.labels, self._background, self._options(file.output)]
         inputs += [file.columns] if file.columns else []
-        return hashlib.sha256(json.dumps(inputs, default=_view_digest).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(inputs, default=attrgetter("digest")).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
         options = {name: getattr(self._outputs, name) for name in output.options}
@@ -162,16 +150,11 @@ class PictureWriter:
         return path.is_file() and self._ledger.has(self._name(path), key, path)
 
     def _name(self, path: Path) -> str:
-        return path.relative_to(self._root).as_posix()
+        return path.relative_to(self._plan.output).as_posix()
 
 
-def _view_digest(view: DisplayView) -> str:
-    return view.digest
-
-
-def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
-    """Write the first path, and link or copy it to the others."""
-    write(paths[0])
+def link_first(paths: Sequence[Path]) -> None:
+    """Link or copy the file of the first path to the others."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 

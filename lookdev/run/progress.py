@@ -1,40 +1,33 @@
-"""The progress of a run: a live display in a terminal, plain lines in a log file."""
+"""The progress of a run: a live display in a terminal, plain lines in a log file, or lines of JSON for programs."""
 
 from __future__ import annotations
 
+import json
+import math
+import os
+import re
+import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from datetime import timedelta
-from typing import TYPE_CHECKING, TextIO
+from dataclasses import fields
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from lookdev.errors import replace_controls
-from lookdev.run.events import (
-    Event,
-    FrameDone,
-    FrameFailed,
-    FrameFound,
-    FrameProgressed,
-    FrameRetried,
-    FrameStarted,
-    LogFormat,
-    Noted,
-    Report,
-    RunEnded,
-    RunJoined,
-    RunStarted,
-    SheetWritten,
-)
-from lookdev.run.log import JsonReport
+from lookdev.run import events
+from lookdev.run.events import Event, LogFormat, Report
 
 if TYPE_CHECKING:
     from lookdev.fitting.picture.search import Point
 
 _MAX_BARS = 8  # of frames
+_LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}
 
 
 @contextmanager
@@ -45,7 +38,8 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
     elif form is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
-        with _live_display(Console(file=stream)) as display:
+        name, note = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[note]}"))
+        with Progress(name, BarColumn(bar_width=30), note, console=Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
         yield _PlainReport(stream)
@@ -78,28 +72,28 @@ class Tally:
     def count(self, event: Event) -> str | None:
         """Count an event; return its line, or None for events that only the live display shows."""
         match event:
-            case Noted():
+            case events.Noted():
                 return f"note: {event.text}"
-            case RunStarted():
+            case events.RunStarted():
                 self.total, self.pending = event.total, event.pending
                 self._started = time.monotonic()
                 return f"{event.total} frames, {event.pending} to render"
-            case FrameDone():
+            case events.FrameDone():
                 self.settled += 1
                 left = f"  left {left}" if (left := self.time_left()) else ""
                 figures = f"{event.seconds:.1f} s  {event.samples} samples  relMSE {event.relmse:.1e}"
                 return f"{self._position()} {event.name}  {figures}{left}"
-            case FrameFound():
+            case events.FrameFound():
                 self.settled += 1
                 return f"{self._position()} {event.name}  rendered by another run"
-            case FrameRetried():
+            case events.FrameRetried():
                 return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
-            case FrameFailed():
+            case events.FrameFailed():
                 self.settled += 1
                 return f"{self._position()} {event.name}  FAILED: {event.reason}"
-            case SheetWritten():
+            case events.SheetWritten():
                 return f"sheet {event.path}"
-            case FrameStarted() | FrameProgressed() | RunJoined() | RunEnded():
+            case _:
                 return None
 
     def time_left(self) -> str:
@@ -111,6 +105,40 @@ class Tally:
 
     def _position(self) -> str:
         return f"[{self.total - self.pending + self.settled}/{self.total}]"
+
+
+class JsonReport:
+    """A report for programs that follow a run: each event as a line of JSON, written at once.
+
+    A line is an object with ``time`` (UTC), ``level``, ``event``, ``host``, ``process``, the ``run`` and its ``chunk``.
+    The event of a frame has its name, ``frame``, and its ``id``: the digest of the frame, as in its plan, its worker's
+    log and its EXR.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._context: dict[str, object] = {"host": socket.gethostname(), "process": os.getpid()}
+
+    def __call__(self, event: Event) -> None:
+        """Write an event as a line."""
+        if isinstance(event, events.RunJoined):
+            self._context |= {"run": event.run, **({"chunk": event.chunk} if event.chunk else {})}
+        values = {("frame" if key.name == "name" else key.name): getattr(event, key.name) for key in fields(event)}
+        line = {
+            "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "level": _LEVELS.get(type(event), "info"),
+            "event": re.sub(r"(?<!^)(?=[A-Z])", "_", type(event).__name__).lower(),
+            **self._context,
+            **values,
+        }
+        self._stream.write(json.dumps({key: _plain(value) for key, value in line.items()}) + "\n")
+        self._stream.flush()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
 
 
 class _PlainReport:
@@ -130,11 +158,11 @@ class _OpenJdReport(_PlainReport):
     def __call__(self, event: Event) -> None:
         super().__call__(event)
         tally = self._tally
-        if isinstance(event, FrameFailed):
+        if isinstance(event, events.FrameFailed):
             self._send("fail", f"{event.name}: {event.reason}")
-        if isinstance(event, FrameStarted):
+        if isinstance(event, events.FrameStarted):
             self._send("status", f"rendering {event.name}, {tally.settled} of {tally.pending} frames are done")
-        if isinstance(event, RunStarted | FrameDone | FrameFailed | FrameFound):
+        if isinstance(event, events.RunStarted | events.FrameDone | events.FrameFailed | events.FrameFound):
             self._send("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
 
     def _send(self, kind: str, text: str) -> None:
@@ -156,26 +184,17 @@ class _LiveReport:
         if (line := tally.count(event)) is not None:
             self._display.console.print(replace_controls(line), markup=False, highlight=False, soft_wrap=True)
         match event:
-            case FrameStarted() if len(self._rendering) < _MAX_BARS:
+            case events.FrameStarted() if len(self._rendering) < _MAX_BARS:
                 bar = self._display.add_task(replace_controls(event.name), total=None, note="starting")
                 self._rendering[event.name] = bar
-            case FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
+            case events.FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
                 error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
                 note = f"{event.samples}/{event.of} samples{error}"
                 self._display.update(task, completed=event.samples, total=event.of, note=note)
-            case RunStarted() | FrameDone() | FrameFound() | FrameFailed():
+            case events.RunStarted() | events.FrameDone() | events.FrameFound() | events.FrameFailed():
                 ended = tally.total - tally.pending + tally.settled
                 left = tally.time_left()
                 note = f"{ended}/{tally.total}" + (f"  left {left}" if left else "")
                 self._display.update(self._frames, completed=ended, total=tally.total, note=note)
-                if not isinstance(event, RunStarted) and event.name in self._rendering:
+                if not isinstance(event, events.RunStarted) and event.name in self._rendering:
                     self._display.remove_task(self._rendering.pop(event.name))
-
-
-def _live_display(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=30),
-        TextColumn("{task.fields[note]}", markup=False),
-        console=console,
-    )

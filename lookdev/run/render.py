@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +17,8 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors import Executor, Place
 from lookdev.rendering.executors.choice import LOCAL, Choice, open_executor
+from lookdev.rendering.executors.protocol import Executor, Place
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import PATIENCE
 from lookdev.run.chunks import plan_of_chunk, remove_divisions
@@ -127,16 +128,13 @@ def render_job(
         return result
 
 
-@contextmanager
-def mapped_files(rules: PathRules) -> Iterator[None]:
-    """Apply path rules to the asset paths in USD files, in the block."""
+def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
+    """Return a context that applies path rules to the asset paths in USD files."""
     if not rules:
-        yield
-        return
+        return nullcontext()
     from lookdev.stage import map_asset_paths  # not at the top: reading USD files takes long to import
 
-    with map_asset_paths(lambda asset: mapped(asset, rules)):
-        yield
+    return map_asset_paths(lambda asset: mapped(asset, rules))
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
@@ -162,17 +160,10 @@ def _lacks_frames(job: Job) -> bool:
     """Return whether frames of a job are missing, as far as their names follow from the job file alone."""
     turns = Turns(job.turntable, job.output)
     for look in job.look:
-        names = [look.name]
-        if "*" in look.variants.values():
-            names = [folder.name for folder in job.output.glob(f"{look.name}_*")]
-        frames = [
-            file
-            for name in names
-            for rig in job.rigs
-            for turntable in turns.turntables
-            for file in turns.files(name, rig.name, turntable)
-        ]
-        if not frames or not all(file.exists() for file in frames):
+        wild = "*" in look.variants.values()
+        names = [folder.name for folder in job.output.glob(f"{look.name}_*")] if wild else [look.name]
+        reels = list(product(names, (rig.name for rig in job.rigs), turns.turntables))
+        if not reels or not all(file.exists() for reel in reels for file in turns.files(*reel)):
             return True
     return False
 

@@ -29,10 +29,10 @@ from functools import cache
 from pathlib import Path
 from typing import Self
 
-from lookdev.cache import atomic_path, process_name
+from lookdev.cache import output_errors, process_name, write_file
 from lookdev.errors import OutputError, WorkerError
 from lookdev.output.manifest import STATE_FOLDER
-from lookdev.text import TextError, parse_json, read_text, stated_limit
+from lookdev.text import read_json_object, stated_limit
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
 """Environment variable: seconds without a heartbeat after which a run counts as dead."""
@@ -84,11 +84,7 @@ class Runs:
 
     def all(self) -> list[RunInfo]:
         """Return the runs that have files, including dead runs."""
-        try:
-            names = sorted(path.name for path in self._folder.iterdir() if not path.name.startswith("."))
-        except FileNotFoundError:
-            return []
-        return [run for name in names if (run := _read_run(self._folder / name))]
+        return [run for file in sorted(self._folder.glob("[!.]*")) if (run := _read_run(file))]
 
     def alive(self) -> list[RunInfo]:
         """Return the runs that are not known to be dead; the files of dead runs are removed."""
@@ -142,11 +138,9 @@ class Run:
         self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
-        try:
+        with output_errors(self._output, "the output folder cannot be written"):
             self._register()
             self._remove_scratch()
-        except OSError as error:
-            raise OutputError(f"{self._output}: the output folder cannot be written: {error.strerror}") from error
         self._heartbeat.start()
         return self
 
@@ -282,10 +276,11 @@ class Run:
                 stream.write(self._text())
         except FileExistsError:
             # Between its creation and its content, the owner of a claim is unknown.
-            for _ in range(20):
-                if not _is_empty(file):
-                    break
-                time.sleep(0.1)
+            with suppress(FileNotFoundError):
+                for _ in range(20):
+                    if file.stat().st_size:
+                        break
+                    time.sleep(0.1)
             return False
         return True
 
@@ -304,8 +299,7 @@ class Run:
                 return
 
     def _write(self) -> None:
-        with atomic_path(self._file) as temporary:
-            temporary.write_text(self._text())
+        write_file(self._file, self._text())
 
     def _beat_until_end(self) -> None:
         while not self._ended.wait(self._lease / _BEATS):
@@ -343,11 +337,9 @@ def lease() -> float:
 
 def read_claims(state: Path) -> dict[str, list[str]]:
     """Return the keys of the claims of all runs, by the ids of the runs."""
-    latest: dict[str, tuple[int, Path]] = {}
-    for file in (state / "claims").glob("*.*"):
-        latest[file.stem] = max(latest.get(file.stem, (-1, file)), (int(file.suffix[1:]), file))
+    files = sorted((state / "claims").glob("*.*"), key=lambda file: int(file.suffix[1:]))
     keys: dict[str, list[str]] = {}
-    for key, (_, file) in latest.items():
+    for key, file in {file.stem: file for file in files}.items():  # of several claims, the last
         if run := _read_run(file):
             keys.setdefault(run.id, []).append(key)
     return keys
@@ -361,16 +353,9 @@ def claim_key(name: str) -> str:
 def _read_run(file: Path) -> RunInfo | None:
     """Return the run in a file; None where the file is missing or damaged."""
     try:
-        return RunInfo(**parse_json(read_text(file), file))
-    except (TextError, TypeError):
+        return RunInfo(**read_json_object(file))
+    except TypeError:
         return None
-
-
-def _is_empty(file: Path) -> bool:
-    try:
-        return file.stat().st_size == 0
-    except FileNotFoundError:
-        return False
 
 
 @cache

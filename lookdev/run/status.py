@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -18,16 +19,15 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.costs import estimated
-from lookdev.run.listing import table
 from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease, read_claims
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.text import align_columns, read_json_object
 
 _PLAN, _FAILED = "plan.json", "failed"
 _LARGEST = 1 << 28  # bytes of a plan
@@ -36,7 +36,7 @@ _MAX_FAILURES = 10  # in the text
 
 @dataclass(frozen=True)
 class FailedFrame:
-    """A frame whose last try failed in a run."""
+    """A frame whose last try failed in a run on a host; `log` is the file with the details there, or ""."""
 
     name: str
     reason: str
@@ -88,23 +88,20 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
         str(FrameName.of(frame.task.files[0])): [frame.task.digest, cost]
         for frame, cost in zip(plan.frames, costs, strict=True)
     }
-    with atomic_path(file) as temporary:
-        temporary.write_text(json.dumps({"plan": plan.digest, "job": str(job), "frames": frames}))
+    write_file(file, json.dumps({"plan": plan.digest, "job": str(job), "frames": frames}))
 
 
-def record_failure(run: Run, name: str, reason: str, log: Path | None) -> None:
-    """Write the reason of a failed frame to the state folder."""
+def record_failure(run: Run, name: str, reason: str, log: Path | None) -> FailedFrame:
+    """Write the reason of a failed frame to the state folder, and return its record."""
     failed = FailedFrame(name, reason, run.info.host, str(log or ""))
-    with suppress(OSError), atomic_path(run.state / _FAILED / f"{claim_key(name)}.json") as temporary:
-        temporary.write_text(json.dumps(asdict(failed)))
+    with suppress(OSError):
+        write_file(run.state / _FAILED / f"{claim_key(name)}.json", json.dumps(asdict(failed)))
+    return failed
 
 
 def remove_failures(state: Path) -> None:
     """Remove the failures from a state folder; all frames of the output are done."""
-    for file in (state / _FAILED).glob("*.json"):
-        file.unlink(missing_ok=True)
-    with suppress(OSError):
-        (state / _FAILED).rmdir()
+    shutil.rmtree(state / _FAILED, ignore_errors=True)
 
 
 def read_status(output: Path) -> Status:
@@ -116,7 +113,9 @@ def read_status(output: Path) -> Status:
     left: dict[str, tuple[str, float]] = {}
     times: dict[str, list[float]] = {}
     for name, (digest, cost) in plan["frames"].items():
-        header = _header(output / f"{name}.exr")
+        header: Mapping[str, str] = {}
+        with suppress(OutputError):
+            header = read_header(output / f"{name}.exr", check=False)
         if header.get("digest") == digest:
             with suppress(KeyError, ValueError):
                 times.setdefault(_scene(name), []).append(float(header["seconds"]))
@@ -155,7 +154,7 @@ def status_text(status: Status) -> str:
             frames = ", ".join(active.frames[:3]) + (f" and {more} more" if more > 0 else "")
             name, sign = f"{active.run.host} {active.run.process}", f"{max(active.silent, 0.0):.0f} s ago"
             rows.append([name, active.run.part or "-", active.state, sign, frames or "-"])
-        lines.append(table(rows))
+        lines += align_columns(rows)
     failed, more = status.failed[:_MAX_FAILURES], len(status.failed) - _MAX_FAILURES
     lines += [f"failed: {frame.name}: {frame.reason} ({frame.host}, log: {frame.log})" for frame in failed]
     lines += [f"and {more} more failed"] if more > 0 else []
@@ -236,22 +235,12 @@ def _scene(name: str) -> str:
     return name.rpartition("/")[0]
 
 
-def _header(file: Path) -> Mapping[str, str]:
-    try:
-        return read_header(file, check=False)
-    except OutputError:
-        return {}
-
-
 def _failures(state: Path) -> Iterator[FailedFrame]:
     for file in sorted((state / _FAILED).glob("*.json")):
-        with suppress(TextError, TypeError):
-            yield FailedFrame(**parse_json(read_text(file), file))
+        with suppress(TypeError):
+            yield FailedFrame(**read_json_object(file))
 
 
 def _read_plan(file: Path) -> dict[str, Any]:
-    try:
-        plan = parse_json(read_text(file, _LARGEST), file)
-    except TextError:
-        return {}
-    return plan if isinstance(plan, dict) and plan.keys() >= {"plan", "job", "frames"} else {}
+    plan = read_json_object(file, _LARGEST)
+    return plan if plan.keys() >= {"plan", "job", "frames"} else {}

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from pxr import Ar
 
-from lookdev.cache import atomic_path, cache_dir, is_whole
+from lookdev.cache import cache_dir, is_whole, write_file
 from lookdev.errors import TextureError
 
 
@@ -26,8 +26,7 @@ def unpack(paths: Sequence[str]) -> Path:
     for path, digest in zip(paths, digests, strict=True):
         file = folder / _member_name(path)
         if not is_whole(file, digest):
-            with atomic_path(file) as temporary:
-                temporary.write_bytes(_read_member(path))
+            write_file(file, _read_member(path))
     return folder / _member_name(paths[0])
 
 

@@ -9,7 +9,7 @@ from looks import quick_among
 from usd_text import shader
 
 from lookdev.light.dome.environment import write_exr
-from lookdev.output import read_frame
+from lookdev.output.exr import read_frame
 from lookdev.run.events import Noted
 from lookdev.run.render import render_job
 

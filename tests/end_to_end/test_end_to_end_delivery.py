@@ -6,7 +6,7 @@ import batches
 import numpy as np
 import pytest
 
-from lookdev.output import read_frame
+from lookdev.output.exr import read_frame
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]

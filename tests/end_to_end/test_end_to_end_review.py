@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lookdev.metrics import noise_ratio
-from lookdev.output.review.compare import BEYOND, NOTICED, SQUARE
-from lookdev.output.review.pixels import Pixels, read_pixels
+from lookdev.output.review.pixels import BEYOND, NOTICED, SQUARE, Pixels, read_pixels
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]

@@ -15,7 +15,8 @@ from usd_text import textured
 
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.export.blend import Exported, blend_task, export_blend, image_names
+from lookdev.export import Exported
+from lookdev.export.blend import blend_task, export_blend, image_names
 from lookdev.light import Emission
 from lookdev.plan.prepare import JobSetups, read_setups
 from lookdev.rendering.blend import BLEND_TASK, BlendImage
@@ -125,13 +126,13 @@ def test_images_are_named_after_their_originals_tiles_one_by_one(job: Path) -> N
 
 def test_images_are_placed_beside_the_file_which_a_second_export_replaces(export: Export, tmp_path: Path) -> None:
     folder = tmp_path / "show"
-    assert export(pack=True).images == ()
+    assert export(pack=True).files == (folder / "look.blend",)
     assert names(folder) == ["look.blend"]
     exported = export()
-    assert exported.file == folder / "look.blend"
+    assert exported.files[0] == folder / "look.blend"
     assert exported.notes == ("a note",)
-    assert {exported.file, *exported.images} == {folder / name for name in names(folder)}
-    task = json.loads(exported.file.read_bytes().removeprefix(b"BLENDER"))
+    assert set(exported.files) == {folder / name for name in names(folder)}
+    task = json.loads(exported.files[0].read_bytes().removeprefix(b"BLENDER"))
     for image in task["images"]:
         assert (folder / image["path"]).read_bytes() == Content(**image["content"]).path.read_bytes()
         assert image["path"].startswith("look_files/")

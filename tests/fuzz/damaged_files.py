@@ -36,7 +36,7 @@ from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, slope_texture
 from lookdev.material.usd.bound import read_any_look
 from lookdev.mtlx.shade import document_layer
-from lookdev.output import read_frame, read_header, write_frame
+from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.scene import Camera
 
 Result = dict[str, object]

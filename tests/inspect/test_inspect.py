@@ -11,8 +11,8 @@ from usd_text import card, shader, translate, variant_set
 from lookdev.arrays import Bytes
 from lookdev.errors import AssetError, StageError
 from lookdev.inspect.assets import MOST_LINES, Inspection, inspect_file
-from lookdev.inspect.portrait import group_names
-from lookdev.output.legend import write_legend
+from lookdev.inspect.pictures import group_names
+from lookdev.output.sheet import write_legend
 from lookdev.stage import Composition
 
 ROBOT = """#usda 1.0

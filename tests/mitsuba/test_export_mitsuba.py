@@ -69,8 +69,8 @@ def test_a_scene_shows_what_the_backend_shows(
     mi.set_variant("llvm_ad_rgb")
     job = write_job(tmp_path, light, source, material=material)
     export = export_mitsuba(job, tmp_path / "scenes")
-    assert [file.name for file in export.scenes] == ["paint.light.xml"]
-    scene = mi.load_file(str(export.scenes[0]))
+    assert [file.name for file in export.files] == ["paint.light.xml"]
+    scene = mi.load_file(str(export.files[0]))
     rendered = np.stack([np.array(mi.render(scene, spp=132, seed=seed)) for seed in range(8)]).astype(float)
 
     setups = read_setups(job, backend="mitsuba")

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.output import read_frame, to_display
 from lookdev.output.color import VIEWS
-from lookdev.output.lettering import write_text
+from lookdev.output.display import to_display
+from lookdev.output.exr import read_frame
 from lookdev.output.sheet import INK, PAGE
+from lookdev.output.slate import write_text
 
 STOPS = (-2, 0, 2, 4, 6)
 LABEL = 18

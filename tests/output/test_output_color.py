@@ -9,9 +9,9 @@ import PyOpenColorIO as ocio
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import to_display
 from lookdev.output.color import DISPLAY, SHIPPED, SOURCE, VIEWS, DisplayView, default_display, default_view
 from lookdev.output.config import BASE, FILE, KNEE, WHITE, make_config, shoulder
+from lookdev.output.display import to_display
 
 STUDIO = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
 

@@ -5,9 +5,8 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import composite, to_display, write_png
 from lookdev.output.color import VIEWS
-from lookdev.output.display import write_pixels
+from lookdev.output.display import composite, quantise, straight_codes, to_display, write_pixels
 
 
 def read_png(path: Path) -> tuple[np.ndarray, oiio.ImageSpec]:
@@ -46,7 +45,7 @@ def test_png_with_alpha_is_straight(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.png"
     alpha = np.array([[0.5, 0.0, 1.0, 1e-30]])
     rgb = np.array([[[0.25] * 3, [3.0] * 3, [0.5] * 3, [1e20] * 3]])
-    write_png(path, rgb, alpha, "Raw")
+    write_pixels(path, quantise(straight_codes(rgb, alpha, "Raw")))
     pixels, spec = read_png(path)
     assert pixels.tolist() == [[[128, 128, 128, 128], [0, 0, 0, 0], [128, 128, 128, 255], [255, 255, 255, 0]]]
     assert "rgb" in spec.getattribute("oiio:ColorSpace").lower()
@@ -55,7 +54,7 @@ def test_png_with_alpha_is_straight(tmp_path: Path) -> None:
 
 def test_png_without_alpha_is_opaque(tmp_path: Path) -> None:
     rgb = np.random.default_rng(1).random((3, 5, 3))
-    write_png(tmp_path / "a.png", rgb, None, VIEWS[0])
+    write_pixels(tmp_path / "a.png", to_display(rgb, VIEWS[0]))
     np.testing.assert_array_equal(read_png(tmp_path / "a.png")[0], to_display(rgb, VIEWS[0]))
 
 

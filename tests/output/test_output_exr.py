@@ -10,8 +10,8 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import read_frame, read_header, write_frame, write_png
-from lookdev.output.exr import read_shown
+from lookdev.output.display import to_display, write_pixels
+from lookdev.output.exr import read_frame, read_header, read_shown, write_frame
 from lookdev.space import to_rec709
 
 pytestmark = pytest.mark.both_pythons
@@ -148,4 +148,4 @@ def test_a_frame_and_a_picture_on_a_full_disk(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
         write_frame(tmp_path / "a.exr", *frame, {})
     with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):
-        write_png(tmp_path / "a.png", frame[0] * 0.0, None, "Raw")
+        write_pixels(tmp_path / "a.png", to_display(frame[0] * 0.0, "Raw"))

@@ -10,7 +10,7 @@ from chromium import Page, serve_files
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from lookdev.errors import OutputError
-from lookdev.output import to_display
+from lookdev.output.display import to_display
 from lookdev.output.movie import H264, PRORES, VP9, Codec, frame_rate, to_planes, write_movie
 
 av = pytest.importorskip("av")

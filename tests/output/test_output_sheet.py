@@ -5,8 +5,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import write_sheet
-from lookdev.output.sheet import PAGE
+from lookdev.output.sheet import PAGE, write_sheet
 
 
 def frames(count: int, shape: tuple[int, int] = (60, 80)) -> list[np.ndarray]:

@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lookdev.output import write_frame
-from lookdev.output.lettering import write_text
-from lookdev.output.slate import burn_in, draw_slate
+from lookdev.output.exr import write_frame
+from lookdev.output.slate import burn_in, draw_slate, write_text
 
 HEADER = {
     "job": "/shows/a/robot.toml", "look": "gold", "ibl": "sunset", "turntable": "element, lighting",

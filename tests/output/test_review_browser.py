@@ -16,9 +16,8 @@ from lookdev.cache import link_or_copy
 from lookdev.metrics import noise_ratio
 from lookdev.output.color import VIEWS
 from lookdev.output.display import composite, to_display
-from lookdev.output.review.compare import SQUARE
 from lookdev.output.review.folder import review
-from lookdev.output.review.pixels import read_pixels
+from lookdev.output.review.pixels import SQUARE, read_pixels
 
 pytest.importorskip("selenium", reason="selenium is not installed: pip install -e '.[test]'")
 

@@ -16,7 +16,7 @@ from lookdev.plan.chunks import Chunk, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
 from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, store_measured_chunks
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
-from lookdev.run.log import JsonReport
+from lookdev.run.progress import JsonReport
 from lookdev.run.render import RunResult
 from lookdev.run.runs import Run, claim_key, read_claims
 from lookdev.run.status import read_status, status_data, status_metrics, status_text

@@ -13,7 +13,7 @@ import pytest
 from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import link_or_copy
 from lookdev.output.sheet import write_sheet
-from lookdev.run.pictures import write_shared
+from lookdev.run.pictures import link_first
 from lookdev.run.render import RunResult, run_plan
 
 COLORS = {"gold": (0.9, 0.6, 0.1), "tin": (0.4, 0.4, 0.4), "copper": (0.8, 0.3, 0.1)}
@@ -29,7 +29,8 @@ Written = list[tuple[str, list[str], list[list[int]], str, int | None]]
 
 def test_files_are_shared_as_links_or_as_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, third = (tmp_path / name for name in ("a", "b", "deep/c"))
-    write_shared([first, second, third], lambda path: path.write_text("pixels") and None)
+    first.write_text("pixels")
+    link_first([first, second, third])
     assert first.samefile(second)
     assert first.samefile(third)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lookdev.rendering.results import Rendered
-from lookdev.run.sanity import frame_doubts
+from lookdev.run.frame_file import frame_doubts
 
 
 def frame(a: Any, b: Any, alpha: Any = 1.0) -> Rendered:

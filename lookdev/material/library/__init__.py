@@ -16,6 +16,7 @@ from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.shipped import shipped_folder
 from lookdev.stage import open_stage
+from lookdev.text import align_columns
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
@@ -145,10 +146,7 @@ def library_text(library: Library) -> str:
     """Return a library as an aligned table: name, category, model, and the first sentence of the documentation."""
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    return "\n".join(align_columns(rows))
 
 
 def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:

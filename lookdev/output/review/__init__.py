@@ -4,8 +4,3 @@ A page from ``file://`` may run scripts and show pictures, but it may not read o
 is reading a canvas with a picture from another file. Therefore all pixel values are in scripts (`pixels`), and
 OpenColorIO's view is a shader (`view`). The code of the page is in ``static``.
 """
-
-from lookdev.output.review.compare import Comparison, compare_frames
-from lookdev.output.review.page import Reel, ReviewFrame, Version, write_page
-
-__all__ = ["Comparison", "Reel", "ReviewFrame", "Version", "compare_frames", "write_page"]

@@ -11,8 +11,7 @@ from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
-from lookdev.output.review import Reel, ReviewFrame, Version, write_page
-from lookdev.output.review.page import Written
+from lookdev.output.review.page import Reel, ReviewFrame, Version, Written, write_page
 from lookdev.scene.charts.props import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
@@ -90,14 +89,15 @@ def read_version(folder: Path, page: Path) -> Version:
         frame.file.relative_to(folder / FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and STRIP in frame.header and _has_props(folder)
+        if look == FOLDER and STRIP in frame.header
     }
+    if props and not _has_props(folder):
+        props.clear()
     complete = []
     for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == FOLDER):  # props after the looks
-        files = [frame.file.relative_to(folder / key[0]) for frame in frames]
-        overlays = [props.get(file) if key[0] != FOLDER else None for file in files]
-        pairs = zip(frames, overlays, strict=True)
-        complete.append(Reel(*key, tuple(replace(frame, over=overlay) for frame, overlay in pairs)))
+        if key[0] != FOLDER:
+            frames = [replace(frame, over=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
+        complete.append(Reel(*key, tuple(frames)))
     return Version(folder.name, folder, tuple(complete), tuple(problems))
 
 

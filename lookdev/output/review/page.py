@@ -20,15 +20,14 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lookdev.arrays import Bytes
-from lookdev.cache import atomic_path, file_digest, from_memory
+from lookdev.cache import file_digest, output_errors, write_file
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
-from lookdev.output.display import composite, to_display
+from lookdev.output.display import composite, to_display, write_image
 from lookdev.output.frame_name import FrameName
-from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
-from lookdev.output.review.pixels import read_pixels, write_pixels_script
+from lookdev.output.review.pixels import SQUARE, Comparison, compare_frames, read_pixels, write_pixels_script
 from lookdev.output.review.view import view_shader
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.text import read_json_object
 
 FORMAT = 1
 """Part of the names of a page's files: after a change of it, all files are written anew."""
@@ -38,7 +37,7 @@ THUMBNAIL = 176
 
 _STATIC = Path(__file__).with_name("static")
 _LEDGER = "data/ledger.json"
-_QUALITY = 90  # of a JPEG, which the page shows while pixel values load
+_JPEG = {"Compression": "jpeg:90", "jpeg:subsampling": "4:4:4"}  # the page shows it while pixel values load
 
 
 @dataclass(frozen=True)
@@ -99,20 +98,16 @@ def write_page(
     of frames that are done, and the number of all frames. Raises OutputError where a frame is damaged or a file cannot
     be written.
     """
-    page = _Page(folder, view)
-    try:
-        return page.write(versions, title, report)
-    except OSError as error:
-        raise OutputError(
-            f"{error.filename or folder}: the page cannot be written: {error.strerror or error}"
-        ) from error
+    with output_errors(folder, "the page cannot be written", name_file=True):
+        return _Page(folder, view).write(versions, title, report)
 
 
 class _Page:
     def __init__(self, folder: Path, view: DisplayView) -> None:
         self._folder = folder
         self._view = view
-        self._ledger = _read_ledger(folder / _LEDGER)
+        ledger = read_json_object(folder / _LEDGER).items()  # without it, all files are written again
+        self._ledger = {name: digest for name, digest in ledger if isinstance(digest, str)}
         self._listed: dict[str, str] = {}  # SHA-256 of each file of this page by its name
         self._written: set[str] = set()
 
@@ -143,8 +138,7 @@ class _Page:
             if file.is_file():
                 name = "index.html" if file.suffix == ".html" else f"static/{file.name}"
                 self._write_text(name, file.read_text("utf-8"))
-        with atomic_path(self._folder / _LEDGER) as temporary:
-            temporary.write_text(json.dumps(self._listed, indent=0, sort_keys=True))
+        write_file(self._folder / _LEDGER, json.dumps(self._listed, indent=0, sort_keys=True))
         self._remove_others()
         size = sum((self._folder / name).stat().st_size for name in self._listed)
         return Written(len(self._written), len(self._listed) - len(self._written), size)
@@ -158,7 +152,7 @@ class _Page:
             pixels = read_pixels(frame.file, frame.over)
             light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
             self._write_file(script, lambda path: write_pixels_script(path, key, pixels))
-            self._write_file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
+            self._write_file(picture, lambda path: write_image(path, to_display(light, self._view), _JPEG))
         return key
 
     def _write_reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
@@ -169,7 +163,7 @@ class _Page:
         columns = math.ceil(math.sqrt(len(names)))
         if not self._reuse(sprite):
             pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
-            self._write_file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
+            self._write_file(sprite, lambda path: write_image(path, _sprites(pictures, columns), _JPEG))
         frames = [
             {"key": name, "file": str(frame.file), "header": dict(frame.header), "command": _command(reel, frame)}
             for frame, name in zip(reel.frames, names, strict=True)
@@ -202,7 +196,7 @@ class _Page:
         data = text.encode("utf-8")
         self._ledger[name] = hashlib.sha256(data).hexdigest()
         if not self._reuse(name):
-            self._write_file(name, lambda path: _write_bytes(path, data))
+            self._write_file(name, lambda path: write_file(path, data))
 
     def _remove_others(self) -> None:
         """Remove the files of an earlier page that this page does not have."""
@@ -297,31 +291,5 @@ def _thumbnail(picture: Path) -> Bytes:
     return np.asarray(small.get_pixels(oiio.UINT8), np.uint8)
 
 
-def _write_jpeg(path: Path, pixels: Bytes) -> None:
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("Compression", f"jpeg:{_QUALITY}")
-    spec.attribute("jpeg:subsampling", "4:4:4")
-    with atomic_path(path) as temporary, from_memory(temporary) as name:
-        output = oiio.ImageOutput.create(str(temporary))
-        written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
-        if not (output.close() and written):
-            raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
-
-
 def _content_key(*parts: object) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
-
-
-def _read_ledger(path: Path) -> dict[str, str]:
-    try:
-        ledger = parse_json(read_text(path), path)
-    except TextError:  # missing or damaged: all files are written again
-        return {}
-    digests = ledger if isinstance(ledger, dict) else {}
-    return {name: digest for name, digest in digests.items() if isinstance(digest, str)}

@@ -1,24 +1,37 @@
-"""The pixel values of a frame as a script that a page from ``file://`` may read."""
+"""The pixel values of a frame: as a script that a page from ``file://`` may read, and compared with another version.
+
+The comparison is beyond the difference that the noise of both explains.
+"""
 
 from __future__ import annotations
 
 import base64
 import json
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lookdev.arrays import Floats32
-from lookdev.cache import atomic_path
-from lookdev.metrics import pooled_error
+from lookdev.cache import write_file
+from lookdev.metrics import noise_ratio, pooled_error, relmse
 from lookdev.output.display import laid_over
 from lookdev.output.exr import frame_space, read_layer, read_shown
 from lookdev.space import REC709, error_in_rec709
 
 PLANES = "RGBAE"
 """The planes of a script: colour, alpha, and the standard error of the colour where it is known."""
+
+BEYOND = 3.0
+"""z above which noise does not explain a pixel: 0.27 % of pixels exceed it by chance, where noise is Gaussian."""
+
+SQUARE = 7
+"""Side in pixels of the squares over which z is computed, here, and on the page by default."""
+
+NOTICED = 0.003
+"""Share of the asset's pixels beyond z = 3 above which a frame counts as changed."""
 
 _LEVEL = 4  # of zlib: higher levels do not compress noise better
 _LARGEST = float(np.finfo(np.float16).max)
@@ -66,10 +79,53 @@ def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
     packed = zlib.compress(halves.view(np.uint8).swapaxes(1, 2).tobytes(), _LEVEL)
     height, width = pixels.alpha.shape
     entry = {"width": width, "height": height, "planes": len(planes), "data": base64.b64encode(packed).decode("ascii")}
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"review.put({json.dumps(name)}, {json.dumps(entry)});\n", encoding="ascii")
+    write_file(path, f"review.put({json.dumps(name)}, {json.dumps(entry)});\n")
 
 
 def _round_to_half(values: Floats32) -> Floats32:
     """Return the nearest half floats; values beyond their range become the largest or the smallest half float."""
     return np.clip(values, -_LARGEST, _LARGEST).astype(np.float16).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A frame against that of another version.
+
+    `changed` are the parts of the digest that differ, as a plan names them. `relmse` is the relMSE of the frame against
+    the other frame. `beyond` is the share of the asset's pixels with z above `BEYOND`; it is None where an error is not
+    known. Both are None where the frames differ in size.
+    """
+
+    changed: tuple[str, ...]
+    relmse: float | None = None
+    beyond: float | None = None
+
+    @property
+    def visible(self) -> bool:
+        """Whether pixels differ by more than noise explains; where noise is not known, whether they differ at all."""
+        if self.beyond is not None:
+            return self.beyond > NOTICED
+        return self.relmse is None or self.relmse > 0.0
+
+
+def compare_frames(new: Pixels, old: Pixels, header: Mapping[str, str], old_header: Mapping[str, str]) -> Comparison:
+    """Compare a frame with that of another version by their pixels and headers."""
+    changed = changed_parts(header, old_header)
+    if new.alpha.shape != old.alpha.shape:
+        return Comparison(changed)
+    alpha = np.maximum(new.alpha, old.alpha)
+    error = relmse(new.beauty, old.beauty, alpha)
+    if new.error is None or old.error is None:
+        return Comparison(changed, error)
+    z = noise_ratio(new.beauty, old.beauty, new.error, old.error, SQUARE)
+    covered = alpha > 0.0
+    return Comparison(changed, error, float((z[covered] > BEYOND).mean()) if covered.any() else 0.0)
+
+
+def changed_parts(header: Mapping[str, str], old: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the parts of the digest in which two headers differ: "look", "light", "camera" and so on."""
+    prefix = "digest."
+    keys = sorted({key for key in (*header, *old) if key.startswith(prefix)})
+    parts = [key.removeprefix(prefix) for key in keys if header.get(key) != old.get(key)]
+    names = tuple("light" if part == "ibl" else part for part in parts)
+    return names or (("digest",) if header.get("digest") != old.get("digest") else ())

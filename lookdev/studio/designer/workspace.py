@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.cache import atomic_path
+from lookdev.cache import write_file
 from lookdev.errors import LookdevError
 from lookdev.studio.designer.history import History, State
 from lookdev.studio.designer.operations import Operation
@@ -68,8 +68,7 @@ class Workspace:
         target = file.with_name(name)
         if target.exists() or target.is_symlink():
             raise LookdevError(f"{target} exists already; another name would be right")
-        with atomic_path(target) as temporary:
-            temporary.write_bytes(self.content(file))
+        write_file(target, self.content(file))
         return target
 
     def changed_contents(self) -> dict[Path, bytes]:

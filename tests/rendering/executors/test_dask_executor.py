@@ -16,9 +16,9 @@ from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.light import Dome
 from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
-from lookdev.rendering.executors import Finished, GivenUp, Place, Remarked, Retried
 from lookdev.rendering.executors.choice import Choice, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
+from lookdev.rendering.executors.protocol import Finished, GivenUp, Place, Remarked, Retried
 from lookdev.rendering.task import files_of_task
 from lookdev.run.frame_file import store
 from lookdev.run.render import run_plan

@@ -7,8 +7,9 @@ import batch_case as case
 import pytest
 
 from lookdev.errors import LookdevError, OutputError, WorkerError
-from lookdev.rendering.executors import Finished, GivenUp, LocalExecutor, Place, Retried
 from lookdev.rendering.executors.choice import Choice, choose, devices_of
+from lookdev.rendering.executors.local import LocalExecutor
+from lookdev.rendering.executors.protocol import Finished, GivenUp, Place, Retried
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.threads import cores, share_of_cores
 

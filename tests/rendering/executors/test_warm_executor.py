@@ -6,7 +6,7 @@ import batch_case as case
 import pytest
 
 from lookdev.errors import LookdevError, WorkerError
-from lookdev.rendering.executors import Finished, Place
+from lookdev.rendering.executors.protocol import Finished, Place
 from lookdev.rendering.executors.warm import Server, WarmExecutor, start, stop
 from lookdev.rendering.task import FrameTask
 

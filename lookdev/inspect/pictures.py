@@ -1,0 +1,126 @@
+"""Pictures of what there is: an asset with a colour for each part, and the presets of a library on spheres."""
+
+from __future__ import annotations
+
+import colorsys
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.arrays import Bytes
+from lookdev.asset import Asset, load_asset
+from lookdev.asset.silhouette import hull_points
+from lookdev.build.refine import Refiner
+from lookdev.cache import cache_dir
+from lookdev.job import JobOutputs, JobTurntable
+from lookdev.light import load_environment, prepare_light
+from lookdev.material import Layer, Look
+from lookdev.material.library import Preset
+from lookdev.material.library.edit import preset_look
+from lookdev.output import OUTPUTS
+from lookdev.output.color import SHIPPED
+from lookdev.output.display import composite, to_display
+from lookdev.output.exr import read_frame
+from lookdev.output.sheet import write_legend, write_sheet
+from lookdev.plan import Setup, Turns, make_setup
+from lookdev.run.events import Report, SheetWritten
+from lookdev.run.frames import RunResult
+from lookdev.run.render import render_setups
+from lookdev.scene import Film, Sampling, Scene, frame_fill
+
+_OUTPUTS = JobOutputs.model_validate({"ocio": SHIPPED, **dict.fromkeys(OUTPUTS, False)})
+_VIEW = _OUTPUTS.shown()
+
+_PORTRAIT_SIZE = (768, 576)
+_PORTRAIT_SAMPLING = Sampling(samples=64, bounces=1)
+_AZIMUTH = -30.0  # degrees: two sides are visible
+_FILL = 0.85
+_MOST_COLORS = 24  # distinguishable colours
+_GOLDEN_RATIO = 0.6180339887498949
+
+_THUMBNAIL = 128  # pixels of a side
+_THUMBNAIL_SAMPLING = Sampling(samples=128, error=0.01)
+_THUMBNAIL_LIGHT = "studio"
+
+Color = tuple[float, float, float]
+
+
+def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: None) -> RunResult:
+    """Refine and render an asset in uniform light, and write it as PNG with a legend of its parts.
+
+    Parts have one colour for each group where there are many. The frame is stored in the cache. Raises LookdevError if
+    the picture cannot be written, and as `render_setups` does.
+    """
+    groups = group_names([slot.path for slot in asset.slots])
+    colors = dict(zip(dict.fromkeys(groups), _colors(), strict=False))
+    looks = {name: _part_look(number, color) for number, (name, color) in enumerate(colors.items())}
+    looks_by_part = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
+    light = prepare_light(load_environment(builtin="white"))
+    camera = frame_fill(hull_points(asset), _PORTRAIT_SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
+    refined, _ = Refiner("auto", _PORTRAIT_SIZE[0]).refine(asset, camera)
+    scene = Scene(refined, looks_by_part, (light,), camera, Film(_PORTRAIT_SIZE))
+    setup = make_setup("parts", "white", scene, _PORTRAIT_SAMPLING)
+    result, pictures = _render([setup], _AZIMUTH, cache_dir("portraits", refined.digest[:16]), 0.02, report)
+    if pictures:
+        write_legend(picture, pictures[0], asset.name, list(colors.items()), _VIEW)
+    return result
+
+
+def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
+    """Render presets, at least one, and write a contact sheet as PNG unless a frame fails.
+
+    The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and as
+    `render_setups` does.
+    """
+    folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
+    output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
+    asset, light = load_asset(builtin="sphere"), prepare_light(load_environment(builtin=_THUMBNAIL_LIGHT))
+    setups = []
+    for preset in presets:
+        # A look's name is the name of a folder; a preset may have any name.
+        look = preset_look(preset, re.sub(r"[^A-Za-z0-9._-]", "_", preset.name))
+        scene = Scene.of_look(asset, look, light, (_THUMBNAIL, _THUMBNAIL))
+        setups.append(make_setup(look.name, _THUMBNAIL_LIGHT, scene, _THUMBNAIL_SAMPLING))
+    # Metals are brighter than this background, black looks darker.
+    result, pictures = _render(setups, 0.0, output, 0.05, report)
+    if pictures:
+        labels = [f"{preset.name} ({preset.category})" for preset in presets]
+        write_sheet(sheet, pictures, labels, "materials", cell=_THUMBNAIL)
+        report(SheetWritten(sheet))
+    return result
+
+
+def _render(
+    setups: Sequence[Setup], start: float, output: Path, background: float, report: Report
+) -> tuple[RunResult, list[Bytes]]:
+    """Render setups at one angle; return their pictures over a linear grey, none where a frame fails."""
+    turntables = (JobTurntable(kind="element", frames=1, start=start),)
+    plan, result = render_setups(setups, Turns(turntables, output), _OUTPUTS, report=report)
+    files = [reel.files[0] for reel in plan.reels] if result.exit_code == 0 else []
+    return result, [to_display(composite(*read_frame(file), np.full(3, background)), _VIEW) for file in files]
+
+
+def group_names(paths: Sequence[str]) -> list[str]:
+    """Return a group name for each path: the path below the common ancestor, cut to at most `_MOST_COLORS` names."""
+    split_paths = [path.strip("/").split("/") for path in paths]
+    levels = zip(*(path[:-1] for path in split_paths), strict=False)
+    common = len(list(takewhile(lambda names: len(set(names)) == 1, levels)))
+    for depth in range(max(map(len, split_paths)), common, -1):
+        names = ["/".join(path[common:depth]) for path in split_paths]
+        if len(set(names)) <= _MOST_COLORS:
+            return names
+    return [split_paths[0][common - 1] if common else "all"] * len(paths)
+
+
+def _colors() -> Iterator[Color]:
+    """Yield `_MOST_COLORS` linear colours, each unlike the next: hues step by the golden ratio."""
+    for i in range(_MOST_COLORS):
+        yield colorsys.hsv_to_rgb(i * _GOLDEN_RATIO % 1.0, (0.85, 0.55, 0.35)[i % 3], 0.75)
+
+
+def _part_look(number: int, color: Color) -> Look:
+    return Look(f"part{number}", (Layer("Base", "disney", {"baseColor": color, "roughness": 1.0, "specular": 0.0}),))
