@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.bench.matrix import Cell, Options
+from lookdev.asset import Asset
+from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate
+from lookdev.bench.options import Cell, Options
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
@@ -32,6 +34,11 @@ def store_references(folder: Path, patch: pytest.MonkeyPatch) -> None:
 
 def quiet(text: str) -> None:
     """Report nothing."""
+
+
+def triangle_count(asset: Asset) -> int:
+    """Return the number of triangles of an asset, over all instances."""
+    return sum(int((asset.meshes[instance.mesh].face_sizes - 2).sum()) for instance in asset.instances)
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
@@ -119,6 +126,13 @@ class FakeBackends:
             ]
         finally:
             self.closed += 1
+
+
+def run_matrix(options: Options, folder: Path, backends: object = None) -> MatrixBenchmark:
+    """Measure a matrix by fakes."""
+    benchmark = MatrixBenchmark(options=options, report=quiet, open_candidates=backends or FakeBackends())
+    benchmark.run(folder)
+    return benchmark
 
 
 @dataclass

@@ -2,7 +2,8 @@
 
 import pytest
 
-from lookdev.bench.curves import REACH, Reached, at, ratio, reach
+from lookdev.bench.measure import REACH, Reached, ratio_of, reach
+from lookdev.bench.sequence import error_at
 
 TIMES = [1.0, 4.0, 16.0]
 
@@ -61,12 +62,12 @@ def test_a_curve_that_rises_again_is_read_where_it_first_gets_there() -> None:
 def test_ratios_keep_the_doubt_of_what_they_are_of(
     one: Reached | None, other: Reached | None, expected: Reached | None
 ) -> None:
-    assert ratio(one, other) == expected
+    assert ratio_of(one, other) == expected
 
 
 def test_the_error_at_an_effort() -> None:
     for time in (0.25, 1.0, 3.0, 16.0, 100.0):
-        assert at(TIMES, power_law(1.2), time) == pytest.approx(1e-2 * time**-1.2)
+        assert error_at(list(zip(TIMES, power_law(1.2), strict=True)), time) == pytest.approx(1e-2 * time**-1.2)
 
 
 def test_text_has_three_digits_and_the_mark() -> None:

@@ -5,14 +5,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from bench_fakes import FakeProcesses, quiet
+from bench_fakes import FakeProcesses, quiet, triangle_count
 
 from lookdev.asset import read_asset
 from lookdev.bench import growth
-from lookdev.bench.assets import make_boulder, triangle_count
 from lookdev.bench.growth import Growth, GrowthRow, measure_growth
-from lookdev.bench.looks import different
-from lookdev.bench.matrix import Options
+from lookdev.bench.options import Options
+from lookdev.bench.subjects import make_boulder, varied_look
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import FrameTask
@@ -62,7 +61,7 @@ def test_what_grows_is_in_the_scene() -> None:
 
     def tasks(of: str) -> list[FrameTask]:
         fakes.tasks.clear()
-        list(growth.QUANTITIES[of].measure(["exact"], replace(OPTIONS, frames=8), fakes))
+        list(growth.QUANTITIES[of].measure("exact", replace(OPTIONS, frames=8), fakes))
         return list(fakes.tasks)
 
     # Every quarter of the frames is a whole turn: the same sides of the asset.
@@ -81,7 +80,7 @@ def test_what_grows_is_in_the_scene() -> None:
 
 
 def test_the_looks_differ_in_more_than_colours() -> None:
-    looks = [different(number) for number in range(32)]
+    looks = [varied_look(number) for number in range(32)]
     assert len({repr(look.layers[0].inputs) for look in looks}) == 32
     for backend in ("principled", "mitsuba-principled"):
         assert all(BACKENDS[backend].cannot_show(look) is None for look in looks)
@@ -89,7 +88,7 @@ def test_the_looks_differ_in_more_than_colours() -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*given: object) -> Iterator[Growth]:
+    def fails(*arguments: object) -> Iterator[GrowthRow]:
         raise RenderError("no lamp")
         yield
 

@@ -4,13 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_fakes import triangle_count
 
-from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.backends import bench_asset, bench_light, bench_lights, bench_scene, picture_key, skips_of
+from lookdev.bench.backends import skips_of
 from lookdev.bench.kinds import KINDS
-from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
-from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options, restricted
-from lookdev.bench.rigs import RIGS
+from lookdev.bench.options import Cell, Options, list_names, parse_options, restrictions
+from lookdev.bench.subjects import (
+    IBLS,
+    LOOKS,
+    MOST_LAYERS,
+    RIGS,
+    SCENES,
+    bench_asset,
+    bench_light,
+    bench_lights,
+    bench_scene,
+    layered,
+    make_boulder,
+    picture_key,
+)  # fmt: skip
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import SceneTask
@@ -82,14 +94,13 @@ def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
     asset = make_boulder(1000)
     place = np.random.default_rng(1).normal(size=(50, 3))
     for name, rig in RIGS.items():
-        lights, around = rig.make(), rig.around(asset)
+        lights, around = rig.make(), bench_lights(name, asset)
         assert [each.kind for each in lights] == [each.kind for each in around]
         assert len({light.digest for light in around}) == len(around)
         for light, larger in zip(lights, around, strict=True):
             direction = light.sample(place, np.full((50, 2), 0.4))
             there = np.array(asset.center) + asset.radius * place
             np.testing.assert_allclose(larger.radiance(there, direction), light.radiance(place, direction), rtol=1e-6)
-        assert bench_lights(name, asset) == around
         assert BACKENDS["principled"].cannot_light(around) == ()
 
 
@@ -102,7 +113,7 @@ def test_cells_and_their_backends() -> None:
 
 
 def test_the_list_names_everything() -> None:
-    words = listing().split()
+    words = list_names().split()
     for name in (*SCENES, *IBLS, *RIGS, *LOOKS, *BACKENDS):
         assert name in words
 
@@ -148,8 +159,9 @@ def test_options_of_a_command_line() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_kind_is_whole_unless_options_restrict_it(kind: str) -> None:
-    defaults = KINDS[kind].defaults
-    assert restricted(parse_options({}, defaults=defaults), defaults) == ()
-    assert restricted(parse_options({"looks": "metal"}, defaults=defaults, repeats=2), defaults) == ("looks", "repeats")
+    defaults = KINDS[kind].DEFAULTS
+    assert restrictions(parse_options({}, defaults=defaults), defaults) == ()
+    part = parse_options({"looks": "metal"}, defaults=defaults, repeats=2)
+    assert restrictions(part, defaults) == ("looks", "repeats")
     # Other samples of the same, and better references.
-    assert restricted(parse_options({}, defaults=defaults, seed=3, reference=64, fresh=True), defaults) == ()
+    assert restrictions(parse_options({}, defaults=defaults, seed=3, reference=64, fresh=True), defaults) == ()

@@ -7,9 +7,8 @@ import pytest
 
 from lookdev.asset import Asset, load_asset
 from lookdev.bench import mitsuba_worker
-from lookdev.bench.assets import make_boulder
-from lookdev.bench.looks import LOOKS
 from lookdev.bench.mitsuba_worker import check_mitsuba, corner_meshes, principled
+from lookdev.bench.subjects import LOOKS, make_boulder
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS

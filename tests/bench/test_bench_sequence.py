@@ -15,7 +15,7 @@ from bench_fakes import quiet, truth
 from lookdev.asset import read_asset
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
-from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet, producers
+from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet_error, producers_of
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import JobOutputs
 from lookdev.metrics import EPSILON
@@ -73,13 +73,13 @@ def test_insufficient_curves_are_refused(exact: list[list[CurvePoint]], message:
 def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
     error = Mock(side_effect=lambda count: float(0.5 * count**-exponent))
     right = (0.5 / 1e-3) ** (1.0 / exponent)
-    assert error(meet(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
+    assert error(meet_error(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
     assert error.call_count <= 5
 
 
 def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
     error = Mock(return_value=1e-2)
-    assert call(meet(1e-3, 100, error)) in error.mock_calls
+    assert call(meet_error(1e-3, 100, error)) in error.mock_calls
     assert error.call_count <= 4
 
 
@@ -131,7 +131,7 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
     monkeypatch.setattr(sequence, "render_setups", render)
     monkeypatch.setattr(sequence.subprocess, "run", run)
-    made = producers(Subject("suzanne", "plastic", ("white",), 64))
+    made = producers_of(Subject("suzanne", "plastic", ("white",), 64))
     assert "light from behind (nothing transmits)" in made["exact"](tmp_path / "a", 16, 3, 7).skips
     assert made["plain"](tmp_path / "b", 20, 3, 7).seconds >= 0.0
     (plan,), (request,) = plans, requests
@@ -156,4 +156,4 @@ def test_a_script_that_fails_reports_its_last_line(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(sequence, "PLAIN_COMMAND", ("sh", "-c", "echo no Blender here >&2; exit 3"))
     subject = Subject("suzanne", "plastic", ("white",), 64)
     with pytest.raises(RenderError, match="exit code 3: no Blender here"):
-        producers(subject)["plain"](tmp_path / "b", 20, 3, 7)
+        producers_of(subject)["plain"](tmp_path / "b", 20, 3, 7)

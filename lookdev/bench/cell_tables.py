@@ -1,0 +1,190 @@
+"""Tables of cells and of growth, as text: times to an error, ratios, estimates, bias and memory."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+
+from lookdev.bench.benchmark import MEGABYTE, Spread, Table
+from lookdev.bench.growth import Growth
+from lookdev.bench.measure import EXACT, PICTURES, CellResult, CurvePoint, Measurement, Ratio, Reached, Series, Way
+from lookdev.bench.options import Options
+
+BIAS_LIMIT = 5.0
+"""Standard errors of a bias beyond which it is reported."""
+
+_TITLES = {"mitsuba": "`mitsuba`", "principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
+_LEGEND = (
+    "Seconds of a frame to the relMSE; in brackets the least and the most of the repeats. *takes*: the time of `exact` "
+    "over that of the backend before it. *by samples*: the samples that `exact` needs over those of the backend, times "
+    "what a sample of `exact` costs more in renders that followed each other. `~`: beyond the most samples, which did "
+    "not suffice; `<`: the fewest samples suffice; `-`: not reached. Geometric means are of all ratios but bounds."
+)
+
+
+def cell_blocks(cells: Sequence[CellResult], options: Options) -> Iterator[str | Table]:
+    """Yield the tables of times, of the most samples and of estimates, with their headings."""
+    if not cells:
+        return
+    every = list(dict.fromkeys(series for cell in cells for series in cell.curves))
+    others = list(dict.fromkeys(series.backend for series in every if series.backend != EXACT))
+    columns = [(f"{_TITLES.get(backend, backend)}, s", "takes", "by samples") for backend in others]
+    yield _LEGEND
+    for way in PICTURES:
+        for target in options.targets:
+            if rows := list(_times(cells, others, way, target)):
+                yield f"#### {way.capitalize()}, to {target:g}"
+                yield Table(["", "exact, s", *(column for group in columns for column in group)], rows)
+    yield "#### At the most samples"
+    yield Table(
+        ["", *(f"{series}: samples, s, relMSE" for series in every)],
+        [[str(cell.cell), *(_point(cell.curves.get(series)) for series in every)] for cell in cells],
+    )
+    if options.aim is not None and (rows := list(_estimates(cells))):
+        yield f"#### Estimates, and frames that end at {options.aim:g}"
+        yield (
+            "The relMSE that `exact` estimates of a frame, over that against the reference: the median of all frames, "
+            "the least and the most. Then frames that are rendered until they estimate "
+            f"{options.aim:g}, with at most {options.samples[-1]} samples: seconds, samples, true relMSE."
+        )
+        head = ("", "raw: estimate over truth", "denoised", "raw: s", "samples", "relMSE")
+        yield Table((*head, "denoised: s", "samples", "relMSE"), rows)
+
+
+def _times(cells: Sequence[CellResult], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
+    """Yield a row for each cell, then geometric means for each scene, and of all."""
+    cells = [cell for cell in cells if Series(EXACT, way) in cell.curves]
+    for cell in cells:
+        row = [str(cell.cell), _seconds(cell, Series(EXACT, way), target)]
+        for series in (Series(backend, way) for backend in others):
+            row += [_seconds(cell, series, target), *_ratio_texts(cell.ratio(series, target))]
+        yield row
+    scenes = list(dict.fromkeys(cell.cell.scene for cell in cells))
+    groups = {scene: [cell for cell in cells if cell.cell.scene == scene] for scene in scenes if len(scenes) > 1}
+    for name, group in (groups | {"all": cells}).items() if cells else ():
+        row = [f"geometric mean, {name}", ""]
+        for backend in others:
+            ratios = [cell.ratio(Series(backend, way), target) for cell in group]
+            row += ["", _mean([ratio.value if ratio else None for ratio in ratios])]
+            row.append(_mean([ratio.by_samples if ratio else None for ratio in ratios]))
+        yield row
+
+
+def _mean(values: Sequence[Reached | None]) -> str:
+    known = [value.value for value in values if value is not None and value.mark in ("", "~")]
+    if not known:
+        return "-"
+    count = f" ({len(known)} of {len(values)})" if len(known) < len(values) else ""
+    return f"{statistics.geometric_mean(known):.2f}{count}"
+
+
+def _seconds(cell: CellResult, series: Series, target: float) -> str:
+    times = cell.times(series, target)
+    if times.value is None:
+        return "-"
+    return times.value.mark + Spread(times.value.value, times.low, times.high).text(_short)
+
+
+def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
+    if ratio is None or ratio.value is None:
+        return "-", "-"
+    by_samples = "-" if ratio.by_samples is None else f"{ratio.by_samples.mark}{ratio.by_samples.value:.2f}"
+    spread = Spread(ratio.value.value, ratio.low, ratio.high)
+    return ratio.value.mark + spread.text(_short, f"{spread.middle:.2f}"), by_samples
+
+
+def _point(curve: Sequence[CurvePoint] | None) -> str:
+    if not curve:
+        return "-"
+    error = "uncertain" if curve[-1].relmse is None else f"{curve[-1].relmse:.2e}"
+    return f"{curve[-1].samples}, {_short(curve[-1].seconds)}, {error}"
+
+
+def _estimates(cells: Sequence[CellResult]) -> Iterator[list[str]]:
+    """Yield a row for each cell whose frames estimate their errors, then one of all."""
+    rows_of_all: Mapping[Way, list[Measurement]] = {way: [] for way in PICTURES}
+    for cell in cells:
+        if cell.of(Series(EXACT)):
+            row = [str(cell.cell)]
+            for way in PICTURES:
+                row.append(_estimate_over_truth(cell.of(Series(EXACT, way))))
+                rows_of_all[way].extend(cell.of(Series(EXACT, way)))
+            yield [*row, *_aimed(cell.of(Series(EXACT, "aimed"))), *_aimed(cell.of(Series(EXACT, "aimed, denoised")))]
+    if any(rows_of_all.values()):
+        yield ["all", *map(_estimate_over_truth, rows_of_all.values()), *[""] * 6]
+
+
+def _estimate_over_truth(rows: Sequence[Measurement]) -> str:
+    ratios = [row.estimate / row.relmse for row in rows if row.estimate is not None and row.relmse]
+    return Spread.of(ratios).text() if ratios else "-"
+
+
+def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
+    if not rows:
+        return "-", "-", "-"
+    known = [row.relmse for row in rows if row.relmse is not None]
+    error = f"{statistics.median(known):.2e}" if known else "uncertain"
+    samples = f"{statistics.median(row.samples for row in rows):.0f}"
+    return Spread.of([row.seconds for row in rows]).text(_short), samples, error
+
+
+def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | Table]:
+    """Yield a table for each quantity, a row for each size, with its heading."""
+    for name in dict.fromkeys(result.of for result in growth):
+        group = [result for result in growth if result.of == name]
+        rows: dict[int, list[str]] = {
+            size: [] for size in sorted({row.size for result in group for row in result.rows})
+        }
+        for result in group:
+            by_size = {row.size: row for row in result.rows}
+            for size, texts in rows.items():
+                row = by_size.get(size)
+                seconds = "-" if row is None else Spread(row.seconds, row.low, row.high).text(_short)
+                texts += [seconds, "-" if row is None else f"{row.memory / MEGABYTE:.0f}"]
+        head = [name, *(column for result in group for column in (f"{result.backend}, s a frame", "MB"))]
+        yield f"#### Growth with {name}"
+        yield Table(head, [[f"{size:,}", *texts] for size, texts in rows.items()])
+
+
+def bias_and_memory(cells: Sequence[CellResult]) -> Table:
+    """Return a table of the bias at the most samples, and the memory, of each series of each cell."""
+    rows = []
+    for cell in cells:
+        for series, curve in cell.curves.items():
+            if curve:
+                memory = max(row.memory for row in cell.of(series))
+                bias = f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}"
+                rows.append([f"{cell.cell}: {series}", bias, f"{memory / MEGABYTE:.0f}"])
+    return Table(("", "bias, %", "MB"), rows)
+
+
+def bias_warnings(cells: Sequence[CellResult]) -> list[str]:
+    """Return a line for each biased picture."""
+    return [
+        f"{result.cell}: {series} with {point.samples} samples is off by {point.bias:+.2%}, "
+        f"{abs(point.bias) / point.bias_error:.1f} standard errors: biased, or the cached reference is of another "
+        "picture; --fresh makes a new one"
+        for result in cells
+        for series, curve in result.curves.items()
+        if series.way == "raw"  # what a denoiser smooths is biased
+        for point in curve
+        if abs(point.bias) > BIAS_LIMIT * point.bias_error
+    ]
+
+
+def skip_lines(cells: Sequence[CellResult]) -> list[str]:
+    """Return the skips of backends, one line for all cells with the same skips."""
+    names: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for result in cells:
+        for key in result.skips.items():
+            names.setdefault(key, []).append(str(result.cell))
+    return [
+        f"{backend} skips {', '.join(skips)}: {'; '.join(cells)}" for (backend, skips), cells in names.items() if skips
+    ]
+
+
+def _short(value: float) -> str:
+    """Return a number with three digits, not in powers of ten."""
+    digits = max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 0
+    return f"{value:.{min(digits, 4)}f}"
