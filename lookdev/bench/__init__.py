@@ -2,10 +2,11 @@
 
 - `kinds`: the registry of benchmarks; `benchmark`: what they share, from options to files, sections and reports
 - `options`: what is measured; `subjects`: assets, looks and lights, and their scenes
-- `matrix`: time against error, a cell of a scene, a light and a look after another; `table` and `sequence` extend it
-- `backends`: the renderers of a cell, each a warm process; `mitsuba_worker` is one of them
+- `matrix`: time against error, a cell of a scene, a light and a look after another, and the table of a document;
+  `mitsuba_worker` is one of its backends
+- `sequence`: turntables by the batch runner against a plain Blender script, at the same error
 - `reference`: the converged picture of a backend, with its own error, and the error of renders against it
 - `measure`: the renders of a cell, the measurements of each, and times to an error by curves
-- `growth`: cost over size, `plots`: SVGs, both for the table
+- `growth`: cost over size; `report`: tables and plots
 - `profile`, `setup`, `scale`, `denoise_trial`: the other benchmarks; `scale_job` is a job in a fresh process
 """

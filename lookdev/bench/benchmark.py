@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
@@ -18,11 +18,13 @@ from typing import Any, ClassVar, NamedTuple
 
 import lookdev
 from lookdev.bench.options import Options, restrictions
+from lookdev.bench.reference import RenderFrame, Report
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import blender_version
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
+from lookdev.rendering.threads import cores
 from lookdev.rendering.worker import open_renderer
 from lookdev.text import read_text
 
@@ -32,8 +34,6 @@ PATIENCE = 3600.0
 MEGABYTE = 1e6
 END = "<!-- end -->"
 
-Report = Callable[[str], None]
-RenderFrame = Callable[[FrameTask], Rendered]
 OpenRenderer = Callable[[], AbstractContextManager[RenderFrame]]
 open_process: OpenRenderer = partial(open_renderer, PATIENCE)
 
@@ -56,27 +56,16 @@ class Machine:
 
 def this_machine() -> Machine:
     """Return this machine, as it is now."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(errors="replace").splitlines() if info.exists() else []
+    lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    versions = {
-        "lookdev": lookdev.__version__,
-        "blender": blender_version(),
-        "python": platform.python_version(),
-        "numpy": metadata.version("numpy"),
-    }
-    try:
-        versions["mitsuba"] = metadata.version("mitsuba")
-    except metadata.PackageNotFoundError:
-        versions["mitsuba"] = "not installed"
-    return Machine(
-        cpu=models[0] if models else platform.processor() or platform.machine(),
-        cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
-        load=os.getloadavg(),
-        system=platform.platform(),
-        versions=versions,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-    )
+    versions = {"lookdev": lookdev.__version__, "blender": blender_version(), "python": platform.python_version()}
+    for package in ("numpy", "mitsuba"):
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = "not installed"
+    cpu, date = models[0] if models else platform.machine(), datetime.now(UTC).isoformat(timespec="seconds")
+    return Machine(cpu, cores(), os.getloadavg(), platform.platform(), versions, date)
 
 
 class Spread(NamedTuple):
@@ -103,9 +92,16 @@ class Table:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
 
-    def __str__(self) -> str:
-        lines = [self.head, ["---", *["---:"] * (len(self.head) - 1)], *self.rows]
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    def text(self, *, aligned: bool = False) -> str:
+        """Return it in Markdown, whose columns can be aligned, as for a terminal."""
+        rows = [self.head, ["---", *["---:"] * (len(self.head) - 1)], *self.rows]
+        widths = [max(map(len, column)) if aligned else 0 for column in zip(*rows, strict=True)]
+        return "\n".join(f"| {' | '.join(map(str.ljust, row, widths))} |" for row in rows)
+
+
+def join_blocks(blocks: Iterable[str | Table], *, aligned: bool = False) -> str:
+    """Return texts and tables as one text."""
+    return "\n\n".join(block if isinstance(block, str) else block.text(aligned=aligned) for block in blocks)
 
 
 def marker(name: str) -> str:
@@ -245,7 +241,7 @@ class Benchmark:
     def section(self) -> str:
         """Return the section of a document."""
         plots = (f"![{plot.stem}]({plot.name})" for plot in self.plots)
-        return "\n\n".join(map(str, (*self.blocks(), *plots)))
+        return join_blocks((*self.blocks(), *plots))
 
     def details(self) -> Iterator[str | Table]:
         """Yield what the report has besides the blocks."""
@@ -253,7 +249,7 @@ class Benchmark:
 
     def summary(self) -> str:
         """Return the report for a terminal."""
-        return "\n\n".join(map(str, (*self.blocks(), *self.details())))
+        return join_blocks((*self.blocks(), *self.details()), aligned=True)
 
 
 def bullets(notes: Sequence[str]) -> str:

@@ -14,11 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.bench.backends import shooter
 from lookdev.bench.benchmark import Benchmark, Table, write_csv
 from lookdev.bench.options import Cell
-from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference
-from lookdev.bench.subjects import IBLS, LOOKS, SCENES, bench_asset, bench_lights, bench_scene, picture_key
+from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference, shooter
+from lookdev.bench.subjects import IBLS, LOOKS, bench_asset, bench_lights, bench_scene, picture_key
 from lookdev.checks.images import flip
 from lookdev.material import Look
 from lookdev.material.usd import read_look
@@ -85,10 +84,9 @@ def draw_cell(seed: int, number: int) -> tuple[Cell, Pose]:
 
 def cell_scene(cell: Cell, pose: Pose, resolution: int) -> tuple[SceneTask, str]:
     """Return the scene of a cell, and the key of its picture."""
-    asset, look = bench_asset(cell.scene), trial_looks()[cell.look]()
+    look, lights = trial_looks()[cell.look](), bench_lights(cell.ibl, bench_asset(cell.scene))
     # References are of the same shaders, which can show what a denoiser is guided by.
-    lights, bounces = bench_lights(cell.ibl, asset), SCENES[cell.scene].bounces
-    scene = bench_scene(asset, look, lights, resolution, bounces, denoise=True)
+    scene = bench_scene(cell.scene, look, lights, resolution, denoise=True)
     return scene, picture_key(scene, look, cell.ibl, pose)
 
 
@@ -112,14 +110,8 @@ class DenoiseTrial(Benchmark):
             for number in range(-(-options.frames // len(SAMPLES))):
                 cell, pose = draw_cell(options.seed, number)
                 scene, key = cell_scene(cell, pose, options.resolution)
-                truth = obtain_reference(
-                    key,
-                    SAMPLES[-1] * options.reference // _PARTS,
-                    _PARTS,
-                    shooter(render, scene, pose),
-                    fresh=options.fresh,
-                    report=self.report,
-                )
+                part, shoot = SAMPLES[-1] * options.reference // _PARTS, shooter(render, scene, pose)
+                truth = obtain_reference(key, part, _PARTS, shoot, self.report, fresh=options.fresh)
                 first = len(SAMPLES) * number
                 for seed, samples in enumerate(SAMPLES[: options.frames - first], start=first):
                     sampling = {"samples": samples, "error": None, "seed": seed % FIRST_SEED}

@@ -10,14 +10,14 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-from lookdev.bench.benchmark import OpenRenderer, Report, render_in_turn
+from lookdev.bench.benchmark import OpenRenderer, render_in_turn
 from lookdev.bench.options import QUARTERS, Options
+from lookdev.bench.reference import Report
 from lookdev.bench.subjects import (
     LOOKS,
     MILLION,
     MOST_LAYERS,
     POSE,
-    SCENES,
     bench_asset,
     bench_light,
     bench_scene,
@@ -93,9 +93,8 @@ def measure_growth(
 
 def _scene(backend: str, **changes: Any) -> SceneTask:
     """Return the scene that grows; `changes` are arguments of `bench_scene`."""
-    usual = {"lights": (bench_light(_IBL),), "resolution": _SIDE, "bounces": SCENES[_SCENE].bounces}
-    subject = {"asset": bench_asset(_SCENE), "look": LOOKS[_LOOK].make()}
-    return bench_scene(**{**subject, **usual, **changes}, backend=backend)
+    usual = {"look": LOOKS[_LOOK].make(), "lights": (bench_light(_IBL),), "resolution": _SIDE}
+    return bench_scene(_SCENE, **{**usual, **changes}, backend=backend)
 
 
 def _task(scene: SceneTask, seed: int, pose: Pose = POSE) -> FrameTask:

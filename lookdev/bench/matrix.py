@@ -3,25 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.bench import mitsuba_worker
-from lookdev.bench.backends import open_candidates
-from lookdev.bench.benchmark import Benchmark, Table, bullets, write_csv
-from lookdev.bench.cell_tables import bias_and_memory, bias_warnings, cell_blocks, growth_blocks, skip_lines
+from lookdev.bench import report
+from lookdev.bench.benchmark import Benchmark, Table, bullets, open_process, write_csv
 from lookdev.bench.growth import Growth, measure_growth
 from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Series
+from lookdev.bench.mitsuba_worker import check_mitsuba
 from lookdev.bench.options import Cell, Options
-from lookdev.bench.plots import draw_curves, draw_growth
+from lookdev.bench.reference import shooter
+from lookdev.bench.subjects import LOOKS, SCENES, bench_asset, bench_lights, bench_scene, picture_key
 from lookdev.errors import LookdevError, RenderError
+from lookdev.plan.skips import Skip, scene_skips
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.task import SceneTask
+from lookdev.scene import Sampling
 
 OpenCandidates = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
 
-NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), mitsuba_worker.check_mitsuba)
+NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
 """Of a backend that is not on every machine: raises RenderError where it is not."""
+
+
+@contextmanager
+def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
+    """Start a process for each backend that can render the cell, and end them all."""
+    look, lights = LOOKS[cell.look].make(), bench_lights(cell.ibl, bench_asset(cell.scene))
+    with ExitStack() as stack:
+        candidates = []
+        for backend in options.backends_of(cell):
+            scene = bench_scene(cell.scene, look, lights, options.resolution, backend, denoise=options.denoise)
+            shoot = shooter(stack.enter_context(open_process()), scene)
+            key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].features
+            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene), denoises))
+        yield candidates
+
+
+def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
+    """Return the skips of a scene, and why; none for backends that no job may name."""
+    if not BACKENDS[scene.backend].in_jobs:
+        return ()
+    looks = [LOOKS[cell.look].make()] * len(scene.worn)
+    skips = scene_skips(scene, looks, Sampling(bounces=SCENES[cell.scene].bounces))
+    return tuple(str(Skip(cell.look, cell.ibl, skipped, reason)) for skipped, reason in skips)
 
 
 @dataclass(kw_only=True)
@@ -74,8 +101,8 @@ class MatrixBenchmark(Benchmark):
             self.failures += [f"{result.cell}: {backend}: {reason}" for backend, reason in result.failures.items()]
 
     def draw(self, folder: Path, prefix: str) -> list[Path]:
-        plots = draw_curves(self.cells, self.options.targets, folder, prefix)
-        return [*plots, draw_growth(self.growth, folder / f"{prefix}growth.svg")] if self.growth else plots
+        plots = report.draw_curves(self.cells, self.options.targets, folder, prefix)
+        return [*plots, report.draw_growth(self.growth, folder / f"{prefix}growth.svg")] if self.growth else plots
 
     def write(self, folder: Path) -> None:
         """Write ``results.csv``, a row a measurement, and ``results.json``."""
@@ -93,15 +120,15 @@ class MatrixBenchmark(Benchmark):
             f"samples, medians of {options.repeats} interleaved runs."
         )
         yield from (f"Without `{backend}`: {reason}." for backend, reason in self.missing.items())
-        yield from cell_blocks(self.cells, options)
-        yield from growth_blocks(self.growth)
-        if notes := [*self.failures, *bias_warnings(self.cells)]:
+        yield from report.cell_blocks(self.cells, options)
+        yield from report.growth_blocks(self.growth)
+        if notes := [*self.failures, *report.bias_warnings(self.cells)]:
             yield bullets(notes)
 
     def details(self) -> Iterator[str | Table]:
         if self.cells:
-            yield bias_and_memory(self.cells)
-        yield from skip_lines(self.cells)
+            yield report.bias_and_memory(self.cells)
+        yield from report.skip_lines(self.cells)
 
 
 @dataclass(kw_only=True)

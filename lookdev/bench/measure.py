@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from lookdev.bench.options import MOST_REPEATS, SEEDS, Cell, Options
-from lookdev.bench.reference import FIRST_SEED, Reference, Render, Shot, obtain_reference
+from lookdev.bench.reference import FIRST_SEED, Reference, Render, Report, Shot, Verdict, obtain_reference
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
@@ -77,14 +77,11 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class CurvePoint:
+class CurvePoint(Verdict):
     """All renders of a series with one number of samples: median seconds; mean relMSE; the bias of their mean."""
 
     samples: int
     seconds: float
-    relmse: float | None
-    bias: float
-    bias_error: float
 
 
 @dataclass(frozen=True)
@@ -251,9 +248,7 @@ def _seed(options: Options, repeat: int) -> int:
 class CellRun:
     """A cell while it is measured; `result` may be called at any time."""
 
-    def __init__(
-        self, cell: Cell, candidates: Sequence[Candidate], options: Options, report: Callable[[str], None]
-    ) -> None:
+    def __init__(self, cell: Cell, candidates: Sequence[Candidate], options: Options, report: Report) -> None:
         self._cell = cell
         self._candidates = {candidate.backend: candidate for candidate in candidates}
         self._options = options
@@ -295,14 +290,13 @@ class CellRun:
     def _obtain_reference(self, candidate: Candidate) -> None:
         options = self._options
         finer = _ENOUGH_PARTS if options.enough else 1
+        amount = max(options.samples[-1] // finer, 2), options.reference * finer
+
+        def report(text: str) -> None:
+            self._report(f"{self._cell}: {candidate.backend}: {text}")
+
         self._references[candidate.backend] = obtain_reference(
-            candidate.key,
-            max(options.samples[-1] // finer, 2),
-            options.reference * finer,
-            candidate.render,
-            enough=options.enough,
-            fresh=options.fresh,
-            report=lambda text: self._report(f"{self._cell}: {candidate.backend}: {text}"),
+            candidate.key, *amount, candidate.render, report, enough=options.enough, fresh=options.fresh
         )
 
     def _render(self, candidate: Candidate, samples: int, seed: int) -> Shot:
@@ -363,5 +357,6 @@ class CellRun:
         for samples in self._options.samples:
             if shots := self._shots.get((series, samples)):
                 verdict = self._references[series.backend].judge(*shots)
-                points.append(CurvePoint(samples, statistics.median(shot.seconds for shot in shots), **asdict(verdict)))
+                seconds = statistics.median(shot.seconds for shot in shots)
+                points.append(CurvePoint(**asdict(verdict), samples=samples, seconds=seconds))
         return tuple(points)

@@ -188,21 +188,15 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - started
-    figures: dict[str, Any] = {"samples": sampling.samples, "relmse": math.nan}
-    if sampling.denoise == "off":
-        answers.done(task.digest, save_arrays(image, image, alpha), seconds=seconds, **figures)
-        return
-    smooth = make_denoiser(*_features(mi, scene, sampling.seed))(image)
-    arrays = save_arrays(smooth, smooth, alpha, image)
-    figures |= {"raw_relmse": math.nan, "raw_seconds": seconds}
-    answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)
-
-
-def _features(mi: Any, scene: Any, seed: int) -> tuple[Floats32, Floats32]:
-    """Return the albedos and normals (H, W, 3) of a scene, as Mitsuba shows them."""
-    integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-    features = np.array(mi.render(scene, integrator=integrator, spp=_FEATURE_SAMPLES, seed=seed), dtype=np.float32)
-    return np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:]
+    figures: dict[str, Any] = {"samples": sampling.samples, "seconds": seconds, "relmse": math.nan}
+    raw: Floats32 | None = None
+    if sampling.denoise != "off":
+        # Guided by albedos and normals, as Mitsuba shows them.
+        aovs = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
+        features = np.array(mi.render(scene, integrator=aovs, spp=_FEATURE_SAMPLES, seed=sampling.seed), np.float32)
+        raw, image = image, make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
+        figures |= {"seconds": time.perf_counter() - started, "raw_relmse": math.nan, "raw_seconds": seconds}
+    answers.done(task.digest, save_arrays(image, image, alpha, raw), **figures)
 
 
 def _same(built: FrameTask, other: FrameTask) -> bool:

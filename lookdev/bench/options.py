@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import product, starmap
@@ -27,6 +28,14 @@ _NAMES: dict[str, tuple[str, dict[str, str]]] = {
     "backends": ("backend", {name: backend.help for name, backend in BACKENDS.items()}),
 }
 """Of each option of names: what a name is of, and all names with their descriptions."""
+
+_RANGES: dict[str, tuple[int, float, str]] = {
+    "resolution": (16, 4096, "resolution {}: it is from {} to {} pixels"),
+    "repeats": (1, MOST_REPEATS, "{} repeats: from {} to {}"),
+    "seed": (0, SEEDS - 1, "seed {}: it is from {} to {}"),
+    "frames": (QUARTERS, math.inf, "{} frames: their first quarter needs at least {}"),
+    "reference": (4, 1024, "a reference of {} times the largest count: from {} to {}"),
+}
 
 
 @dataclass(frozen=True)
@@ -74,16 +83,9 @@ class Options:
                 raise LookdevError(f"{count} samples: counts are powers of two from 2 to {LARGEST_SAMPLES}")
         if not self.samples or list(self.samples) != sorted(set(self.samples)):
             raise LookdevError(f"samples {self.samples}: counts are rising and at least one, like 4,16,64")
-        if not 16 <= self.resolution <= 4096:
-            raise LookdevError(f"resolution {self.resolution}: it is from 16 to 4096 pixels")
-        if not 1 <= self.repeats <= MOST_REPEATS:
-            raise LookdevError(f"{self.repeats} repeats: from 1 to {MOST_REPEATS}")
-        if not 0 <= self.seed < SEEDS:
-            raise LookdevError(f"seed {self.seed}: it is from 0 to {SEEDS - 1}")
-        if self.frames < QUARTERS:
-            raise LookdevError(f"{self.frames} frames: their first quarter needs at least {QUARTERS}")
-        if not 4 <= self.reference <= 1024:
-            raise LookdevError(f"a reference of {self.reference} times the largest count: from 4 to 1024")
+        for option, (low, high, message) in _RANGES.items():
+            if not low <= getattr(self, option) <= high:
+                raise LookdevError(message.format(getattr(self, option), low, high))
 
     def cells(self) -> Iterator[Cell]:
         """Yield the cells in order."""

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
 from lookdev.bench.options import Cell
-from lookdev.bench.subjects import IBLS, LOOKS, POSE, SCENES, bench_asset, bench_light, bench_scene
+from lookdev.bench.subjects import IBLS, LOOKS, POSE, bench_light, bench_scene
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
@@ -153,7 +153,7 @@ class ProfileBenchmark(Benchmark):
 def stages_of(cell: Cell, resolution: int) -> list[Stage]:
     """Return the stages of a cell, the whole frame first; of parts that its shader lacks there is none."""
     look, lights = LOOKS[cell.look].make(), (bench_light(cell.ibl),)
-    whole = bench_scene(bench_asset(cell.scene), look, lights, resolution, SCENES[cell.scene].bounces)
+    whole = bench_scene(cell.scene, look, lights, resolution)
     source = whole.shaders[0]
     assert isinstance(source, ShaderSource)
     brdf_samples, ibl_samples = source.directions

@@ -8,17 +8,23 @@ the samples is sufficient. Errors that its noise leaves too uncertain are not re
 from __future__ import annotations
 
 import hashlib
+import math
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32
+from lookdev.bench.subjects import POSE
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
+from lookdev.scene import Pose
 
 FIRST_SEED = 1 << 17  # half of the seeds that a shader takes are the references'; `measure` takes the other half
 _VERSION = 1
@@ -39,8 +45,34 @@ class Shot:
     raw: Shot | None = None
 
 
+RenderFrame = Callable[[FrameTask], Rendered]
+Report = Callable[[str], None]
 Render = Callable[..., Shot]
 """Renders with samples per pixel and a seed; keywords are other fields of a `Sampling`."""
+
+
+def shot_of(rendered: Rendered) -> Shot:
+    """Return the mean of a frame's halves, with its figures."""
+
+    def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
+        known = None if estimate is None or math.isnan(estimate) else estimate
+        figures = rendered.memory, rendered.blender, rendered.samples
+        return Shot(image, rendered.alpha, seconds, *figures, known, raw)
+
+    raw = None
+    if rendered.raw is not None and rendered.raw_seconds is not None:
+        raw = shot(rendered.raw, rendered.raw_seconds, rendered.raw_relmse)
+    return shot((rendered.a + rendered.b) * np.float32(0.5), rendered.seconds, rendered.relmse, raw)
+
+
+def shooter(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> Render:
+    """Return a function that renders a scene, raw unless it is told otherwise."""
+
+    def shoot(samples: int, seed: int, **sampling: Any) -> Shot:
+        fields = {"samples": samples, "seed": seed, "error": None, "denoise": "off", **sampling}
+        return shot_of(render(frame_task(scene, pose, f"{samples}.{seed}", **fields)))
+
+    return shoot
 
 
 @dataclass(frozen=True)
@@ -153,14 +185,7 @@ class Reference:
 
 
 def obtain_reference(
-    key: str,
-    samples: int,
-    parts: int,
-    render: Render,
-    *,
-    enough: float = 0.0,
-    fresh: bool = False,
-    report: Callable[[str], None],
+    key: str, samples: int, parts: int, render: Render, report: Report, *, enough: float = 0.0, fresh: bool = False
 ) -> Reference:
     """Return the reference of a picture from the cache, with a key of `picture_key`, and render what it lacks.
 

@@ -26,11 +26,11 @@ from typing import Any, Literal
 import numpy as np
 
 from lookdev.asset import BUILTINS, load_asset
-from lookdev.bench.benchmark import Report, Table
+from lookdev.bench.benchmark import Table
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import CurvePoint, Series
 from lookdev.bench.options import LARGEST_SAMPLES
-from lookdev.bench.subjects import LOOKS, SCENES, bench_asset, bench_environment, bench_light, bench_scene
+from lookdev.bench.subjects import LOOKS, SCENES, bench_environment, bench_light, bench_scene
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import JobOutputs, JobTurntable
@@ -75,16 +75,11 @@ class Subject:
             )
 
 
-@dataclass(frozen=True)
-class Produced:
-    """The cost of turntables: seconds, and skips with their reasons."""
+Produce = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
+"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 
-    seconds: float
-    skips: tuple[str, ...] = ()
-
-
-Produce = Callable[[Path, int, int, int], Produced]
-"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``."""
+Returns the seconds, and the skips with their reasons.
+"""
 
 
 @dataclass(frozen=True)
@@ -143,25 +138,52 @@ class SequenceBenchmark(MatrixBenchmark):
 
     def check(self) -> None:
         """Raise LookdevError for more than one scene or look, or one without a plain script."""
-        if len(self.options.scenes) != 1 or len(self.options.looks) != 1:
+        options = self.options = replace(self.options, backends=("exact", "principled"))
+        if len(options.scenes) != 1 or len(options.looks) != 1:
             raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
-        self.options = replace(self.options, backends=("exact", "principled"))
-        self.subject = Subject(
-            self.options.scenes[0], self.options.looks[0], self.options.ibls, self.options.resolution
-        )
+        self.subject = Subject(*options.scenes, *options.looks, options.ibls, options.resolution)
 
     def measure(self) -> Iterator[None]:
         yield from super().measure()
         if self.failures:
             raise RenderError(self.failures[0])
         exact, plain = ([cell.curves[Series(backend)] for cell in self.cells] for backend in self.options.backends)
-        samples = choose_samples(exact, plain, TARGET)
-        producers = self.producers or producers_of(self.subject)
-        options = self.options
-        self.result = measure_sequence(
-            self.subject, samples, producers, repeats=options.repeats, seed=options.seed, report=self.report
-        )
+        self.time_producers(*choose_samples(exact, plain, TARGET))
         yield
+
+    def time_producers(self, samples: int, guess: int) -> None:
+        """Time the producers ``"exact"`` and ``"plain"``, interleaved.
+
+        `samples` are those of ``exact``, `guess` those of the plain script, corrected by the error of a few frames.
+        """
+        subject, seed, producers = self.subject, self.options.seed, self.producers or producers_of(self.subject)
+        total = FRAMES * len(KINDS) * len(subject.ibls)
+        runs: list[SequenceRun] = []
+        with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
+            folders = (Path(scratch, str(number)) for number in itertools.count())
+            probes: dict[tuple[str, int], Path] = {}
+
+            def probe(backend: str, count: int) -> float:
+                self.report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
+                pair = next(folders), next(folders)
+                for number, folder in enumerate(pair, start=1):
+                    producers[backend](folder, count, _PROBES, seed + number)
+                probes[backend, count] = pair[0]
+                return _mean_relmse(subject, *pair, _PROBES)
+
+            target = probe("exact", samples)
+            counts = {"exact": samples, "plain": meet_error(target, guess, partial(probe, "plain"))}
+            relmse, skips = {}, {}
+            for repeat, backend in itertools.product(range(self.options.repeats), counts):
+                self.report(f"sequence: {backend}: {total} frames, {counts[backend]} samples")
+                folder = next(folders)
+                seconds, skips[backend] = producers[backend](folder, counts[backend], FRAMES, seed)
+                runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
+                relmse[backend] = _mean_relmse(subject, folder, probes[backend, counts[backend]], FRAMES)
+        exact, plain = ([run.frames_per_minute for run in runs if run.backend == backend] for backend in counts)
+        ratios = [ours / theirs for ours, theirs in zip(exact, plain, strict=True)]
+        spread = statistics.median(exact) / statistics.median(plain), min(ratios), max(ratios)
+        self.result = SequenceResult(subject, total, counts, relmse, tuple(runs), *spread, skips["exact"])
 
     def data(self) -> dict[str, Any]:
         return super().data() | {"sequence": asdict(self.result) if self.result else None}
@@ -195,54 +217,6 @@ def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]
 def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
     known = [[(point.samples, point.relmse) for point in curve if point.relmse is not None] for curve in curves]
     return statistics.fmean(error_at(points, samples) for points in known)
-
-
-def measure_sequence(
-    subject: Subject,
-    samples: tuple[int, int],
-    producers: Mapping[str, Produce],
-    *,
-    repeats: int,
-    seed: int,
-    report: Report,
-) -> SequenceResult:
-    """Time the producers ``"exact"`` and ``"plain"``, interleaved.
-
-    `samples` are those of ``exact``, and a first guess of the plain script's, corrected by the error of a few frames.
-    """
-    total = FRAMES * len(KINDS) * len(subject.ibls)
-    runs: list[SequenceRun] = []
-    with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
-        folders = (Path(scratch, str(number)) for number in itertools.count())
-        probes: dict[tuple[str, int], Path] = {}
-
-        def probe(backend: str, count: int) -> float:
-            report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
-            pair = next(folders), next(folders)
-            for number, folder in enumerate(pair, start=1):
-                producers[backend](folder, count, _PROBES, seed + number)
-            probes[backend, count] = pair[0]
-            return _mean_relmse(subject, *pair, _PROBES)
-
-        target = probe("exact", samples[0])
-        counts = {"exact": samples[0], "plain": meet_error(target, samples[1], partial(probe, "plain"))}
-        timed: dict[str, Path] = {}
-        produced: dict[str, Produced] = {}
-        for repeat, backend in itertools.product(range(repeats), counts):
-            report(f"sequence: {backend}: {total} frames, {counts[backend]} samples")
-            timed[backend] = next(folders)
-            produced[backend] = producers[backend](timed[backend], counts[backend], FRAMES, seed)
-            seconds = produced[backend].seconds
-            runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
-        relmse = {
-            backend: _mean_relmse(subject, timed[backend], probes[backend, count], FRAMES)
-            for backend, count in counts.items()
-        }
-    exact, plain = ([run.frames_per_minute for run in runs if run.backend == backend] for backend in counts)
-    ratios = [ours / theirs for ours, theirs in zip(exact, plain, strict=True)]
-    ratio = statistics.median(exact) / statistics.median(plain)
-    skips = produced["exact"].skips
-    return SequenceResult(subject, total, counts, relmse, tuple(runs), ratio, min(ratios), max(ratios), skips)
 
 
 def meet_error(target: float, guess: int, error: Callable[[int], float]) -> int:
@@ -298,68 +272,63 @@ def producers_of(subject: Subject) -> dict[str, Produce]:
     return {"exact": partial(_render_job, subject), "plain": partial(_render_plainly, subject)}
 
 
-def _render_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Produced:
+def _render_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> tuple[float, tuple[str, ...]]:
     """Render by the batch runner; all is read and generated anew, without caches in memory, as by a job."""
     turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
     started = time.perf_counter()
     asset, look = load_asset(builtin=subject.scene), LOOKS[subject.look].make()
     sampling = Sampling(samples=samples, bounces=SCENES[subject.scene].bounces, seed=seed)
-    size = (subject.resolution, subject.resolution)
-    lights = {ibl: prepare_light(load_environment(builtin=ibl)) for ibl in subject.ibls}
-    setups = [
-        make_setup(subject.look, ibl, Scene.of_look(asset, look, light, size), sampling)
-        for ibl, light in lights.items()
-    ]
+    setups = []
+    for ibl in subject.ibls:
+        light = prepare_light(load_environment(builtin=ibl))
+        scene = Scene.of_look(asset, look, light, (subject.resolution, subject.resolution))
+        setups.append(make_setup(subject.look, ibl, scene, sampling))
     plan, result = render_setups(setups, Turns(turntables, folder), JobOutputs())
     seconds = time.perf_counter() - started
     if result.interrupted:
         raise KeyboardInterrupt
     if result.exit_code:
         raise RenderError(result.summary())
-    return Produced(seconds, tuple(dict.fromkeys(map(str, plan.skips))))
+    return seconds, tuple(dict.fromkeys(map(str, plan.skips)))
 
 
-def _render_plainly(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Produced:
+def _render_plainly(
+    subject: Subject, folder: Path, samples: int, frames: int, seed: int
+) -> tuple[float, tuple[str, ...]]:
     """Render by the plain script."""
-    request = _write_request(subject, folder, samples, frames, seed)
-    log = folder / "plain.log"
+    folder.mkdir(parents=True)
+    request, log = folder / "request.json", folder / "plain.log"
+    fields = {"samples": samples, "seed": seed, **_request(subject, folder, frames)}
+    request.write_text(json.dumps(fields), encoding="utf-8")
     started = time.perf_counter()
     with log.open("wb") as stream:
         ended = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
     seconds = time.perf_counter() - started
     if ended.returncode:
         raise RenderError(f"the plain script ended with exit code {ended.returncode}: {last_line(log)}")
-    return Produced(seconds)
+    return seconds, ()
 
 
-def _write_request(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
-    folder.mkdir(parents=True)
-    asset, look = bench_asset(subject.scene), LOOKS[subject.look].make()
-    maps = {}
+def _request(subject: Subject, folder: Path, frames: int) -> dict[str, Any]:
+    """Write the maps, and return what the plain script shows."""
+    look, maps = LOOKS[subject.look].make(), {}
     for ibl in subject.ibls:
         radiance = bench_environment(ibl).radiance
         maps[ibl] = folder / f"{ibl}.exr"
         write_frame(maps[ibl], radiance, np.ones(radiance.shape[:2]), {})
-    light = bench_light(subject.ibls[0])
-    scene = bench_scene(asset, look, (light,), subject.resolution, SCENES[subject.scene].bounces)
-    request = {
+    scene = bench_scene(subject.scene, look, (bench_light(subject.ibls[0]),), subject.resolution)
+    return {
         "asset": str(scene.asset.path),
         "principled": generate_principled(look).inputs,
         "camera": asdict(scene.camera),
         "resolution": scene.resolution,
-        "samples": samples,
         "bounces": scene.sampling.bounces,
-        "seed": seed,
         "frames": [
             {
                 "light": str(maps[ibl]),
-                "element": 360.0 * number / frames if kind == "element" else 0.0,
-                "lighting": 360.0 * number / frames if kind == "lighting" else 0.0,
+                **{turned: 360.0 * number / frames if turned == kind else 0.0 for turned in KINDS},
                 "file": str(FrameName(subject.look, ibl, kind, 1 + number).file(folder)),
             }
             for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(frames))
         ],
     }
-    file = folder / "request.json"
-    file.write_text(json.dumps(request), encoding="utf-8")
-    return file

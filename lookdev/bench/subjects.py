@@ -244,19 +244,22 @@ def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
 
 
 def bench_scene(
-    asset: Asset,
+    name: str,
     look: Look,
     lights: Sequence[Light],
     resolution: int,
-    bounces: int,
     backend: str = "exact",
     *,
+    asset: Asset | None = None,
     denoise: bool = False,
 ) -> SceneTask:
-    """Return a scene of one look, with the default sampling; `denoise` where its backend can, else never."""
-    scene = Scene.of_look(asset, look, lights[0], (resolution, resolution))
+    """Return a scene of one look, with the default sampling; `denoise` where its backend can, else never.
+
+    `asset` replaces that of the scene with this name.
+    """
+    scene = Scene.of_look(asset or bench_asset(name), look, lights[0], (resolution, resolution))
     denoised = denoise and BACKENDS[backend].features
-    sampling = Sampling(bounces=bounces, denoise="measured" if denoised else "off")
+    sampling = Sampling(bounces=SCENES[name].bounces, denoise="measured" if denoised else "off")
     return scene_task(replace(scene, lights=tuple(lights)), sampling, backend)
 
 

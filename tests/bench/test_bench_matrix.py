@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bench_fakes import triangle_count
 
-from lookdev.bench.backends import skips_of
 from lookdev.bench.kinds import KINDS
+from lookdev.bench.matrix import skips_of
 from lookdev.bench.options import Cell, Options, list_names, parse_options, restrictions
 from lookdev.bench.subjects import (
     IBLS,
@@ -15,7 +15,6 @@ from lookdev.bench.subjects import (
     MOST_LAYERS,
     RIGS,
     SCENES,
-    bench_asset,
     bench_light,
     bench_lights,
     bench_scene,
@@ -47,7 +46,9 @@ def test_a_finer_boulder_is_the_same_shape() -> None:
 
 
 def scene_of(look: str, backend: str = "exact", bounces: int = 2) -> SceneTask:
-    return bench_scene(make_boulder(1000), LOOKS[look].make(), (bench_light("white"),), 32, bounces, backend)
+    lights, asset = (bench_light("white"),), make_boulder(1000)
+    scene = bench_scene("shaderball", LOOKS[look].make(), lights, 32, backend, asset=asset)
+    return replace(scene, sampling=replace(scene.sampling, bounces=bounces))
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -60,7 +61,7 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 def test_skips_are_those_of_the_scene() -> None:
     def skips(scene: str, look: str) -> tuple[str, ...]:
-        made = bench_scene(bench_asset(scene), LOOKS[look].make(), (bench_light("white"),), 32, SCENES[scene].bounces)
+        made = bench_scene(scene, LOOKS[look].make(), (bench_light("white"),), 32)
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"

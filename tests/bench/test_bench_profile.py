@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from bench_fakes import FakeProcesses, quiet
 
-from lookdev.bench.backends import shot_of
 from lookdev.bench.benchmark import END, marker
 from lookdev.bench.options import Cell, Options, parse_options
 from lookdev.bench.profile import FEW, PARTS, ProfileBenchmark, stages_of
+from lookdev.bench.reference import shot_of
 from lookdev.bench.subjects import POSE
 from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, frame_task

@@ -7,9 +7,8 @@ import pytest
 from bench_fakes import quiet
 
 from lookdev.bench import growth, sequence
-from lookdev.bench.backends import open_candidates
 from lookdev.bench.benchmark import END, marker
-from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark
+from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark, open_candidates
 from lookdev.bench.measure import PICTURES, Series
 from lookdev.bench.options import Cell, Options, parse_options
 from lookdev.bench.profile import ProfileBenchmark
@@ -60,7 +59,7 @@ def test_all_backends_show_the_same_scene() -> None:
 def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> None:
     producers = producers_of(Subject("suzanne", "plastic", ("city",), 64))
     for name, produce in producers.items():
-        assert produce(tmp_path / name, 64, 3, 1).seconds > 0.0
+        assert produce(tmp_path / name, 64, 3, 1)[0] > 0.0
     for kind in sequence.KINDS:
         for number in (1, 2, 3):
             place = Path("plastic", "city", f"{kind}.{number:04d}.exr")

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from bench_fakes import FakeRenderer, quiet, run_matrix, store_references
 
-from lookdev.bench import cell_tables
-from lookdev.bench.cell_tables import bias_warnings
+from lookdev.bench import report
 from lookdev.bench.growth import Growth, GrowthRow
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Ratio, Reached, Series
@@ -34,7 +33,8 @@ def results(folder: Path) -> MatrixBenchmark:
 def table_row(text: str, name: str, heading: str) -> list[str]:
     """Return the cells of the first row with a name below a heading."""
     below = text.partition(f"#### {heading}\n")[2].splitlines()
-    return next(line.strip("| ").split(" | ") for line in below if line.startswith(f"| {name} |"))
+    rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in below)
+    return next(row for row in rows if row[0] == name)
 
 
 def test_csv_has_a_row_for_each_measurement(results: MatrixBenchmark, folder: Path) -> None:
@@ -100,13 +100,13 @@ def test_the_tables(results: MatrixBenchmark) -> None:
 def test_text_of_times_and_ratios() -> None:
     values = Reached(9.0, "~"), Reached(0.75, "<"), None
     ratios = [Ratio(value, 0.7, 0.8124, "principled", "raw", 1e-3, value) for value in values]
-    assert [cell_tables._ratio_texts(ratio) for ratio in ratios] == [
+    assert [report._ratio_texts(ratio) for ratio in ratios] == [
         ("~9.00 (0.700..0.812)", "~9.00"),
         ("<0.75 (0.700..0.812)", "<0.75"),
         ("-", "-"),
     ]
-    assert cell_tables._mean(values) == "9.00 (1 of 3)"
-    assert [cell_tables._short(value) for value in (0.01234, 1.234, 123.4, 1234.5)] == ["0.0123", "1.23", "123", "1234"]
+    assert report._mean(values) == "9.00 (1 of 3)"
+    assert [report._short(value) for value in (0.01234, 1.234, 123.4, 1234.5)] == ["0.0123", "1.23", "123", "1234"]
 
 
 def test_skips_are_printed_once_for_all_cells_that_have_them(results: MatrixBenchmark) -> None:
@@ -125,9 +125,9 @@ def test_a_biased_picture_is_reported() -> None:
         run.run()
         return run.result()
 
-    assert bias_warnings([measured(FakeRenderer())]) == []
+    assert report.bias_warnings([measured(FakeRenderer())]) == []
     # The reference is in the cache: what renders now is 5 % brighter.
-    lines = bias_warnings([measured(FakeRenderer(gain=1.05))])
+    lines = report.bias_warnings([measured(FakeRenderer(gain=1.05))])
     assert len(lines) == 2
     assert "exact with 16 samples is off by +5." in lines[1] or "off by +4.9" in lines[1]
     assert "--fresh" in lines[1]

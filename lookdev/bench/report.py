@@ -1,19 +1,39 @@
-"""Tables of cells and of growth, as text: times to an error, ratios, estimates, bias and memory."""
+"""Tables and plots of cells and of growth: times to an error, ratios, estimates, bias and memory; small SVGs."""
 
 from __future__ import annotations
 
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from lookdev.bench.benchmark import MEGABYTE, Spread, Table
 from lookdev.bench.growth import Growth
 from lookdev.bench.measure import EXACT, PICTURES, CellResult, CurvePoint, Measurement, Ratio, Reached, Series, Way
 from lookdev.bench.options import Options
+from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
 """Standard errors of a bias beyond which it is reported."""
 
+COLORS = {
+    "exact": "C0",
+    "principled": "C1",
+    "mitsuba-principled": "C2",
+    "mitsuba": "C3",
+    "nodes": "C4",
+    "nodes-exact": "C5",
+}
+"""Of the backends' curves; another backend's are black."""
+
+# Text stays text, which is small, and the same figures are the same file.
+_STYLE: Any = {"svg.hashsalt": "lookdev", "svg.fonttype": "none", "font.size": 8.0, "path.simplify": False}
 _TITLES = {"mitsuba": "`mitsuba`", "principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
 _LEGEND = (
     "Seconds of a frame to the relMSE; in brackets the least and the most of the repeats. *takes*: the time of `exact` "
@@ -188,3 +208,78 @@ def _short(value: float) -> str:
     """Return a number with three digits, not in powers of ten."""
     digits = max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 0
     return f"{value:.{min(digits, 4)}f}"
+
+
+def draw_curves(cells: Sequence[CellResult], targets: Sequence[float], folder: Path, prefix: str) -> list[Path]:
+    """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
+    files = []
+    for look in dict.fromkeys(result.cell.look for result in cells):
+        group = [result for result in cells if result.cell.look == look]
+        columns = len({result.cell.ibl for result in group})
+        files.append(folder / f"{prefix}{look}.svg")
+        with _draw_panels(files[-1], f"{look}: relMSE over seconds of a frame", len(group), columns) as panels:
+            for axes, result in zip(panels, group, strict=True):
+                _draw_cell(axes, result, targets)
+    return files
+
+
+def _draw_cell(axes: Any, result: CellResult, targets: Sequence[float]) -> None:
+    for series, curve in result.curves.items():
+        if known := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
+            style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}
+            axes.plot(*zip(*known, strict=True), "o-" if series.way == "raw" else "o--", **style)
+    for target in targets:
+        axes.axhline(target, color="0.7", linewidth=0.8)
+    title = f"{result.cell.scene}, {result.cell.ibl}"
+    axes.set(title=title, xlabel="seconds", ylabel="relMSE", xscale="log", yscale="log")
+    _mark_round_numbers(axes.xaxis)
+    _mark_round_numbers(axes.yaxis)
+
+
+def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
+    """Draw seconds of a frame over what it grows with, a panel for each quantity; return the file."""
+    quantities = list(dict.fromkeys(result.of for result in growth))
+    with _draw_panels(file, "seconds of a frame", len(quantities), 3) as panels:
+        for axes, quantity in zip(panels, quantities, strict=True):
+            for result in (result for result in growth if result.of == quantity):
+                sizes, seconds = [row.size for row in result.rows], [row.seconds for row in result.rows]
+                spread = zip(*((row.seconds - row.low, row.high - row.seconds) for row in result.rows), strict=True)
+                style: dict[str, Any] = {"fmt": "o-", "markersize": 3.0, "color": COLORS.get(result.backend, "black")}
+                axes.errorbar(sizes, seconds, list(spread), label=result.backend, **style)
+            axes.set(xlabel=quantity, ylabel="seconds", xscale="linear" if quantity == "frames" else "log")
+            axes.set_xticks(sizes, [f"{size:,}" for size in sizes], minor=False)
+            axes.xaxis.set_minor_locator(NullLocator())
+            if quantity == "pixels":  # in proportion to which seconds grow
+                axes.set_yscale("log")
+                _mark_round_numbers(axes.yaxis)
+            else:
+                axes.set_ylim(bottom=0.0)
+    return file
+
+
+@contextmanager
+def _draw_panels(file: Path, title: str, count: int, columns: int) -> Iterator[list[Any]]:
+    """Yield the panels of a figure, and write it with one legend for all, whose curves have the same names."""
+    columns = min(columns, count)
+    rows = math.ceil(count / columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(3.4 * columns, 2.6 * rows + 0.5), layout="constrained")
+        figure.suptitle(title)
+        panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    yield panels[:count]
+    for number, axes in enumerate(panels):
+        axes.grid(alpha=0.3)
+        axes.set_visible(number < count)
+    pairs = (pair for axes in panels for pair in zip(*axes.get_legend_handles_labels(), strict=True))
+    if handles := {label: handle for handle, label in pairs}:
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, frameon=False)
+    with mpl.rc_context(_STYLE), atomic_path(file) as path:
+        figure.savefig(path, format="svg", metadata={"Date": None})
+
+
+def _mark_round_numbers(axis: Any) -> None:
+    """Mark few round numbers on a logarithmic axis."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
