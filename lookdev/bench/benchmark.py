@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import lookdev
 from lookdev.bench.options import Options, restrictions
@@ -27,6 +27,8 @@ from lookdev.rendering.task import FrameTask
 from lookdev.rendering.threads import cores
 from lookdev.rendering.worker import open_renderer
 from lookdev.text import read_text
+
+T = TypeVar("T")
 
 PATIENCE = 3600.0
 """Seconds. A part of a reference is one long frame, for which some backends report no progress."""
@@ -258,15 +260,15 @@ def bullets(notes: Sequence[str]) -> str:
 
 
 def render_in_turn(
-    tasks: Sequence[Callable[[int], FrameTask]], repeats: int, opened: OpenRenderer
+    scenes: Sequence[T], task: Callable[[T, int], FrameTask], repeats: int, opened: OpenRenderer
 ) -> Iterator[list[Rendered]]:
-    """Yield the frames of each repeat, interleaved, each by a process of its own; repeat -1 warms up unseen.
+    """Yield the frames of each repeat, interleaved, each scene in a process of its own.
 
-    A task is a function of the number of the repeat.
+    `task` takes a scene and the number of the repeat, from 1; number 0 warms up.
     """
     with ExitStack() as stack:
-        renders = [stack.enter_context(opened()) for _ in tasks]
-        for repeat in range(-1, repeats):
-            frames = [render(task(repeat)) for task, render in zip(tasks, renders, strict=True)]
-            if repeat >= 0:
+        renders = [stack.enter_context(opened()) for _ in scenes]
+        for repeat in range(1 + repeats):
+            frames = [render(task(scene, repeat)) for scene, render in zip(scenes, renders, strict=True)]
+            if repeat > 0:
                 yield frames

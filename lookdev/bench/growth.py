@@ -6,7 +6,6 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -110,8 +109,7 @@ def _sizes(changes: Callable[[], Mapping[int, Mapping[str, Any]]]) -> Callable[[
 
     def measure(backend: str, options: Options, opened: OpenRenderer) -> Rows:
         scenes = {size: _scene(backend, **change) for size, change in changes().items()}
-        tasks = [partial(lambda scene, repeat: _task(scene, max(repeat, 0)), scene) for scene in scenes.values()]
-        frames = zip(*render_in_turn(tasks, _REPEATS, opened), strict=True)
+        frames = zip(*render_in_turn(list(scenes.values()), _task, _REPEATS, opened), strict=True)
         for size, repeats in zip(scenes, frames, strict=True):
             yield _row(size, [frame.seconds for frame in repeats], repeats[-1])
 

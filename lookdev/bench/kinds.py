@@ -10,16 +10,8 @@ from lookdev.bench.scale import ScaleBenchmark
 from lookdev.bench.sequence import SequenceBenchmark
 from lookdev.bench.setup import SetupBenchmark
 
-KINDS: dict[str, type[Benchmark]] = {
-    kind.NAME: kind
-    for kind in (
-        MatrixBenchmark,
-        TableBenchmark,
-        ProfileBenchmark,
-        SetupBenchmark,
-        SequenceBenchmark,
-        DenoiseTrial,
-        ScaleBenchmark,
-    )
-}
+_KINDS = (
+    MatrixBenchmark, TableBenchmark, ProfileBenchmark, SetupBenchmark, SequenceBenchmark, DenoiseTrial, ScaleBenchmark
+)  # fmt: skip
+KINDS: dict[str, type[Benchmark]] = {kind.NAME: kind for kind in _KINDS}
 """By the name of the option; the first is measured without one."""

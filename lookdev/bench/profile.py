@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 
 from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
@@ -69,9 +68,6 @@ class Stage:
     scene: SceneTask
     few: bool = False
 
-    def task(self, samples: int, repeat: int) -> FrameTask:
-        return frame_task(self.scene, POSE, f"{repeat}", samples=FEW if self.few else samples, seed=repeat + 1)
-
 
 @dataclass(frozen=True)
 class CellProfile:
@@ -121,8 +117,11 @@ class ProfileBenchmark(Benchmark):
     def _measure_cell(self, cell: Cell) -> CellProfile:
         options, stages = self.options, stages_of(cell, self.options.resolution)
         samples, repeats = options.samples[0], []
-        tasks = [partial(stage.task, samples) for stage in stages]
-        for frames in render_in_turn(tasks, options.repeats, self.open_process):
+
+        def task(stage: Stage, repeat: int) -> FrameTask:
+            return frame_task(stage.scene, POSE, f"{repeat}", samples=FEW if stage.few else samples, seed=repeat)
+
+        for frames in render_in_turn(stages, task, options.repeats, self.open_process):
             repeats.append(list(_seconds_of_parts([frame.seconds for frame in frames], samples)))
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
         whole, *parts = zip(*repeats, strict=True)

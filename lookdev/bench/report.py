@@ -74,7 +74,7 @@ def cell_blocks(cells: Sequence[CellResult], options: Options) -> Iterator[str |
 
 def _times(cells: Sequence[CellResult], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
     """Yield a row for each cell, then geometric means for each scene, and of all."""
-    cells = [cell for cell in cells if Series(EXACT, way) in cell.curves]
+    cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
     for cell in cells:
         row = [str(cell.cell), _seconds(cell, Series(EXACT, way), target)]
         for series in (Series(backend, way) for backend in others):
@@ -82,7 +82,7 @@ def _times(cells: Sequence[CellResult], others: Sequence[str], way: Way, target:
         yield row
     scenes = list(dict.fromkeys(cell.cell.scene for cell in cells))
     groups = {scene: [cell for cell in cells if cell.cell.scene == scene] for scene in scenes if len(scenes) > 1}
-    for name, group in (groups | {"all": cells}).items() if cells else ():
+    for name, group in (groups | {"all": cells}).items() if cells and others else ():
         row = [f"geometric mean, {name}", ""]
         for backend in others:
             ratios = [cell.ratio(Series(backend, way), target) for cell in group]

@@ -151,3 +151,12 @@ def test_sequence_and_growth_are_printed(results: MatrixBenchmark) -> None:
     assert stored["sequence"]["runs"][1]["frames_per_minute"] == 36.0
     row = {"size": 16384, "seconds": 0.4, "low": 0.4, "high": 0.5, "memory": 410_000_000}
     assert stored["growth"][0]["rows"][1] == row
+
+
+def test_times_of_a_backend_that_is_measured_alone(results: MatrixBenchmark) -> None:
+    both = replace(results.cells[0], options=replace(OPTIONS, independent=True))
+    alone = replace(both, curves={Series("principled"): both.curves[Series("principled")]})
+    texts = [replace(results, cells=[cell]).summary() for cell in (both, alone)]
+    row, row_alone = (table_row(text, "sphere, city, plastic", "Raw, to 0.0001") for text in texts)
+    assert row_alone == [row[0], "-", row[2], "-", "-"]
+    assert row[2].startswith("~")
