@@ -143,6 +143,7 @@ class Benchmark:
     """
 
     NAME: ClassVar[str]
+    FILE: ClassVar[str]
     ROWS: ClassVar[str]
     DEFAULTS: ClassVar[Mapping[str, Any]] = {}
 
@@ -211,12 +212,8 @@ class Benchmark:
             write_section(document, self.NAME, self.section())
 
     def write(self, folder: Path) -> None:
-        """Write the files of the measurements."""
-        self.write_json(folder / f"{self.NAME}.json")
-
-    def write_json(self, file: Path) -> None:
-        """Write the measurements, whole or not at all."""
-        with atomic_path(file) as path:
+        """Write the files of the measurements, each whole or not at all."""
+        with atomic_path(folder / self.FILE) as path:
             path.write_text(json.dumps(self.data(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def data(self) -> dict[str, Any]:

@@ -30,8 +30,6 @@ SAMPLES = (8, 16, 32, 64, 256)
 WITHIN, LEAST = 1.3, 0.6
 """The ratio of estimate and truth, either way, within which most frames shall be; the least that any shall have."""
 
-CSV_FILE = "denoise.csv"
-
 _ASSETS = ("sphere", "shaderball", "suzanne")
 _LIGHTS = (*IBLS, "studio+3", "lamp")
 _FOLDERS = ("", "classic")
@@ -99,6 +97,7 @@ class DenoiseTrial(Benchmark):
     """
 
     NAME = "denoise-trial"
+    FILE = "denoise.csv"
     ROWS = "trials"
     DEFAULTS = {"resolution": 96, "frames": 200}  # noqa: RUF012
 
@@ -122,7 +121,7 @@ class DenoiseTrial(Benchmark):
 
     def write(self, folder: Path) -> None:
         """Write a row for each frame."""
-        write_csv(folder / CSV_FILE, Trial, self.trials)
+        write_csv(folder / self.FILE, Trial, self.trials)
 
     def blocks(self) -> Iterator[str | Table]:
         yield from self.header()

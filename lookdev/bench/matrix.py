@@ -60,6 +60,7 @@ class MatrixBenchmark(Benchmark):
     """
 
     NAME = "matrix"
+    FILE = "results.json"
     ROWS = "cells"
 
     open_candidates: OpenCandidates = open_candidates
@@ -107,7 +108,7 @@ class MatrixBenchmark(Benchmark):
     def write(self, folder: Path) -> None:
         """Write ``results.csv``, a row a measurement, and ``results.json``."""
         write_csv(folder / "results.csv", Measurement, [row for cell in self.cells for row in cell.measurements])
-        self.write_json(folder / "results.json")
+        super().write(folder)
 
     def data(self) -> dict[str, Any]:
         cells, growth = [_cell_data(cell) for cell in self.cells], [asdict(growth) for growth in self.growth]

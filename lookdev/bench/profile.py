@@ -8,9 +8,11 @@ what follows a ray happens more often. A stage is rendered in a process of its o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
+
+import numpy as np
 
 from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
 from lookdev.bench.options import Cell
@@ -85,6 +87,7 @@ class ProfileBenchmark(Benchmark):
     """Where a second of rendering goes, by parts of the shader that are switched off."""
 
     NAME = "profile"
+    FILE = "profile.json"
     ROWS = "cells"
     DEFAULTS = {  # noqa: RUF012
         "scenes": ("sphere", "shaderball"),
@@ -115,6 +118,7 @@ class ProfileBenchmark(Benchmark):
             yield
 
     def _measure_cell(self, cell: Cell) -> CellProfile:
+        """Return the shares of a cell; what Blender takes besides samples is on a straight line to no samples."""
         options, stages = self.options, stages_of(cell, self.options.resolution)
         samples, repeats = options.samples[0], []
 
@@ -122,15 +126,14 @@ class ProfileBenchmark(Benchmark):
             return frame_task(stage.scene, POSE, f"{repeat}", samples=FEW if stage.few else samples, seed=repeat)
 
         for frames in render_in_turn(stages, task, options.repeats, self.open_process):
-            repeats.append(list(_seconds_of_parts([frame.seconds for frame in frames], samples)))
+            repeats.append([frame.seconds for frame in frames])
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
-        whole, *parts = zip(*repeats, strict=True)
+        *seconds, empty, few = np.transpose(repeats)
+        film = (empty - few) * samples / (samples - FEW)
+        parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]
         names = [*(stage.part for stage in stages[1:]), PARTS[-1]]
-        shares = {
-            name: Spread.of([one / frame for one, frame in zip(part, whole, strict=True)])
-            for name, part in zip(names, parts, strict=True)
-        }
-        return CellProfile(**asdict(cell), seconds=Spread.of(whole).middle, parts=shares)
+        shares = {name: Spread.of((part / seconds[0]).tolist()) for name, part in zip(names, parts, strict=True)}
+        return CellProfile(**asdict(cell), seconds=float(np.median(seconds[0])), parts=shares)
 
     def blocks(self) -> Iterator[str | Table]:
         options = self.options
@@ -171,18 +174,6 @@ def stages_of(cell: Cell, resolution: int) -> list[Stage]:
         if scene.shaders[0].digest != stages[-1].scene.shaders[0].digest:
             stages.append(Stage(part, scene))
     return [*stages, Stage(PARTS[-2], empty, few=True)]
-
-
-def _seconds_of_parts(seconds: Sequence[float], samples: int) -> Iterator[float]:
-    """Yield the seconds of the whole frame, then of each part.
-
-    The last two frames are of the empty shader, with all samples and with few: along a straight line to none.
-    """
-    *stages, few = seconds
-    yield stages[0]
-    yield from (before - after for before, after in pairwise(stages))
-    film = (stages[-1] - few) * samples / (samples - FEW)
-    yield from (film, stages[-1] - film)
 
 
 def _thousandths(share: float) -> str:

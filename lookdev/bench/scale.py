@@ -149,6 +149,7 @@ class ScaleBenchmark(Benchmark):
     """Large assets up to the first sample, against Blender's own import."""
 
     NAME = "scale"
+    FILE = "scale.json"
     ROWS = "starts"
 
     starts: list[Start] = field(default_factory=list)

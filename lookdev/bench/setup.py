@@ -44,6 +44,7 @@ class SetupBenchmark(Benchmark):
     """Commands, a first frame, changes of scene."""
 
     NAME = "setup"
+    FILE = "setup.json"
     ROWS = "taken"
     DEFAULTS = {"repeats": 5}  # noqa: RUF012
 

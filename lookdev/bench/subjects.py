@@ -42,6 +42,7 @@ T = TypeVar("T")
 POSE = Pose(0.0, 0.0)
 MILLION = 1_000_000
 MOST_LAYERS = 8
+_LOBES = {"metallic": 1.0, "clearcoat": 1.0, "anisotropic": 0.7}
 _MASK_SIZE = 256
 _MASK_VERSION = 1  # the only digest of the file: increase it with any change
 
@@ -110,14 +111,9 @@ def layered(layers: int) -> Look:
 def varied_look(number: int) -> Look:
     """Return one of many Disney layers: eight programs, each look in colours of its own."""
     share = number / (number + 4.0)
-    inputs: dict[str, Input] = {
-        "baseColor": (0.2 + 0.6 * share, 0.5, 0.7 - 0.5 * share),
-        "roughness": 0.25 + 0.5 * share,
-        "metallic": float(number & 1),
-        "clearcoat": float(number >> 1 & 1),
-        "anisotropic": 0.7 * (number >> 2 & 1),
-    }
-    return Look(f"look{number}", (Layer("Layer", "disney", inputs),))
+    color, roughness = (0.2 + 0.6 * share, 0.5, 0.7 - 0.5 * share), 0.25 + 0.5 * share
+    lobes = {name: weight * (number >> bit & 1) for bit, (name, weight) in enumerate(_LOBES.items())}
+    return _disney(f"look{number}", "Layer", baseColor=color, roughness=roughness, **lobes)()
 
 
 def cloudy_mask(number: int) -> Texture:

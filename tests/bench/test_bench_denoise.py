@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from lookdev.bench import denoise_trial
 from lookdev.bench.denoise_trial import (
-    CSV_FILE,
     SAMPLES,
     DenoiseTrial,
     Trial,
@@ -86,7 +85,7 @@ def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
         assert (each.raw_estimate, each.estimate) == (3.0, 2.0)
     # What an eye sees of noise is less than its error.
     assert trials[0].flip < 0.5 * trials[0].raw_flip
-    with (tmp_path / "out" / CSV_FILE).open(newline="") as stream:
+    with (tmp_path / "out" / DenoiseTrial.FILE).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [float(row["denoised"]) for row in rows] == [each.denoised for each in trials]
 
@@ -110,7 +109,7 @@ def test_a_cell_depends_on_seed_and_number_alone() -> None:
 def test_ctrl_c_keeps_the_frames_before_it(tmp_path: Path) -> None:
     # A reference of four parts, then frames.
     assert len(run_trial(5, tmp_path, Renderer(ends_after=6))) == 2
-    assert len((tmp_path / CSV_FILE).read_text().splitlines()) == 3
+    assert len((tmp_path / DenoiseTrial.FILE).read_text().splitlines()) == 3
 
 
 def test_the_report_counts_what_is_out_of_bounds() -> None:
