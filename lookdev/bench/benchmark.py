@@ -224,8 +224,12 @@ class Benchmark:
             "options": asdict(self.options),
             "restricted": self.restricted,
             "failures": self.failures,
-            self.ROWS: [asdict(row) for row in self.rows],
+            self.ROWS: [self.row_data(row) for row in self.rows],
         }
+
+    def row_data(self, row: Any) -> dict[str, Any]:
+        """Return a measurement as plain data."""
+        return asdict(row)
 
     def header(self, settings: str = "") -> Iterator[str]:
         """Yield the machine, a line of settings, and how far this is the whole."""

@@ -11,7 +11,7 @@ from typing import Any
 from lookdev.bench import report
 from lookdev.bench.benchmark import Benchmark, Table, bullets, open_process, write_csv
 from lookdev.bench.growth import Growth, measure_growth
-from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Series
+from lookdev.bench.measure import Candidate, CellRun, Measurement, Series
 from lookdev.bench.mitsuba_worker import check_mitsuba
 from lookdev.bench.options import Cell, Options
 from lookdev.bench.reference import shooter
@@ -64,7 +64,7 @@ class MatrixBenchmark(Benchmark):
     ROWS = "cells"
 
     open_candidates: OpenCandidates = open_candidates
-    cells: list[CellResult] = field(default_factory=list)
+    cells: list[CellRun] = field(default_factory=list)
     missing: dict[str, str] = field(default_factory=dict)  # backends that are not on this machine, and why
     growth: list[Growth] = field(default_factory=list)
 
@@ -92,14 +92,13 @@ class MatrixBenchmark(Benchmark):
                 self.report(f"{cell} fails: {error}")
             yield
 
-    def _measure_cell(self, run: CellRun) -> None:
+    def _measure_cell(self, cell: CellRun) -> None:
         try:
-            run.run()
+            cell.run()
         finally:
-            result = run.result()
-            if result.measurements:
-                self.cells.append(result)
-            self.failures += [f"{result.cell}: {backend}: {reason}" for backend, reason in result.failures.items()]
+            if cell.measurements:
+                self.cells.append(cell)
+            self.failures += [f"{cell.cell}: {backend}: {reason}" for backend, reason in cell.failures.items()]
 
     def draw(self, folder: Path, prefix: str) -> list[Path]:
         plots = report.draw_curves(self.cells, self.options.targets, folder, prefix)
@@ -111,8 +110,21 @@ class MatrixBenchmark(Benchmark):
         super().write(folder)
 
     def data(self) -> dict[str, Any]:
-        cells, growth = [_cell_data(cell) for cell in self.cells], [asdict(growth) for growth in self.growth]
-        return super().data() | {"missing": self.missing, "cells": cells, "sequence": None, "growth": growth}
+        growth = [asdict(growth) for growth in self.growth]
+        return super().data() | {"missing": self.missing, "sequence": None, "growth": growth}
+
+    def row_data(self, row: CellRun) -> dict[str, Any]:
+        return {
+            **asdict(row.cell),
+            "series": {str(series): _series_data(row, series) for series in row.curves},
+            "exact_over": [
+                asdict(ratio)
+                for series in row.curves
+                for target in row.options.targets
+                if (ratio := row.ratio(series, target))
+            ],
+            "failures": row.failures,
+        }
 
     def blocks(self) -> Iterator[str | Table]:
         options = self.options
@@ -165,21 +177,7 @@ class TableBenchmark(MatrixBenchmark):
             yield
 
 
-def _cell_data(result: CellResult) -> dict[str, Any]:
-    return {
-        **asdict(result.cell),
-        "series": {str(series): _series_data(result, series) for series in result.curves},
-        "exact_over": [
-            asdict(ratio)
-            for series in result.curves
-            for target in result.options.targets
-            if (ratio := result.ratio(series, target))
-        ],
-        "failures": result.failures,
-    }
-
-
-def _series_data(result: CellResult, series: Series) -> dict[str, Any]:
+def _series_data(result: CellRun, series: Series) -> dict[str, Any]:
     rows, reference = result.of(series), result.references.get(series.backend)
     return {
         "curve": [asdict(point) for point in result.curves[series]],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -95,9 +95,6 @@ class Reached:
     value: float
     mark: Literal["", "~", "<", ">"] = ""
 
-    def __str__(self) -> str:
-        return f"{self.mark}{self.value:.3g}"
-
 
 @dataclass(frozen=True)
 class Times:
@@ -118,17 +115,176 @@ class Ratio(Times):
     by_samples: Reached | None  # of the samples, times what one costs more in renders that followed each other
 
 
-@dataclass(frozen=True)
-class CellResult:
-    """The measurements of a cell so far, with the times and ratios that follow from them."""
+def reach(
+    effort: Sequence[float],
+    error: Sequence[float],
+    target: float,
+    *,
+    limit: float | None = REACH,
+    slopes: tuple[float, float] = (0.0, math.inf),
+) -> Reached | None:
+    """Return the effort (seconds, or samples) at which a curve first reaches an error `target`.
+
+    `effort` and `error` are its points by increasing samples, positive. Beyond them the curve falls, in logarithms, by
+    the slope of its last two points, within `slopes`: 1 is that of independent samples. None where it does not fall, or
+    does not reach the target within `limit` times its last effort.
+    """
+    if not error:
+        return None
+    if error[0] <= target:
+        return Reached(effort[0], "" if error[0] == target else "<")
+    for start, end in pairwise(zip(effort, error, strict=True)):
+        if end[1] <= target:
+            share = math.log(start[1] / target) / math.log(start[1] / end[1])
+            return Reached(start[0] * (end[0] / start[0]) ** share)
+    slope = 0.0
+    if len(error) > 1 and effort[-1] > effort[-2]:
+        slope = math.log(error[-2] / error[-1]) / math.log(effort[-1] / effort[-2])
+    slope = min(max(slope, slopes[0]), slopes[1])
+    if slope <= 0.0:
+        return None
+    value = effort[-1] * (error[-1] / target) ** (1.0 / slope)
+    return Reached(value, "~") if limit is None or value <= limit * effort[-1] else None
+
+
+def ratio_of(one: Reached | None, other: Reached | None) -> Reached | None:
+    """Return one effort over another; None where one is missing or both are bounds."""
+    if one is None or other is None or one.mark == other.mark == "<":
+        return None
+    value = one.value / other.value
+    if "<" in (one.mark, other.mark):
+        return Reached(value, "<" if one.mark == "<" else ">")
+    return Reached(value, "~" if "~" in (one.mark, other.mark) else "")
+
+
+def schedule(options: Options) -> Iterator[tuple[int, int, int]]:
+    """Yield the repeat, the samples and the seed of every render in order; no two have the same seed."""
+    for repeat in range(options.repeats):
+        for number, samples in enumerate(options.samples):
+            yield repeat, samples, _seed(options, repeat) + number
+
+
+def _seed(options: Options, repeat: int) -> int:
+    """Return the first seed of a repeat, below those of references."""
+    return (options.seed * MOST_REPEATS + repeat) * _SEEDS_PER_REPEAT
+
+
+@dataclass
+class CellRun:
+    """A cell, and its measurements so far, with the times and ratios that follow from them."""
 
     cell: Cell
+    candidates: Sequence[Candidate]
     options: Options
-    measurements: tuple[Measurement, ...]
-    curves: Mapping[Series, tuple[CurvePoint, ...]]
-    references: Mapping[str, Reference]
-    skips: Mapping[str, tuple[str, ...]]
-    failures: Mapping[str, str]  # why a backend's measurements end
+    report: Report
+    measurements: list[Measurement] = field(default_factory=list)
+    curves: Mapping[Series, tuple[CurvePoint, ...]] = field(default_factory=dict)  # once `run` has ended
+    references: dict[str, Reference] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)  # why a backend's measurements end
+    _shots: dict[tuple[Series, int], list[Shot]] = field(default_factory=dict)
+    _most: dict[str, int] = field(default_factory=dict)  # samples after which a backend's error is small enough
+    _out_of_reach: set[Way] = field(default_factory=set)  # not aimed at again
+
+    def run(self) -> None:
+        """Render references, warm up, then measure; a backend that fails is left out from then on.
+
+        Backends are interleaved, so that a slower machine affects all of them.
+        """
+        try:
+            for candidate in self.candidates:
+                self._attempt(candidate, self._obtain_reference)
+            for candidate in self.candidates:
+                self._attempt(candidate, self._render, self.options.samples[0], FIRST_SEED)
+            for repeat, samples, seed in schedule(self.options):
+                for candidate in self.candidates:
+                    if samples <= self._most.get(candidate.backend, samples):
+                        self._attempt(candidate, self._measure, repeat, samples, seed)
+                if samples == self.options.samples[-1]:
+                    for candidate in self.candidates:
+                        self._attempt(candidate, self._aim, repeat)
+        finally:
+            measured = {row.series for row in self.measurements}
+            every = [Series(candidate.backend, way) for candidate in self.candidates for way in PICTURES]
+            self.curves = {series: self._curve(series) for series in every if series.way == "raw" or series in measured}
+            self._shots.clear()
+
+    def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
+        """Run a step of a backend, unless it failed before; note an error."""
+        if candidate.backend in self.failures:
+            return
+        try:
+            step(candidate, *arguments)
+        except (LookdevError, OSError) as error:
+            self.failures[candidate.backend] = str(error)
+            self.report(f"{self.cell}: {candidate.backend} fails and is left out: {error}")
+
+    def _obtain_reference(self, candidate: Candidate) -> None:
+        options = self.options
+        finer = _ENOUGH_PARTS if options.enough else 1
+        amount = max(options.samples[-1] // finer, 2), options.reference * finer
+
+        def report(text: str) -> None:
+            self.report(f"{self.cell}: {candidate.backend}: {text}")
+
+        self.references[candidate.backend] = obtain_reference(
+            candidate.key, *amount, candidate.render, report, enough=options.enough, fresh=options.fresh
+        )
+
+    def _render(self, candidate: Candidate, samples: int, seed: int) -> Shot:
+        sampling = {"denoise": "measured"} if self.options.denoise and candidate.denoises else {}
+        return candidate.render(samples, seed, **sampling)
+
+    def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
+        """Render once, which gives a measurement, or two of a picture that is denoised."""
+        shot = self._render(candidate, samples, seed)
+        pictures: dict[Way, Shot] = {"raw": shot} if shot.raw is None else {"raw": shot.raw, "denoised": shot}
+        rows = []
+        for way, picture in pictures.items():
+            series = Series(candidate.backend, way)
+            rows.append(self._judge(series, repeat, seed, picture))
+            self._shots.setdefault((series, samples), []).append(picture)
+        if repeat == 0 and all(row.relmse is None or row.relmse <= self.options.until for row in rows):
+            self._most[candidate.backend] = samples
+
+    def _aim(self, candidate: Candidate, repeat: int) -> None:
+        """Render until an error is estimated, raw and denoised; once only where the most samples do not suffice."""
+        aim = self.options.aim
+        if aim is None or candidate.backend != EXACT:
+            return
+        ways: dict[Way, str] = {"aimed": "off", "aimed, denoised": "measured"}
+        for number, (way, denoise) in enumerate(ways.items(), start=_SEEDS_PER_REPEAT - len(ways)):
+            if way in self._out_of_reach or (denoise == "measured" and not self.options.denoise):
+                continue
+            seed = _seed(self.options, repeat) + number
+            shot = candidate.render(self.options.samples[-1], seed, error=aim, denoise=denoise)
+            self._judge(Series(EXACT, way), repeat, seed, shot)
+            if shot.estimate is None or shot.estimate > aim:
+                self._out_of_reach.add(way)
+
+    def _judge(self, series: Series, repeat: int, seed: int, shot: Shot) -> Measurement:
+        verdict = self.references[series.backend].judge(shot)
+        figures = {name: getattr(shot, name) for name in ("samples", "seconds", "estimate", "memory", "renderer")}
+        row = Measurement(
+            **asdict(self.cell), **series._asdict(), repeat=repeat, seed=seed, **figures, **asdict(verdict)
+        )
+        self.measurements.append(row)
+        error = "lost in the noise of its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
+        self.report(f"{self.cell}: {series}: {shot.samples} samples, {shot.seconds:.2f} s, {error}")
+        return row
+
+    def _curve(self, series: Series) -> tuple[CurvePoint, ...]:
+        points = []
+        for samples in self.options.samples:
+            if shots := self._shots.get((series, samples)):
+                verdict = self.references[series.backend].judge(*shots)
+                seconds = statistics.median(shot.seconds for shot in shots)
+                points.append(CurvePoint(**asdict(verdict), samples=samples, seconds=seconds))
+        return tuple(points)
+
+    @property
+    def skips(self) -> dict[str, tuple[str, ...]]:
+        """The skips of each backend."""
+        return {candidate.backend: candidate.skips for candidate in self.candidates}
 
     def of(self, series: Series) -> list[Measurement]:
         """Return the measurements of a series."""
@@ -189,174 +345,3 @@ class CellResult:
         most = max((samples for samples, _ in pairs), default=0)
         costs = [ours[samples, repeat] / theirs[samples, repeat] for samples, repeat in pairs if samples == most]
         return statistics.median(costs) if costs else None
-
-
-def reach(
-    effort: Sequence[float],
-    error: Sequence[float],
-    target: float,
-    *,
-    limit: float | None = REACH,
-    slopes: tuple[float, float] = (0.0, math.inf),
-) -> Reached | None:
-    """Return the effort (seconds, or samples) at which a curve first reaches an error `target`.
-
-    `effort` and `error` are its points by increasing samples, positive. Beyond them the curve falls, in logarithms, by
-    the slope of its last two points, within `slopes`: 1 is that of independent samples. None where it does not fall, or
-    does not reach the target within `limit` times its last effort.
-    """
-    if not error:
-        return None
-    if error[0] <= target:
-        return Reached(effort[0], "" if error[0] == target else "<")
-    for start, end in pairwise(zip(effort, error, strict=True)):
-        if end[1] <= target:
-            share = math.log(start[1] / target) / math.log(start[1] / end[1])
-            return Reached(start[0] * (end[0] / start[0]) ** share)
-    slope = 0.0
-    if len(error) > 1 and effort[-1] > effort[-2]:
-        slope = math.log(error[-2] / error[-1]) / math.log(effort[-1] / effort[-2])
-    slope = min(max(slope, slopes[0]), slopes[1])
-    if slope <= 0.0:
-        return None
-    value = effort[-1] * (error[-1] / target) ** (1.0 / slope)
-    return Reached(value, "~") if limit is None or value <= limit * effort[-1] else None
-
-
-def ratio_of(one: Reached | None, other: Reached | None) -> Reached | None:
-    """Return one effort over another; None where one is missing or both are bounds."""
-    if one is None or other is None or one.mark == other.mark == "<":
-        return None
-    value = one.value / other.value
-    if "<" in (one.mark, other.mark):
-        return Reached(value, "<" if one.mark == "<" else ">")
-    return Reached(value, "~" if "~" in (one.mark, other.mark) else "")
-
-
-def schedule(options: Options) -> Iterator[tuple[int, int, int]]:
-    """Yield the repeat, the samples and the seed of every render in order; no two have the same seed."""
-    for repeat in range(options.repeats):
-        for number, samples in enumerate(options.samples):
-            yield repeat, samples, _seed(options, repeat) + number
-
-
-def _seed(options: Options, repeat: int) -> int:
-    """Return the first seed of a repeat, below those of references."""
-    return (options.seed * MOST_REPEATS + repeat) * _SEEDS_PER_REPEAT
-
-
-class CellRun:
-    """A cell while it is measured; `result` may be called at any time."""
-
-    def __init__(self, cell: Cell, candidates: Sequence[Candidate], options: Options, report: Report) -> None:
-        self._cell = cell
-        self._candidates = {candidate.backend: candidate for candidate in candidates}
-        self._options = options
-        self._report = report
-        self._references: dict[str, Reference] = {}
-        self._shots: dict[tuple[Series, int], list[Shot]] = {}
-        self._measurements: list[Measurement] = []
-        self._failures: dict[str, str] = {}
-        self._most: dict[str, int] = {}  # samples after which a backend's error is small enough
-        self._out_of_reach: set[Way] = set()  # not aimed at again
-
-    def run(self) -> None:
-        """Render references, warm up, then measure; a backend that fails is left out from then on.
-
-        Backends are interleaved, so that a slower machine affects all of them.
-        """
-        options, candidates = self._options, self._candidates.values()
-        for candidate in candidates:
-            self._attempt(candidate, self._obtain_reference)
-        for candidate in candidates:
-            self._attempt(candidate, self._render, options.samples[0], FIRST_SEED)
-        for repeat, samples, seed in schedule(options):
-            for candidate in candidates:
-                if samples <= self._most.get(candidate.backend, samples):
-                    self._attempt(candidate, self._measure, repeat, samples, seed)
-            if samples == options.samples[-1] and options.aim is not None and EXACT in self._candidates:
-                self._attempt(self._candidates[EXACT], self._aim, repeat, options.aim)
-
-    def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
-        """Run a step of a backend, unless it failed before; note an error."""
-        if candidate.backend in self._failures:
-            return
-        try:
-            step(candidate, *arguments)
-        except (LookdevError, OSError) as error:
-            self._failures[candidate.backend] = str(error)
-            self._report(f"{self._cell}: {candidate.backend} fails and is left out: {error}")
-
-    def _obtain_reference(self, candidate: Candidate) -> None:
-        options = self._options
-        finer = _ENOUGH_PARTS if options.enough else 1
-        amount = max(options.samples[-1] // finer, 2), options.reference * finer
-
-        def report(text: str) -> None:
-            self._report(f"{self._cell}: {candidate.backend}: {text}")
-
-        self._references[candidate.backend] = obtain_reference(
-            candidate.key, *amount, candidate.render, report, enough=options.enough, fresh=options.fresh
-        )
-
-    def _render(self, candidate: Candidate, samples: int, seed: int) -> Shot:
-        sampling = {"denoise": "measured"} if self._options.denoise and candidate.denoises else {}
-        return candidate.render(samples, seed, **sampling)
-
-    def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
-        """Render once, which gives a measurement, or two of a picture that is denoised."""
-        shot = self._render(candidate, samples, seed)
-        pictures: dict[Way, Shot] = {"raw": shot} if shot.raw is None else {"raw": shot.raw, "denoised": shot}
-        rows = []
-        for way, picture in pictures.items():
-            series = Series(candidate.backend, way)
-            rows.append(self._judge(series, repeat, seed, picture))
-            self._shots.setdefault((series, samples), []).append(picture)
-        if repeat == 0 and all(row.relmse is None or row.relmse <= self._options.until for row in rows):
-            self._most[candidate.backend] = samples
-
-    def _aim(self, candidate: Candidate, repeat: int, aim: float) -> None:
-        """Render until an error is estimated, raw and denoised; once only where the most samples do not suffice."""
-        ways: dict[Way, str] = {"aimed": "off", "aimed, denoised": "measured"}
-        for number, (way, denoise) in enumerate(ways.items(), start=_SEEDS_PER_REPEAT - len(ways)):
-            if way in self._out_of_reach or (denoise == "measured" and not self._options.denoise):
-                continue
-            seed = _seed(self._options, repeat) + number
-            shot = candidate.render(self._options.samples[-1], seed, error=aim, denoise=denoise)
-            self._judge(Series(EXACT, way), repeat, seed, shot)
-            if shot.estimate is None or shot.estimate > aim:
-                self._out_of_reach.add(way)
-
-    def _judge(self, series: Series, repeat: int, seed: int, shot: Shot) -> Measurement:
-        verdict = self._references[series.backend].judge(shot)
-        figures = {name: getattr(shot, name) for name in ("samples", "seconds", "estimate", "memory", "renderer")}
-        row = Measurement(
-            **asdict(self._cell), **series._asdict(), repeat=repeat, seed=seed, **figures, **asdict(verdict)
-        )
-        self._measurements.append(row)
-        error = "lost in the noise of its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
-        self._report(f"{self._cell}: {series}: {shot.samples} samples, {shot.seconds:.2f} s, {error}")
-        return row
-
-    def result(self) -> CellResult:
-        """Return the measurements so far."""
-        measured = {row.series for row in self._measurements}
-        every = [Series(backend, way) for backend in self._candidates for way in PICTURES]
-        return CellResult(
-            self._cell,
-            self._options,
-            tuple(self._measurements),
-            {series: self._curve(series) for series in every if series.way == "raw" or series in measured},
-            dict(self._references),
-            {backend: candidate.skips for backend, candidate in self._candidates.items()},
-            dict(self._failures),
-        )
-
-    def _curve(self, series: Series) -> tuple[CurvePoint, ...]:
-        points = []
-        for samples in self._options.samples:
-            if shots := self._shots.get((series, samples)):
-                verdict = self._references[series.backend].judge(*shots)
-                seconds = statistics.median(shot.seconds for shot in shots)
-                points.append(CurvePoint(**asdict(verdict), samples=samples, seconds=seconds))
-        return tuple(points)

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from lookdev.bench.benchmark import MEGABYTE, Spread, Table
 from lookdev.bench.growth import Growth
-from lookdev.bench.measure import EXACT, PICTURES, CellResult, CurvePoint, Measurement, Ratio, Reached, Series, Way
+from lookdev.bench.measure import EXACT, PICTURES, CellRun, CurvePoint, Measurement, Ratio, Reached, Series, Way
 from lookdev.bench.options import Options
 from lookdev.cache import atomic_path
 
@@ -43,7 +43,7 @@ _LEGEND = (
 )
 
 
-def cell_blocks(cells: Sequence[CellResult], options: Options) -> Iterator[str | Table]:
+def cell_blocks(cells: Sequence[CellRun], options: Options) -> Iterator[str | Table]:
     """Yield the tables of times, of the most samples and of estimates, with their headings."""
     if not cells:
         return
@@ -72,7 +72,7 @@ def cell_blocks(cells: Sequence[CellResult], options: Options) -> Iterator[str |
         yield Table((*head, "denoised: s", "samples", "relMSE"), rows)
 
 
-def _times(cells: Sequence[CellResult], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
+def _times(cells: Sequence[CellRun], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
     """Yield a row for each cell, then geometric means for each scene, and of all."""
     cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
     for cell in cells:
@@ -99,7 +99,7 @@ def _mean(values: Sequence[Reached | None]) -> str:
     return f"{statistics.geometric_mean(known):.2f}{count}"
 
 
-def _seconds(cell: CellResult, series: Series, target: float) -> str:
+def _seconds(cell: CellRun, series: Series, target: float) -> str:
     times = cell.times(series, target)
     if times.value is None:
         return "-"
@@ -121,7 +121,7 @@ def _point(curve: Sequence[CurvePoint] | None) -> str:
     return f"{curve[-1].samples}, {_short(curve[-1].seconds)}, {error}"
 
 
-def _estimates(cells: Sequence[CellResult]) -> Iterator[list[str]]:
+def _estimates(cells: Sequence[CellRun]) -> Iterator[list[str]]:
     """Yield a row for each cell whose frames estimate their errors, then one of all."""
     rows_of_all: Mapping[Way, list[Measurement]] = {way: [] for way in PICTURES}
     for cell in cells:
@@ -167,7 +167,7 @@ def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | Table]:
         yield Table(head, [[f"{size:,}", *texts] for size, texts in rows.items()])
 
 
-def bias_and_memory(cells: Sequence[CellResult]) -> Table:
+def bias_and_memory(cells: Sequence[CellRun]) -> Table:
     """Return a table of the bias at the most samples, and the memory, of each series of each cell."""
     rows = []
     for cell in cells:
@@ -179,7 +179,7 @@ def bias_and_memory(cells: Sequence[CellResult]) -> Table:
     return Table(("", "bias, %", "MB"), rows)
 
 
-def bias_warnings(cells: Sequence[CellResult]) -> list[str]:
+def bias_warnings(cells: Sequence[CellRun]) -> list[str]:
     """Return a line for each biased picture."""
     return [
         f"{result.cell}: {series} with {point.samples} samples is off by {point.bias:+.2%}, "
@@ -193,7 +193,7 @@ def bias_warnings(cells: Sequence[CellResult]) -> list[str]:
     ]
 
 
-def skip_lines(cells: Sequence[CellResult]) -> list[str]:
+def skip_lines(cells: Sequence[CellRun]) -> list[str]:
     """Return the skips of backends, one line for all cells with the same skips."""
     names: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for result in cells:
@@ -210,7 +210,7 @@ def _short(value: float) -> str:
     return f"{value:.{min(digits, 4)}f}"
 
 
-def draw_curves(cells: Sequence[CellResult], targets: Sequence[float], folder: Path, prefix: str) -> list[Path]:
+def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path, prefix: str) -> list[Path]:
     """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
     files = []
     for look in dict.fromkeys(result.cell.look for result in cells):
@@ -223,7 +223,7 @@ def draw_curves(cells: Sequence[CellResult], targets: Sequence[float], folder: P
     return files
 
 
-def _draw_cell(axes: Any, result: CellResult, targets: Sequence[float]) -> None:
+def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
     for series, curve in result.curves.items():
         if known := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
             style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}

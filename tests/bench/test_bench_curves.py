@@ -68,7 +68,3 @@ def test_ratios_keep_the_doubt_of_what_they_are_of(
 def test_the_error_at_an_effort() -> None:
     for time in (0.25, 1.0, 3.0, 16.0, 100.0):
         assert error_at(list(zip(TIMES, power_law(1.2), strict=True)), time) == pytest.approx(1e-2 * time**-1.2)
-
-
-def test_text_has_three_digits_and_the_mark() -> None:
-    assert str(Reached(12.3456, "~")) == "~12.3"

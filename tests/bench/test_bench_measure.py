@@ -9,7 +9,7 @@ import pytest
 from bench_fakes import FakeBackends, FakeRenderer, measured, quiet, run_matrix
 
 from lookdev.bench import matrix
-from lookdev.bench.measure import Candidate, CellResult, CellRun, Series, schedule
+from lookdev.bench.measure import Candidate, CellRun, Series, schedule
 from lookdev.bench.options import MOST_REPEATS, SEEDS, Cell, Options
 from lookdev.bench.reference import FIRST_SEED, Shot
 from lookdev.errors import LookdevError, RenderError
@@ -18,10 +18,10 @@ CELL = Cell("sphere", "city", "plastic")
 SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats=3)
 
 
-def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellResult:
+def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellRun:
     run = CellRun(CELL, [Candidate(each.name, each.name, each, (), True) for each in renderers], options, quiet)
     run.run()
-    return run.result()
+    return run
 
 
 def test_backends_take_turns_and_are_warm_before_the_first_measurement() -> None:

@@ -11,7 +11,7 @@ from bench_fakes import FakeRenderer, quiet, run_matrix, store_references
 from lookdev.bench import report
 from lookdev.bench.growth import Growth, GrowthRow
 from lookdev.bench.matrix import MatrixBenchmark
-from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Ratio, Reached, Series
+from lookdev.bench.measure import Candidate, CellRun, Measurement, Ratio, Reached, Series
 from lookdev.bench.options import Cell, Options
 from lookdev.bench.sequence import SequenceBenchmark, SequenceResult, SequenceRun, Subject
 
@@ -120,10 +120,10 @@ def test_skips_are_printed_once_for_all_cells_that_have_them(results: MatrixBenc
 
 
 def test_a_biased_picture_is_reported() -> None:
-    def measured(renderer: FakeRenderer) -> CellResult:
+    def measured(renderer: FakeRenderer) -> CellRun:
         run = CellRun(Cell("sphere", "city", "plastic"), [Candidate("exact", "key", renderer)], OPTIONS, quiet)
         run.run()
-        return run.result()
+        return run
 
     assert report.bias_warnings([measured(FakeRenderer())]) == []
     # The reference is in the cache: what renders now is 5 % brighter.
