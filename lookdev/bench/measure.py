@@ -326,8 +326,8 @@ class CellRun:
         effort: str = "seconds",
     ) -> Reached | None:
         """Return the seconds, or samples, to a relMSE on the curve of points whose relMSE is known."""
-        known = [(getattr(point, effort), point.relmse) for point in points if point.relmse is not None]
-        curve = [value for value, _ in known], [relmse for _, relmse in known]
+        certain = [(getattr(point, effort), point.relmse) for point in points if point.relmse is not None]
+        curve = [value for value, _ in certain], [relmse for _, relmse in certain]
         if not self.options.independent:
             return reach(*curve, target)
         # What a denoiser leaves falls more slowly than noise.

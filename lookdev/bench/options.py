@@ -109,7 +109,7 @@ def parse_options(
     `lists` are those of names and ``samples``, separated by commas, empty for the default; `numbers` are other fields,
     None for the default. `defaults` are those of the kind of benchmark; `everything` makes all names the default.
     """
-    names = {option: tuple(known) for option, (_, known) in _NAMES.items()} if everything else {}
+    names = {option: tuple(valid) for option, (_, valid) in _NAMES.items()} if everything else {}
     texts = {option: tuple(map(str.strip, text.split(","))) for option, text in lists.items() if text.strip()}
     counts = texts.pop("samples", ())
     for count in counts:
@@ -139,11 +139,11 @@ def list_names() -> str:
     return "\n".join(lines)
 
 
-def _check_names(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
+def _check_names(kind: str, names: Sequence[str], valid: Sequence[str]) -> None:
     if not names:
-        raise LookdevError(f"no {kind} is given; known: {', '.join(known)}")
+        raise LookdevError(f"no {kind} is given; known: {', '.join(valid)}")
     for name in names:
-        if name not in known:
-            raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, known)})")
+        if name not in valid:
+            raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, valid)})")
     if len(set(names)) < len(names):
         raise LookdevError(f"a {kind} is given twice: {', '.join(names)}")

@@ -55,9 +55,9 @@ def shot_of(rendered: Rendered) -> Shot:
     """Return the mean of a frame's halves, with its figures."""
 
     def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
-        known = None if estimate is None or math.isnan(estimate) else estimate
+        error = None if estimate is None or math.isnan(estimate) else estimate
         figures = rendered.memory, rendered.blender, rendered.samples
-        return Shot(image, rendered.alpha, seconds, *figures, known, raw)
+        return Shot(image, rendered.alpha, seconds, *figures, error, raw)
 
     raw = None
     if rendered.raw is not None and rendered.raw_seconds is not None:

@@ -92,11 +92,11 @@ def _times(cells: Sequence[CellRun], others: Sequence[str], way: Way, target: fl
 
 
 def _mean(values: Sequence[Reached | None]) -> str:
-    known = [value.value for value in values if value is not None and value.mark in ("", "~")]
-    if not known:
+    ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
+    if not ratios:
         return "-"
-    count = f" ({len(known)} of {len(values)})" if len(known) < len(values) else ""
-    return f"{statistics.geometric_mean(known):.2f}{count}"
+    count = f" ({len(ratios)} of {len(values)})" if len(ratios) < len(values) else ""
+    return f"{statistics.geometric_mean(ratios):.2f}{count}"
 
 
 def _seconds(cell: CellRun, series: Series, target: float) -> str:
@@ -143,8 +143,8 @@ def _estimate_over_truth(rows: Sequence[Measurement]) -> str:
 def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
     if not rows:
         return "-", "-", "-"
-    known = [row.relmse for row in rows if row.relmse is not None]
-    error = f"{statistics.median(known):.2e}" if known else "uncertain"
+    errors = [row.relmse for row in rows if row.relmse is not None]
+    error = f"{statistics.median(errors):.2e}" if errors else "uncertain"
     samples = f"{statistics.median(row.samples for row in rows):.0f}"
     return Spread.of([row.seconds for row in rows]).text(_short), samples, error
 
@@ -225,9 +225,9 @@ def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path
 
 def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
     for series, curve in result.curves.items():
-        if known := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
+        if points := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
             style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}
-            axes.plot(*zip(*known, strict=True), "o-" if series.way == "raw" else "o--", **style)
+            axes.plot(*zip(*points, strict=True), "o-" if series.way == "raw" else "o--", **style)
     for target in targets:
         axes.axhline(target, color="0.7", linewidth=0.8)
     title = f"{result.cell.scene}, {result.cell.ibl}"

@@ -215,8 +215,8 @@ def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]
 
 
 def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
-    known = [[(point.samples, point.relmse) for point in curve if point.relmse is not None] for curve in curves]
-    return statistics.fmean(error_at(points, samples) for points in known)
+    certain = [[(point.samples, point.relmse) for point in curve if point.relmse is not None] for curve in curves]
+    return statistics.fmean(error_at(points, samples) for points in certain)
 
 
 def meet_error(target: float, guess: int, error: Callable[[int], float]) -> int:

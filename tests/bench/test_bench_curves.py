@@ -15,20 +15,20 @@ def power_law(exponent: float, scale: float = 1e-2) -> list[float]:
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
 def test_a_power_law_is_read_exactly_between_its_points(exponent: float) -> None:
     for time in (1.5, 4.0, 9.0, 16.0):
-        found = reach(TIMES, power_law(exponent), 1e-2 * time**-exponent)
-        assert found is not None
-        assert found.value == pytest.approx(time)
-        assert found.mark == ""
+        result = reach(TIMES, power_law(exponent), 1e-2 * time**-exponent)
+        assert result is not None
+        assert result.value == pytest.approx(time)
+        assert result.mark == ""
 
 
 @pytest.mark.parametrize(("time", "reached"), [(REACH * 16.0 * 0.999, True), (REACH * 16.0 * 1.001, False)])
 def test_a_curve_is_continued_by_its_last_slope_for_a_factor_of_four(time: float, reached: bool) -> None:
     # The first stretch is flat: were its slope of any weight, the answer would be another.
     errors = [1e-2, 8e-3, 8e-3 * 4.0**-1.5]
-    found = reach(TIMES, errors, 8e-3 * (time / 4.0) ** -1.5)
-    assert (found is not None) == reached
-    if found:
-        assert (found.value, found.mark) == (pytest.approx(time), "~")
+    result = reach(TIMES, errors, 8e-3 * (time / 4.0) ** -1.5)
+    assert (result is not None) == reached
+    if result:
+        assert (result.value, result.mark) == (pytest.approx(time), "~")
 
 
 def test_the_first_point_may_be_good_enough_already() -> None:

@@ -53,8 +53,8 @@ class Renderer:
         raw = image + noise * NOISE / np.sqrt(sampling.samples) * covered
         frame = raw if sampling.denoise == "off" else image + BIAS * covered
         arrays = {"a": frame, "b": frame, "alpha": alpha}
-        given = {name: each.astype(np.float32) for name, each in arrays.items()}
-        rendered = Rendered(**given, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
+        halves = {name: array.astype(np.float32) for name, array in arrays.items()}
+        rendered = Rendered(**halves, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
         return rendered if sampling.denoise == "off" else replace(rendered, raw=raw.astype(np.float32), raw_relmse=3.0)
 
 
@@ -74,20 +74,20 @@ def run_trial(frames: int, folder: Path, renderer: Renderer) -> list[Trial]:
 
 def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
     trials = run_trial(7, tmp_path / "out", Renderer())
-    assert [each.samples for each in trials] == [*SAMPLES, *SAMPLES[:2]]
+    assert [trial.samples for trial in trials] == [*SAMPLES, *SAMPLES[:2]]
     image, alpha = truth()
     relative = float((1.0 / (image[alpha > 0.0] ** 2 + EPSILON)).mean())
-    for each in trials:
+    for trial in trials:
         # The reference has 8 times the largest count; squares of 8,000 values spread by some percent.
-        assert each.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
-        assert each.raw == pytest.approx(NOISE**2 / each.samples * relative, rel=0.1)
-        assert each.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
-        assert (each.raw_estimate, each.estimate) == (3.0, 2.0)
+        assert trial.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
+        assert trial.raw == pytest.approx(NOISE**2 / trial.samples * relative, rel=0.1)
+        assert trial.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
+        assert (trial.raw_estimate, trial.estimate) == (3.0, 2.0)
     # What an eye sees of noise is less than its error.
     assert trials[0].flip < 0.5 * trials[0].raw_flip
     with (tmp_path / "out" / DenoiseTrial.FILE).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [float(row["denoised"]) for row in rows] == [each.denoised for each in trials]
+    assert [float(row["denoised"]) for row in rows] == [trial.denoised for trial in trials]
 
 
 def test_frames_share_no_seed_and_references_are_kept(tmp_path: Path) -> None:

@@ -36,8 +36,8 @@ OPTIONS = Options(frames=10)
 def test_all_quantities_for_the_backends_that_can_show_them() -> None:
     fakes = processes()
     grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
-    for each in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, fakes):
-        grown.setdefault(each.of, {})[each.backend] = each.rows
+    for result in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, fakes):
+        grown.setdefault(result.of, {})[result.backend] = result.rows
     assert list(grown) == list(growth.QUANTITIES)
     assert fakes.open == 0
     blender = ["exact", "principled"]
@@ -72,8 +72,8 @@ def test_what_grows_is_in_the_scene() -> None:
     assert {len(task.scene.shaders[0].textures) for task in tasks("layers")} == {0, 1, 3, 7}
     assert len({task.scene.shaders[0].digest for task in tasks("looks")}) == 1 + max(growth.LOOK_COUNTS)
     counts = tasks("triangles")
-    found = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
-    assert found == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
+    triangles = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
+    assert triangles == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
     # Turns are taken: after the warm-up, one of each size, three times.
     sizes = [task.scene.asset for task in counts]
     assert sizes == 4 * sizes[:2]
@@ -93,6 +93,6 @@ def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch:
         yield
 
     monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
-    found = list(measure_growth(("exact",), OPTIONS, quiet, processes()))
-    assert "growth with lights: no lamp" in found
-    assert {each.of for each in found if isinstance(each, Growth)} == set(growth.QUANTITIES) - {"lights"}
+    results = list(measure_growth(("exact",), OPTIONS, quiet, processes()))
+    assert "growth with lights: no lamp" in results
+    assert {result.of for result in results if isinstance(result, Growth)} == set(growth.QUANTITIES) - {"lights"}

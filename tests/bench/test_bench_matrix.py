@@ -61,17 +61,17 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 def test_skips_are_those_of_the_scene() -> None:
     def skips(scene: str, look: str) -> tuple[str, ...]:
-        made = bench_scene(scene, LOOKS[look].make(), (bench_light("white"),), 32)
-        return skips_of(Cell(scene, "white", look), made)
+        task = bench_scene(scene, LOOKS[look].make(), (bench_light("white"),), 32)
+        return skips_of(Cell(scene, "white", look), task)
 
-    opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
+    opaque, even = "light from behind (nothing transmits)", "light samples (constant light)"
     # Plastic has no clearcoat.
     lobe = "1 lobe (is 0 by constants)"
-    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit, lobe)
-    assert skips("suzanne", "plastic") == (opaque, lit, lobe)
-    assert skips("sphere", "pixar") == (lit,)
+    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, even, lobe)
+    assert skips("suzanne", "plastic") == (opaque, even, lobe)
+    assert skips("sphere", "pixar") == (even,)
     # All five masks are read: no texture is skipped.
-    assert skips("suzanne", "stack") == (opaque, lit)
+    assert skips("suzanne", "stack") == (opaque, even)
 
 
 def test_every_layer_adds_to_the_shader() -> None:
@@ -93,15 +93,15 @@ def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
 
 def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
     asset = make_boulder(1000)
-    place = np.random.default_rng(1).normal(size=(50, 3))
+    points = np.random.default_rng(1).normal(size=(50, 3))
     for name, rig in RIGS.items():
         lights, around = rig.make(), bench_lights(name, asset)
-        assert [each.kind for each in lights] == [each.kind for each in around]
+        assert [light.kind for light in lights] == [light.kind for light in around]
         assert len({light.digest for light in around}) == len(around)
         for light, larger in zip(lights, around, strict=True):
-            direction = light.sample(place, np.full((50, 2), 0.4))
-            there = np.array(asset.center) + asset.radius * place
-            np.testing.assert_allclose(larger.radiance(there, direction), light.radiance(place, direction), rtol=1e-6)
+            direction = light.sample(points, np.full((50, 2), 0.4))
+            moved = np.array(asset.center) + asset.radius * points
+            np.testing.assert_allclose(larger.radiance(moved, direction), light.radiance(points, direction), rtol=1e-6)
         assert BACKENDS["principled"].cannot_light(around) == ()
 
 
@@ -120,7 +120,7 @@ def test_the_list_names_everything() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("fields", "message"),
     [
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
@@ -139,9 +139,9 @@ def test_the_list_names_everything() -> None:
         ({"reference": 2}, "a reference of 2 times"),
     ],
 )
-def test_wrong_options_are_refused(given: dict[str, object], message: str) -> None:
+def test_wrong_options_are_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(LookdevError) as caught:
-        Options(**given)  # type: ignore[arg-type]
+        Options(**fields)  # type: ignore[arg-type]
     assert message in str(caught.value)
 
 

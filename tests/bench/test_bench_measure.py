@@ -19,7 +19,8 @@ SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats
 
 
 def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellRun:
-    run = CellRun(CELL, [Candidate(each.name, each.name, each, (), True) for each in renderers], options, quiet)
+    candidates = [Candidate(renderer.name, renderer.name, renderer, (), True) for renderer in renderers]
+    run = CellRun(CELL, candidates, options, quiet)
     run.run()
     return run
 
@@ -41,7 +42,7 @@ def test_backends_take_turns_and_are_warm_before_the_first_measurement() -> None
 def test_no_two_renders_share_a_seed_and_none_is_a_references() -> None:
     samples = tuple(1 << exponent for exponent in range(1, 15))
     options = [Options(samples=samples, repeats=MOST_REPEATS, seed=seed) for seed in (0, 1, SEEDS - 1)]
-    seeds = [seed for each in options for _, _, seed in schedule(each)]
+    seeds = [seed for choice in options for _, _, seed in schedule(choice)]
     assert len(set(seeds)) == len(seeds) == 3 * MOST_REPEATS * len(samples)
     assert max(seeds) < FIRST_SEED
 
@@ -51,11 +52,11 @@ def test_times_and_ratios_of_known_curves() -> None:
     exact, other = FakeRenderer("exact", 0.1, fixed=0.0), FakeRenderer("principled", 0.2, fixed=0.0, rate=0.0005)
     result = run_cell(SMALL, exact, other)
     for renderer in (exact, other):
-        found = result.times(Series(renderer.name), 1e-3).value
+        reached = result.times(Series(renderer.name), 1e-3).value
         seconds = renderer.rate * renderer.relmse(1) / 1e-3
-        assert found is not None
+        assert reached is not None
         # The noise of relMSE itself, a few per cent.
-        assert found.value == pytest.approx(seconds, rel=0.08)
+        assert reached.value == pytest.approx(seconds, rel=0.08)
     ratio = result.ratio(Series("principled"), 1e-3)
     assert ratio is not None
     assert None not in (ratio.value, ratio.low, ratio.high)
@@ -88,7 +89,7 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
         assert len(list(csv.DictReader(stream))) == 5
     stored = json.loads((tmp_path / "results.json").read_text())
     assert stored["complete"] is False
-    assert [len(each["curve"]) for each in stored["cells"][0]["series"].values()] == [3, 2]
+    assert [len(series["curve"]) for series in stored["cells"][0]["series"].values()] == [3, 2]
     assert (tmp_path / "curves_plastic.svg").exists()
 
 
@@ -104,7 +105,7 @@ def test_a_backend_that_fails_is_left_out_of_its_cell(tmp_path: Path) -> None:
     assert results.failures == ["sphere, city, plastic: principled: principled has no more ink"]
     stored = json.loads((tmp_path / "results.json").read_text())
     assert stored["failures"] == results.failures
-    assert [len(each["curve"]) for each in stored["cells"][0]["series"].values()] == [3, 0]
+    assert [len(series["curve"]) for series in stored["cells"][0]["series"].values()] == [3, 0]
 
 
 def test_a_cell_that_fails_leaves_the_others(tmp_path: Path) -> None:
@@ -118,7 +119,7 @@ def test_a_cell_that_fails_leaves_the_others(tmp_path: Path) -> None:
 
     results = run_matrix(options, tmp_path, failing)
     assert results.failures == ["suzanne, city, plastic: no suzanne today"]
-    assert [each["scene"] for each in json.loads((tmp_path / "results.json").read_text())["cells"]] == ["sphere"]
+    assert [cell["scene"] for cell in json.loads((tmp_path / "results.json").read_text())["cells"]] == ["sphere"]
 
 
 def test_a_backend_that_is_not_here_is_left_out_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -170,10 +171,10 @@ def test_frames_end_at_a_target_error() -> None:
 
 def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:
     exact = FakeRenderer("exact", 0.1, fixed=0.0)
-    found = run_cell(replace(SMALL, targets=(1e-6,), independent=True), exact).times(Series("exact"), 1e-6).value
-    assert found is not None
-    assert found.mark == "~"
-    assert found.value == pytest.approx(exact.rate * exact.relmse(1) / 1e-6, rel=0.05)
+    reached = run_cell(replace(SMALL, targets=(1e-6,), independent=True), exact).times(Series("exact"), 1e-6).value
+    assert reached is not None
+    assert reached.mark == "~"
+    assert reached.value == pytest.approx(exact.rate * exact.relmse(1) / 1e-6, rel=0.05)
     assert run_cell(replace(SMALL, targets=(1e-6,)), exact).times(Series("exact"), 1e-6).value is None
 
 

@@ -28,8 +28,8 @@ def seconds_of(task: FrameTask) -> float:
     return FIXED + task.scene.sampling.samples * (FILM + (0.0 if empty else cost))
 
 
-def options(**given: str) -> Options:
-    return parse_options({"scenes": "shaderball", "looks": "metal", **given}, defaults=DEFAULTS, repeats=2)
+def options(**lists: str) -> Options:
+    return parse_options({"scenes": "shaderball", "looks": "metal", **lists}, defaults=DEFAULTS, repeats=2)
 
 
 @pytest.fixture
@@ -69,17 +69,17 @@ def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tm
 
 
 def test_what_a_shader_lacks_has_no_share() -> None:
-    parts = [each.part for each in stages_of(Cell("sphere", "studio", "plastic"), 16)]
+    parts = [stage.part for stage in stages_of(Cell("sphere", "studio", "plastic"), 16)]
     assert "rays towards the light" not in parts
     assert "indirect light: paths after the first hit" not in parts
     assert parts[0] == "all"
 
 
 def test_every_stage_lacks_what_the_one_before_it_has() -> None:
-    made = stages_of(Cell("shaderball", "studio", "copper"), 16)
-    sources = [each.scene.shaders[0] for each in made]
-    assert [each.part for each in made] == ["all", *PARTS[:-1]]
-    assert [each.few for each in made] == [False] * (len(made) - 1) + [True]
+    stages = stages_of(Cell("shaderball", "studio", "copper"), 16)
+    sources = [stage.scene.shaders[0] for stage in stages]
+    assert [stage.part for stage in stages] == ["all", *PARTS[:-1]]
+    assert [stage.few for stage in stages] == [False] * (len(stages) - 1) + [True]
     assert [source.shadows for source in sources[:3]] == [True, True, False]
     # The numbers of directions are those of the whole.
     assert len({source.directions for source in sources[:-2]}) == 1
@@ -91,7 +91,7 @@ def test_ctrl_c_and_failures_leave_what_was_measured(document: Path) -> None:
     both = options(looks="metal,copper")
     profile = run(document, both, FakeProcesses(seconds_of, ends_after=per_cell + 5))
     assert not profile.complete
-    assert [each.look for each in profile.cells] == ["metal"]
+    assert [cell.look for cell in profile.cells] == ["metal"]
     assert "Not complete" in document.read_text()
     profile = run(document, both, FakeProcesses(seconds_of, fails="metal"))
     assert profile.complete
@@ -126,15 +126,15 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("lists", "message"),
     [
         ({"ibls": "studio+3"}, "not of rigs: studio+3"),
         ({"samples": "16,64"}, "one number of samples"),
         ({"samples": str(FEW)}, f"more than {FEW}"),
     ],
 )
-def test_wrong_options_are_refused(given: dict[str, str], message: str, document: Path) -> None:
+def test_wrong_options_are_refused(lists: dict[str, str], message: str, document: Path) -> None:
     processes = FakeProcesses(seconds_of)
     with pytest.raises(LookdevError, match=message.replace("+", r"\+")):
-        run(document, options(**given), processes)
+        run(document, options(**lists), processes)
     assert processes.tasks == []

@@ -62,8 +62,8 @@ def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> No
         assert produce(tmp_path / name, 64, 3, 1)[0] > 0.0
     for kind in sequence.KINDS:
         for number in (1, 2, 3):
-            place = Path("plastic", "city", f"{kind}.{number:04d}.exr")
-            (exact, alpha), (plain, coverage) = (read_frame(tmp_path / name / place) for name in ("exact", "plain"))
+            path = Path("plastic", "city", f"{kind}.{number:04d}.exr")
+            (exact, alpha), (plain, coverage) = (read_frame(tmp_path / name / path) for name in ("exact", "plain"))
             # The models differ a little; a wrong angle of asset or light leaves some 0.9.
             assert np.corrcoef(exact.ravel(), plain.ravel())[0, 1] > 0.98
             assert np.abs(alpha - coverage).max() < 0.35
@@ -92,7 +92,7 @@ def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     results.run(tmp_path, document)
     assert results.complete
     assert results.failures == []
-    assert {each.of for each in results.growth} == set(growth.QUANTITIES)
+    assert {result.of for result in results.growth} == set(growth.QUANTITIES)
     (cell,) = results.cells
     here = [name for name in options.backends if name not in results.missing]
     assert list(cell.curves) == [Series(name, way) for name in here for way in PICTURES]

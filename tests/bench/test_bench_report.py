@@ -66,7 +66,7 @@ def test_json_has_curves_machine_and_versions(results: MatrixBenchmark, folder: 
     assert exact["reference"]["samples"] == 16 * OPTIONS.reference
     assert 0.0 < exact["reference"]["own_relmse"] < exact["curve"][1]["relmse"]
     assert set(exact["seconds_to_relmse"]) == {"0.001", "0.0001"}
-    assert [each["backend"] for each in cell["exact_over"]] == ["principled", "principled"]
+    assert [ratio["backend"] for ratio in cell["exact_over"]] == ["principled", "principled"]
     assert stored["cells"][1]["exact_over"] == []
 
 

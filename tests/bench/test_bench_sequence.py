@@ -149,9 +149,9 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
     monkeypatch.setattr(sequence, "render_setups", render)
     monkeypatch.setattr(sequence.subprocess, "run", run)
-    made = producers_of(Subject("suzanne", "plastic", ("white",), 64))
-    assert "light from behind (nothing transmits)" in made["exact"](tmp_path / "a", 16, 3, 7)[1]
-    assert made["plain"](tmp_path / "b", 20, 3, 7)[0] >= 0.0
+    produce = producers_of(Subject("suzanne", "plastic", ("white",), 64))
+    assert "light from behind (nothing transmits)" in produce["exact"](tmp_path / "a", 16, 3, 7)[1]
+    assert produce["plain"](tmp_path / "b", 20, 3, 7)[0] >= 0.0
     (plan,), (request,) = plans, requests
     scene = plan.frames[0].task.scene
     assert (scene.sampling.samples, scene.sampling.seed, scene.sampling.bounces) == (16, 7, request["bounces"])

@@ -23,8 +23,8 @@ LOOKS = ("plastic", "metal")
 
 def small(**fields: object) -> Options:
     """Return the options of a table that takes a second."""
-    chosen = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
-    return replace(parse_options({}, defaults=DEFAULTS), **(chosen | fields))
+    defaults = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
+    return replace(parse_options({}, defaults=DEFAULTS), **(defaults | fields))
 
 
 Measured = tuple[TableBenchmark, Path]
@@ -117,7 +117,7 @@ def test_only_options_make_it_a_part(whole: Measured) -> None:
 def test_plots_are_beside_the_document_and_the_same_for_the_same_figures(whole: Measured) -> None:
     results, document = whole
     names = ["bench_growth.svg", *(f"bench_{look}.svg" for look in LOOKS)]
-    assert sorted(each.name for each in document.parent.glob("*.svg")) == sorted(names)
+    assert sorted(file.name for file in document.parent.glob("*.svg")) == sorted(names)
     for name in names:
         assert f"]({name})" in document.read_text()
         drawn = (document.parent / name).read_text()
