@@ -11,7 +11,6 @@ from typing import Any
 
 from lookdev.bench.benchmark import OpenRenderer, render_in_turn
 from lookdev.bench.options import QUARTERS, Options
-from lookdev.bench.reference import Report
 from lookdev.bench.subjects import (
     LOOKS,
     MILLION,
@@ -26,7 +25,6 @@ from lookdev.bench.subjects import (
     scale_lights,
     varied_look,
 )  # fmt: skip
-from lookdev.errors import LookdevError
 from lookdev.light import Light
 from lookdev.rendering.backends import BACKENDS, WORKER_COMMAND
 from lookdev.rendering.results import Rendered
@@ -75,19 +73,6 @@ class Quantity:
     help: str
     measure: Callable[[str, Options, OpenRenderer], Rows]
     can_show: Callable[[str], bool] = lambda backend: True
-
-
-def measure_growth(
-    backends: Sequence[str], options: Options, report: Report, opened: OpenRenderer
-) -> Iterator[Growth | str]:
-    """Measure all quantities, one after another; where one cannot be measured, yield why."""
-    for name, quantity in QUANTITIES.items():
-        report(f"growth: {name}: {quantity.help}")
-        try:
-            for backend in filter(quantity.can_show, backends):
-                yield Growth(name, backend, tuple(quantity.measure(backend, options, opened)))
-        except (LookdevError, OSError) as error:
-            yield f"growth with {name}: {error}"
 
 
 def _scene(backend: str, **changes: Any) -> SceneTask:

@@ -10,7 +10,7 @@ from typing import Any
 
 from lookdev.bench import report
 from lookdev.bench.benchmark import Benchmark, Table, bullets, open_process, write_csv
-from lookdev.bench.growth import Growth, measure_growth
+from lookdev.bench.growth import QUANTITIES, Growth
 from lookdev.bench.measure import Candidate, CellRun, Measurement, Series
 from lookdev.bench.mitsuba_worker import check_mitsuba
 from lookdev.bench.options import Cell, Options
@@ -110,8 +110,8 @@ class MatrixBenchmark(Benchmark):
         super().write(folder)
 
     def data(self) -> dict[str, Any]:
-        growth = [asdict(growth) for growth in self.growth]
-        return super().data() | {"missing": self.missing, "sequence": None, "growth": growth}
+        rows = [asdict(result) for result in self.growth]
+        return super().data() | {"missing": self.missing, "sequence": None, "growth": rows}
 
     def row_data(self, row: CellRun) -> dict[str, Any]:
         return {
@@ -169,12 +169,19 @@ class TableBenchmark(MatrixBenchmark):
 
     def measure(self) -> Iterator[None]:
         yield from super().measure()
-        for result in measure_growth(self.backends, self.options, self.report, self.open_process):
-            if isinstance(result, str):
-                self.failures.append(result)
-            else:
-                self.growth.append(result)
-            yield
+        yield from self.measure_growth()
+
+    def measure_growth(self) -> Iterator[None]:
+        """Measure all quantities, one after another, each for the backends that can show it."""
+        for name, quantity in QUANTITIES.items():
+            self.report(f"growth: {name}: {quantity.help}")
+            try:
+                for backend in filter(quantity.can_show, self.backends):
+                    rows = quantity.measure(backend, self.options, self.open_process)
+                    self.growth.append(Growth(name, backend, tuple(rows)))
+                    yield
+            except (LookdevError, OSError) as error:
+                self.failures.append(f"growth with {name}: {error}")
 
 
 def _series_data(result: CellRun, series: Series) -> dict[str, Any]:

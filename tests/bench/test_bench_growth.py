@@ -9,7 +9,8 @@ from bench_fakes import FakeProcesses, quiet, triangle_count
 
 from lookdev.asset import read_asset
 from lookdev.bench import growth
-from lookdev.bench.growth import Growth, GrowthRow, measure_growth
+from lookdev.bench.growth import GrowthRow
+from lookdev.bench.matrix import TableBenchmark
 from lookdev.bench.options import Options
 from lookdev.bench.subjects import make_boulder, varied_look
 from lookdev.errors import RenderError
@@ -32,11 +33,17 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 OPTIONS = Options(frames=10)
 
 
+def measure_growth(fakes: FakeProcesses, *backends: str) -> TableBenchmark:
+    table = TableBenchmark(options=replace(OPTIONS, backends=backends), report=quiet, open_process=fakes)
+    assert len(list(table.measure_growth())) == len(table.growth)
+    return table
+
+
 @pytest.mark.usefixtures("small")
 def test_all_quantities_for_the_backends_that_can_show_them() -> None:
     fakes = processes()
     grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
-    for result in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, fakes):
+    for result in measure_growth(fakes, "exact", "principled", "mitsuba-principled").growth:
         grown.setdefault(result.of, {})[result.backend] = result.rows
     assert list(grown) == list(growth.QUANTITIES)
     assert fakes.open == 0
@@ -93,6 +100,6 @@ def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch:
         yield
 
     monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
-    results = list(measure_growth(("exact",), OPTIONS, quiet, processes()))
-    assert "growth with lights: no lamp" in results
-    assert {result.of for result in results if isinstance(result, Growth)} == set(growth.QUANTITIES) - {"lights"}
+    table = measure_growth(processes(), "exact")
+    assert table.failures == ["growth with lights: no lamp"]
+    assert {result.of for result in table.growth} == set(growth.QUANTITIES) - {"lights"}
