@@ -1,15 +1,12 @@
 """`lookdev bench`: time against error, beside other renderers.
 
-- `kinds`: the kinds of benchmark, a record each; `run` does everything of one in order
-- `matrix`: scenes, lights, looks and backends, and a choice of them; `looks`, `assets`, `rigs` make them
-- `backends`: the renderers of a cell of the matrix, each a warm process; `mitsuba_worker` is one of them
+- `kinds`: the registry of benchmarks; `benchmark`: what they share, from options to files, sections and reports
+- `options`: what is measured; `subjects`: assets, looks and lights, and their scenes
+- `matrix`: time against error, a cell of a scene, a light and a look after another, and the table of a document;
+  `mitsuba_worker` is one of its backends
+- `sequence`: turntables by the batch runner against a plain Blender script, at the same error
 - `reference`: the converged picture of a backend, with its own error, and the error of renders against it
-- `measure`: the schedule of renders, raw and denoised, and the measurements of each
-- `curves`: time to an error, by a measured curve
-- `denoise_trial`: denoised frames at random, and their errors
-- `growth`: cost over size; `profile`: where a second goes
-- `sequence`: turntables by the batch runner against a plain Blender script
-- `scale`: large assets up to the first sample; `scale_files` writes them, `scale_job` is a job in a fresh process
-- `results`, `report`, `plots`: all measurements as files, tables on the terminal, SVGs
-- `table`, `document`: as a section of a document
+- `measure`: the renders of a cell, the measurements of each, and times to an error by curves
+- `growth`: cost over size; `report`: tables and plots
+- `profile`, `setup`, `scale`, `denoise_trial`: the other benchmarks; `scale_job` is a job in a fresh process
 """

@@ -1,186 +1,196 @@
-"""What can be measured, and a choice of it."""
+"""Time against error of cells of scenes, lights and looks, for backends that are interleaved; and the table of docs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from itertools import product, starmap
-from types import MappingProxyType
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
-from lookdev.asset import BUILTINS, Asset
-from lookdev.bench.assets import make_boulder
-from lookdev.bench.looks import LOOKS
-from lookdev.bench.rigs import RIGS
-from lookdev.errors import LookdevError, nearest_hint
+from lookdev.bench import report
+from lookdev.bench.benchmark import Benchmark, Table, bullets, open_process, write_csv
+from lookdev.bench.growth import QUANTITIES, Growth
+from lookdev.bench.measure import Candidate, CellRun, Measurement, Series
+from lookdev.bench.mitsuba_worker import check_mitsuba
+from lookdev.bench.options import Cell, Options
+from lookdev.bench.reference import shooter
+from lookdev.bench.subjects import LOOKS, SCENES, bench_asset, bench_lights, bench_scene, picture_key
+from lookdev.errors import LookdevError, RenderError
+from lookdev.plan.skips import Skip, scene_skips
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-MILLION = 1_000_000
+OpenCandidates = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
+
+NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
+"""Of a backend that is not on every machine: raises RenderError where it is not."""
 
 
-@dataclass(frozen=True)
-class BenchScene:
-    """An asset, and the bounces of its indirect light; a convex asset has none."""
-
-    help: str
-    make: Callable[[], Asset]
-    bounces: int
-
-
-SCENES: dict[str, BenchScene] = {
-    "sphere": BenchScene("convex: direct light only", BUILTINS["sphere"], Sampling.bounces),
-    "shaderball": BenchScene("the built-in shaderball", BUILTINS["shaderball"], Sampling.bounces),
-    "suzanne": BenchScene("with three bounces of indirect light", BUILTINS["suzanne"], 3),
-    "million": BenchScene("a boulder of a million triangles", lambda: make_boulder(MILLION), Sampling.bounces),
-}
-IBLS: dict[str, str] = {
-    "studio": "soft boxes: large, and about equally bright",
-    "city": "a small and very bright sun",
-    "forest": "light through leaves: many small bright spots",
-}
-LARGEST_SAMPLES = 1 << 14
-MOST_REPEATS = 64
-SEEDS = 128
-"""Each stands for `MOST_REPEATS` times 16 of a renderer's seeds."""
-
-RESOLUTIONS = (16, 4096)
-QUARTERS = 4
-"""Parts of a sequence whose growth is measured."""
+@contextmanager
+def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
+    """Start a process for each backend that can render the cell, and end them all."""
+    look, lights = LOOKS[cell.look].make(), bench_lights(cell.ibl, bench_asset(cell.scene))
+    with ExitStack() as stack:
+        candidates = []
+        for backend in options.backends_of(cell):
+            scene = bench_scene(cell.scene, look, lights, options.resolution, backend, denoise=options.denoise)
+            shoot = shooter(stack.enter_context(open_process()), scene)
+            key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].features
+            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene), denoises))
+        yield candidates
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One scene, one light, of `IBLS` or `RIGS`, and one look."""
-
-    scene: str
-    ibl: str
-    look: str
-
-    def __str__(self) -> str:
-        return f"{self.scene}, {self.ibl}, {self.look}"
+def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
+    """Return the skips of a scene, and why; none for backends that no job may name."""
+    if not BACKENDS[scene.backend].in_jobs:
+        return ()
+    looks = [LOOKS[cell.look].make()] * len(scene.worn)
+    skips = scene_skips(scene, looks, Sampling(bounces=SCENES[cell.scene].bounces))
+    return tuple(str(Skip(cell.look, cell.ibl, skipped, reason)) for skipped, reason in skips)
 
 
-@dataclass(frozen=True)
-class Options:
-    """A choice of what is measured; the defaults take about ten minutes on two cores.
+@dataclass(kw_only=True)
+class MatrixBenchmark(Benchmark):
+    """Time against error of any scenes, lights, looks and backends.
 
-    Raises LookdevError for unknown names, and numbers out of their ranges.
+    A backend that fails is left out of its cell, and one that is not on this machine of all; both are in the results,
+    with the reason.
     """
 
-    scenes: tuple[str, ...] = ("sphere", "shaderball", "suzanne")
-    ibls: tuple[str, ...] = tuple(IBLS)
-    looks: tuple[str, ...] = ("plastic",)
-    backends: tuple[str, ...] = ("exact", "principled")
-    samples: tuple[int, ...] = (4, 16, 64)  # per pixel, increasing powers of two
-    resolution: int = 256  # the side of the frame
-    repeats: int = 3  # renders of each number of samples
-    seed: int = 0
-    reference: int = 8  # samples of a reference, at least, over the largest count
-    fresh: bool = field(default=False, compare=False)  # references are rendered again
-    frames: int = 100  # of the sequence whose growth is measured
-    targets: tuple[float, ...] = (1e-3, 1e-4)  # relMSE to which the time is measured
-    denoise: bool = False  # each render is denoised too
-    aim: float | None = None  # exact is also rendered until it estimates this relMSE
-    until: float = 0.0  # relMSE below which a backend is rendered with no more samples
-    enough: float = 0.0  # relMSE of a reference below which it takes no more samples
-    independent: bool = False  # beyond its samples a curve falls as that of independent samples, however far
+    NAME = "matrix"
+    FILE = "results.json"
+    ROWS = "cells"
 
-    def __post_init__(self) -> None:
-        _known("scene", self.scenes, list(SCENES))
-        _known("IBL", self.ibls, [*IBLS, *RIGS])
-        _known("look", self.looks, list(LOOKS))
-        _known("backend", self.backends, list(BACKENDS))
-        for count in self.samples:
-            if not 2 <= count <= LARGEST_SAMPLES or count & (count - 1):
-                raise LookdevError(f"{count} samples: counts are powers of two from 2 to {LARGEST_SAMPLES}")
-        if not self.samples or list(self.samples) != sorted(set(self.samples)):
-            raise LookdevError(f"samples {self.samples}: counts are rising and at least one, like 4,16,64")
-        low, high = RESOLUTIONS
-        if not low <= self.resolution <= high:
-            raise LookdevError(f"resolution {self.resolution}: it is from {low} to {high} pixels")
-        if not 1 <= self.repeats <= MOST_REPEATS:
-            raise LookdevError(f"{self.repeats} repeats: from 1 to {MOST_REPEATS}")
-        if not 0 <= self.seed < SEEDS:
-            raise LookdevError(f"seed {self.seed}: it is from 0 to {SEEDS - 1}")
-        if self.frames < QUARTERS:
-            raise LookdevError(f"{self.frames} frames: their first quarter needs at least {QUARTERS}")
-        if not 4 <= self.reference <= 1024:
-            raise LookdevError(f"a reference of {self.reference} times the largest count: from 4 to 1024")
+    open_candidates: OpenCandidates = open_candidates
+    cells: list[CellRun] = field(default_factory=list)
+    missing: dict[str, str] = field(default_factory=dict)  # backends that are not on this machine, and why
+    growth: list[Growth] = field(default_factory=list)
 
-    def cells(self) -> Iterator[Cell]:
-        """Yield the cells in order."""
-        return starmap(Cell, product(self.scenes, self.ibls, self.looks))
+    @property
+    def backends(self) -> tuple[str, ...]:
+        """The backends that are on this machine."""
+        return tuple(backend for backend in self.options.backends if backend not in self.missing)
 
-    def backends_of(self, cell: Cell) -> tuple[str, ...]:
-        """Return the backends that can show the look of a cell."""
-        look = LOOKS[cell.look].make()
-        return tuple(name for name in self.backends if BACKENDS[name].cannot_show(look) is None)
+    def measure(self) -> Iterator[None]:
+        for backend in self.options.backends:
+            try:
+                NEEDS.get(backend, lambda: None)()
+            except RenderError as error:
+                self.missing[backend] = str(error)
+                self.report(f"without {backend}: {error}")
+        if not self.backends:
+            raise LookdevError("; ".join(f"{backend}: {reason}" for backend, reason in self.missing.items()))
+        options = replace(self.options, backends=self.backends)
+        for cell in options.cells():
+            try:
+                with self.open_candidates(cell, options) as candidates:
+                    self._measure_cell(CellRun(cell, candidates, options, self.report))
+            except (LookdevError, OSError) as error:
+                self.failures.append(f"{cell}: {error}")
+                self.report(f"{cell} fails: {error}")
+            yield
 
+    def _measure_cell(self, cell: CellRun) -> None:
+        try:
+            cell.run()
+        finally:
+            if cell.measurements:
+                self.cells.append(cell)
+            self.failures += [f"{cell.cell}: {backend}: {reason}" for backend, reason in cell.failures.items()]
 
-def parse_options(
-    lists: Mapping[str, str],
-    *,
-    defaults: Mapping[str, Any] = MappingProxyType({}),
-    everything: bool = False,
-    **numbers: int | None,
-) -> Options:
-    """Return the options of a command line; errors as `Options`.
+    def draw(self, folder: Path, prefix: str) -> list[Path]:
+        plots = report.draw_curves(self.cells, self.options.targets, folder, prefix)
+        return [*plots, report.draw_growth(self.growth, folder / f"{prefix}growth.svg")] if self.growth else plots
 
-    Parameters
-    ----------
-    lists
-        Of ``scenes``, ``ibls``, ``looks``, ``backends`` and ``samples``, separated by commas; empty for the default.
-    defaults
-        Fields of `Options`, of the kind of benchmark.
-    everything
-        Makes all names the default.
-    numbers
-        Other fields of `Options`; None for the default.
-    """
-    chosen: dict[str, Any] = dict(defaults)
-    if everything:
-        chosen |= {"scenes": tuple(SCENES), "ibls": (*IBLS, *RIGS), "looks": tuple(LOOKS), "backends": tuple(BACKENDS)}
-    given = {kind: tuple(part.strip() for part in text.split(",")) for kind, text in lists.items() if text.strip()}
-    for count in given.get("samples", ()):
-        if not count.isdecimal():
-            raise LookdevError(f"--samples: '{count}' is no whole number; it is like 4,16,64")
-    chosen |= given | {name: number for name, number in numbers.items() if number is not None}
-    if "samples" in given:
-        chosen["samples"] = tuple(map(int, given["samples"]))
-    return Options(**chosen)
+    def write(self, folder: Path) -> None:
+        """Write ``results.csv``, a row a measurement, and ``results.json``."""
+        write_csv(folder / "results.csv", Measurement, [row for cell in self.cells for row in cell.measurements])
+        super().write(folder)
 
+    def data(self) -> dict[str, Any]:
+        rows = [asdict(result) for result in self.growth]
+        return super().data() | {"missing": self.missing, "sequence": None, "growth": rows}
 
-def restricted(options: Options, defaults: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what options restrict a benchmark to, by the names of the fields that are not its defaults.
+    def row_data(self, row: CellRun) -> dict[str, Any]:
+        return {
+            **asdict(row.cell),
+            "series": {str(series): _series_data(row, series) for series in row.curves},
+            "exact_over": [
+                asdict(ratio)
+                for series in row.curves
+                for target in row.options.targets
+                if (ratio := row.ratio(series, target))
+            ],
+            "failures": row.failures,
+        }
 
-    Another seed, and more samples of references, restrict nothing.
-    """
-    whole = replace(parse_options({}, defaults=defaults), seed=options.seed, reference=options.reference)
-    compared = (each.name for each in fields(Options) if each.compare)
-    return tuple(name for name in compared if getattr(options, name) != getattr(whole, name))
+    def blocks(self) -> Iterator[str | Table]:
+        options = self.options
+        yield from self.header(
+            f"{options.resolution} x {options.resolution} pixels, {options.samples[0]} to {options.samples[-1]} "
+            f"samples, medians of {options.repeats} interleaved runs."
+        )
+        yield from (f"Without `{backend}`: {reason}." for backend, reason in self.missing.items())
+        yield from report.cell_blocks(self.cells, options)
+        yield from report.growth_blocks(self.growth)
+        if notes := [*self.failures, *report.bias_warnings(self.cells)]:
+            yield bullets(notes)
+
+    def details(self) -> Iterator[str | Table]:
+        if self.cells:
+            yield report.bias_and_memory(self.cells)
+        yield from report.skip_lines(self.cells)
 
 
-def listing() -> str:
-    """Return all names with their descriptions."""
-    kinds: dict[str, dict[str, str]] = {
-        "scenes": {name: scene.help for name, scene in SCENES.items()},
-        "ibls": IBLS | {name: rig.help for name, rig in RIGS.items()},
-        "looks": {name: look.help for name, look in LOOKS.items()},
-        "backends": {name: backend.help for name, backend in BACKENDS.items()},
+@dataclass(kw_only=True)
+class TableBenchmark(MatrixBenchmark):
+    """Time to an error, raw and denoised, beside Blender's and Mitsuba's principled; growth; plots."""
+
+    NAME = "table"
+    DEFAULTS = {  # noqa: RUF012
+        "scenes": ("sphere", "shaderball"),
+        "ibls": ("studio", "city"),
+        "looks": ("plastic", "car_paint", "metal", "brushed_metal", "copper"),
+        "backends": ("exact", "mitsuba", "principled", "mitsuba-principled"),
+        "samples": (4, 16, 64, 256),
+        "resolution": 96,
+        "repeats": 5,
+        "reference": 4,
+        "targets": (1e-2, 1e-3),
+        "denoise": True,
+        "aim": 1e-3,
+        "until": 1e-3,
+        "enough": 1.25e-4,
+        "frames": 48,
+        "independent": True,
     }
-    width = max(len(name) for names in kinds.values() for name in names)
-    lines = []
-    for kind, names in kinds.items():
-        lines += [kind, *(f"  {name:{width}}  {help}" for name, help in names.items())]
-    return "\n".join(lines)
+
+    def measure(self) -> Iterator[None]:
+        yield from super().measure()
+        yield from self.measure_growth()
+
+    def measure_growth(self) -> Iterator[None]:
+        """Measure all quantities, one after another, each for the backends that can show it."""
+        for name, quantity in QUANTITIES.items():
+            self.report(f"growth: {name}: {quantity.help}")
+            try:
+                for backend in filter(quantity.can_show, self.backends):
+                    rows = quantity.measure(backend, self.options, self.open_process)
+                    self.growth.append(Growth(name, backend, tuple(rows)))
+                    yield
+            except (LookdevError, OSError) as error:
+                self.failures.append(f"growth with {name}: {error}")
 
 
-def _known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
-    if not names:
-        raise LookdevError(f"no {kind} is given; known: {', '.join(known)}")
-    for name in names:
-        if name not in known:
-            raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, known)})")
-    if len(set(names)) < len(names):
-        raise LookdevError(f"a {kind} is given twice: {', '.join(names)}")
+def _series_data(result: CellRun, series: Series) -> dict[str, Any]:
+    rows, reference = result.of(series), result.references.get(series.backend)
+    return {
+        "curve": [asdict(point) for point in result.curves[series]],
+        "seconds_to_relmse": {f"{target:g}": asdict(result.times(series, target)) for target in result.options.targets},
+        "renderer": rows[0].renderer if rows else None,
+        "memory": max((row.memory for row in rows), default=None),
+        "reference": reference and {name: getattr(reference, name) for name in ("samples", "parts", "own_relmse")},
+        "skipped": result.skips[series.backend],
+    }

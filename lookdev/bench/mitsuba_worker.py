@@ -12,19 +12,16 @@ import math
 import os
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lookdev.arrays import Floats32, Indices, Ints32
+from lookdev.arrays import Floats32
 from lookdev.asset import Asset, read_asset
-from lookdev.asset.bounds import center_asset
-from lookdev.asset.normals import face_starts
+from lookdev.asset.triangles import triangulate
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
@@ -44,7 +41,6 @@ _FEATURE_SAMPLES = 16  # as many as of Cycles' pictures that guide a denoiser
 # Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
 _UPRIGHT = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 
-_MODULE = "lookdev.bench.mitsuba_worker"
 _NOTHING = {
     "type": "scene",
     "integrator": {"type": "path"},
@@ -80,20 +76,15 @@ def load_mitsuba() -> Any:
 def check_mitsuba() -> None:
     """Raise RenderError where Mitsuba does not render here; tried in another process, which some LLVMs crash."""
     llvm = find_llvm()
-    command = (sys.executable, "-m", _MODULE, "--try")
-    given: dict[str, Any] = {"capture_output": True, "env": os.environ | {VARIABLE: llvm}, "timeout": _LONGEST_TRIAL}
+    command = (sys.executable, "-m", "lookdev.bench.mitsuba_worker", "--try")
+    environment = os.environ | {VARIABLE: llvm}
     try:
-        done = subprocess.run(command, check=False, **given)
+        ended = subprocess.run(command, check=False, capture_output=True, env=environment, timeout=_LONGEST_TRIAL)
     except subprocess.TimeoutExpired:
         raise RenderError(f"Mitsuba does not render 4 x 4 pixels in {_LONGEST_TRIAL:g} s with {llvm}") from None
-    if done.returncode:
-        last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+    if ended.returncode:
+        last = (ended.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
         raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")
-
-
-def _try() -> None:
-    mi = load_mitsuba()
-    np.asarray(mi.render(mi.load_dict(_NOTHING), spp=1))
 
 
 def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
@@ -119,20 +110,18 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
 def build_scene(mi: Any, task: FrameTask) -> Any:
     """Build a scene about the origin at the task's pose."""
     scene, pose = task.scene, task.pose
-    source = scene.shaders[0]
+    source, camera = scene.shaders[0], scene.camera.orbited(-pose.element)
     if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
-    asset = read_asset(scene.asset.path)
-    transform = mi.ScalarTransform4f
-    turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
-    if unknown := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
-        raise RenderError(unknown[0])
+    if gaps := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
+        raise RenderError(gaps[0])
+    if camera.lens is not None or any(camera.shift):
+        raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")
+    asset, transform = read_asset(scene.asset.path), mi.ScalarTransform4f
     (image,) = native_images(scene.lights)
     # Only the radiance: the file has other channels.
     radiance = mi.Bitmap(str(image.path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
-    camera = scene.camera.orbited(-pose.element)
-    if camera.lens is not None or any(camera.shift):
-        raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")
+    turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
     right, up, back = camera.frame
     # Mitsuba's camera looks along its z, with x to the left.
     to_world = np.eye(4)
@@ -141,65 +130,55 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     # Depth 1 is light seen directly, 2 is light reflected once.
     depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
     film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba", "rfilter": {"type": "box"}}
-    description: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "path", "hide_emitters": True} | depths,
-        "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
-        "sensor": {
-            "type": "perspective",
-            "fov": camera.fov,
-            "fov_axis": "x",
-            "near_clip": camera.clip[0],
-            "far_clip": camera.clip[1],
-            "to_world": transform(to_world.tolist()),
-            "film": film,
-            "sampler": {"type": "independent"},
-        },
-        "bsdf": principled(source.inputs) | {"id": "bsdf"},
-    }
-    with tempfile.TemporaryDirectory(prefix="lookdev-") as folder:
-        for number, (positions, normals, uvs) in enumerate(corner_meshes(center_asset(asset))):
-            file = Path(folder, f"{number}.ply")
-            _write_mesh(mi, file, positions, normals, uvs)
-            description[f"mesh{number}"] = {"type": "ply", "filename": str(file), "bsdf": {"type": "ref", "id": "bsdf"}}
-        return mi.load_dict(description)
+    bsdf = mi.load_dict(principled(source.inputs))
+    meshes = {f"mesh{number}": _make_mesh(mi, bsdf, *mesh) for number, mesh in enumerate(corner_meshes(asset))}
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "hide_emitters": True} | depths,
+            "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
+            "sensor": {
+                "type": "perspective",
+                "fov": camera.fov,
+                "fov_axis": "x",
+                "near_clip": camera.clip[0],
+                "far_clip": camera.clip[1],
+                "to_world": transform(to_world.tolist()),
+                "film": film,
+                "sampler": {"type": "independent"},
+            },
+            **meshes,
+        }
+    )
 
 
-def corner_meshes(asset: Asset) -> list[tuple[Floats32, Floats32, Floats32]]:
-    """Return each instance as triangles in world space: positions, normals and UVs of their corners (3 t, ...).
+def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]:
+    """Yield each instance as triangles about the centre: positions, normals and UVs of their corners (3 t, ...).
 
     The UVs are those of the mesh's first set; 0 where it has none, which no look of constants notices.
     """
-    meshes = []
+    triangles = [triangulate(mesh) for mesh in asset.meshes]
     for instance in asset.instances:
-        mesh = asset.meshes[instance.mesh]
-        corners = _fans(mesh.face_sizes)
-        matrix = instance.matrix[:3, :3]
-        positions = mesh.points[mesh.corner_points[corners]] @ matrix.T + instance.matrix[:3, 3]
-        normals = mesh.normals[corners] @ np.linalg.inv(matrix)
+        mesh, matrix = triangles[instance.mesh], instance.matrix[:3, :3]
+        positions = mesh.points[mesh.corner_points] @ matrix.T + instance.matrix[:3, 3] - asset.center
+        normals = mesh.normals @ np.linalg.inv(matrix)
         normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2)))[corners]
-        meshes.append((positions.astype(np.float32), normals.astype(np.float32), uvs.astype(np.float32)))
-    return meshes
+        uvs = next(iter(mesh.uvs.values()), np.zeros((len(positions), 2)))
+        yield positions.astype(np.float32), normals.astype(np.float32), uvs.astype(np.float32)
 
 
-def _fans(face_sizes: Ints32) -> Indices:
-    """Return the corners (3 t,) of the triangles that fan out from each face's first corner."""
-    counts = face_sizes - 2
-    first = np.repeat(face_starts(face_sizes), counts)
-    step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.asarray(np.stack([first, first + step + 1, first + step + 2], axis=-1).ravel())
-
-
-def _write_mesh(mi: Any, file: Path, positions: Floats32, normals: Floats32, uvs: Floats32) -> None:
-    mesh = mi.Mesh(file.stem, len(positions), len(positions) // 3, has_vertex_normals=True, has_vertex_texcoords=True)
+def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: Floats32) -> Any:
+    properties = mi.Properties()
+    properties["bsdf"] = bsdf
+    counts = len(positions), len(positions) // 3
+    mesh = mi.Mesh("mesh", *counts, properties, has_vertex_normals=True, has_vertex_texcoords=True)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = positions.ravel()
     parameters["vertex_normals"] = normals.ravel()
     parameters["vertex_texcoords"] = uvs.ravel()
     parameters["faces"] = np.arange(len(positions), dtype=np.uint32)
     parameters.update()
-    mesh.write_ply(str(file))
+    return mesh
 
 
 def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
@@ -209,21 +188,15 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - started
-    figures: dict[str, Any] = {"samples": sampling.samples, "relmse": math.nan}
-    if sampling.denoise == "off":
-        answers.done(task.digest, save_arrays(image, image, alpha), seconds=seconds, **figures)
-        return
-    smooth = make_denoiser(*_features(mi, scene, sampling.seed))(image)
-    arrays = save_arrays(smooth, smooth, alpha, image)
-    figures |= {"raw_relmse": math.nan, "raw_seconds": seconds}
-    answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)
-
-
-def _features(mi: Any, scene: Any, seed: int) -> tuple[Floats32, Floats32]:
-    """Return the albedos and normals (H, W, 3) of a scene, as Mitsuba shows them."""
-    integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-    shown = np.array(mi.render(scene, integrator=integrator, spp=_FEATURE_SAMPLES, seed=seed), dtype=np.float32)
-    return np.clip(shown[..., -6:-3], 0.0, 1.0), shown[..., -3:]
+    figures: dict[str, Any] = {"samples": sampling.samples, "seconds": seconds, "relmse": math.nan}
+    raw: Floats32 | None = None
+    if sampling.denoise != "off":
+        # Guided by albedos and normals, as Mitsuba shows them.
+        aovs = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
+        features = np.array(mi.render(scene, integrator=aovs, spp=_FEATURE_SAMPLES, seed=sampling.seed), np.float32)
+        raw, image = image, make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
+        figures |= {"seconds": time.perf_counter() - started, "raw_relmse": math.nan, "raw_seconds": seconds}
+    answers.done(task.digest, save_arrays(image, image, alpha, raw), **figures)
 
 
 def _same(built: FrameTask, other: FrameTask) -> bool:
@@ -235,6 +208,7 @@ def _same(built: FrameTask, other: FrameTask) -> bool:
 if __name__ == "__main__":
     end_with_parent()
     if sys.argv[1:2] == ["--try"]:
-        _try()
+        mitsuba = load_mitsuba()
+        np.asarray(mitsuba.render(mitsuba.load_dict(_NOTHING), spp=1))
     else:
         main()

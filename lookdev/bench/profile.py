@@ -8,55 +8,58 @@ what follows a ray happens more often. A stage is rendered in a process of its o
 
 from __future__ import annotations
 
-import json
-import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
-from pathlib import Path
 
-from lookdev.bench.backends import POSE, bench_asset, bench_light, bench_scene
-from lookdev.bench.document import check_document, markdown, write_section
-from lookdev.bench.growth import OpenRenderer, open_process
-from lookdev.bench.looks import LOOKS
-from lookdev.bench.matrix import IBLS, SCENES, Cell, Options
-from lookdev.bench.results import Machine, machine_line, this_machine
-from lookdev.cache import write_file
+import numpy as np
+
+from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
+from lookdev.bench.options import Cell
+from lookdev.bench.subjects import IBLS, LOOKS, POSE, bench_light, bench_scene
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import LookdevError
-from lookdev.rendering.task import SceneTask, frame_task
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Sampling
-
-NAME = "profile"
-"""Of the section of the document, and of the file of results."""
 
 FEW = 2  # samples a pixel: what a frame costs beyond its samples is seen by them
 
-Sections = Mapping[str, tuple[str, ...]]
-
-# In the order in which they are left out. What sets `wi` goes after what reads it: a loop whose direction is constant
-# computes nothing more than once.
-_LOOK_UPS: Sections = {"light_lookup": ("radiance = 1;",), "light_density": ("density += 1;",)}
-_EVALUATION: Sections = {
-    "evaluate": (
-        "color f = 2 + color(wi_x, wi_y, wi_z);",
-        "float pdf = 1;",
-        "#if LIGHT_SAMPLED",
-        "float bsdf_sampled_pdf = 1;",
-        "#endif",
-    )
-}
-_LIGHT_DRAWN: Sections = {"light_setup": (), "light_sample": ("wi = n;", "radiance = 1;")}
-_BSDF_DRAWN: Sections = {"sample": ("wi_x = 0;", "wi_y = 0;", "wi_z = 1;")}
+# In the order in which sections are left out, with the lines that replace them. What sets `wi` goes after what reads
+# it: a loop whose direction is constant computes nothing more than once.
+_SECTIONS: tuple[Mapping[str, tuple[str, ...]], ...] = (
+    {"light_lookup": ("radiance = 1;",), "light_density": ("density += 1;",)},
+    {
+        "evaluate": (
+            "color f = 2 + color(wi_x, wi_y, wi_z);",
+            "float pdf = 1;",
+            "#if LIGHT_SAMPLED",
+            "float bsdf_sampled_pdf = 1;",
+            "#endif",
+        )
+    },
+    {"light_setup": (), "light_sample": ("wi = n;", "radiance = 1;")},
+    {"sample": ("wi_x = 0;", "wi_y = 0;", "wi_z = 1;")},
+)
 _EMPTY = """#include "stdosl.h"
 shader lookdev_surface(LOOK_PARAMETERS vector shading_normal = 0, output closure color surface = 0)
 {
     surface = emission();
 }
 """
+PARTS = (
+    "indirect light: paths after the first hit",
+    "rays towards the light",
+    "light: radiance and density along directions",
+    "BSDF: evaluation",
+    "light: drawing directions",
+    "BSDF: drawing directions",
+    "shading points: frame, set-up, random numbers",
+    "camera rays and film",
+    "Blender, whatever the samples",
+)
+"""By stage."""
 
 
 @dataclass(frozen=True)
@@ -76,157 +79,102 @@ class CellProfile:
     ibl: str
     look: str
     seconds: float
-    parts: Mapping[str, tuple[float, float, float]]
+    parts: Mapping[str, Spread]
 
 
-@dataclass
-class Profile:
-    """The shares of all cells so far."""
+@dataclass(kw_only=True)
+class ProfileBenchmark(Benchmark):
+    """Where a second of rendering goes, by parts of the shader that are switched off."""
 
-    machine: Machine = field(default_factory=this_machine)
-    restricted: tuple[str, ...] = ()
+    NAME = "profile"
+    FILE = "profile.json"
+    ROWS = "cells"
+    DEFAULTS = {  # noqa: RUF012
+        "scenes": ("sphere", "shaderball"),
+        "ibls": ("studio",),
+        "looks": ("plastic", "metal", "copper"),
+        "backends": ("exact",),
+        "samples": (64,),
+        "resolution": 96,
+        "repeats": 5,
+    }
+
     cells: list[CellProfile] = field(default_factory=list)
-    failures: list[str] = field(default_factory=list)
-    complete: bool = False
 
+    def check(self) -> None:
+        """Raise LookdevError for rigs, for several counts of samples, and for so few that nothing is beyond them."""
+        if rigs := [ibl for ibl in self.options.ibls if ibl not in IBLS]:
+            raise LookdevError(f"the profile is of maps, not of rigs: {', '.join(rigs)}; known: {', '.join(IBLS)}")
+        if len(self.options.samples) != 1 or self.options.samples[0] <= FEW:
+            raise LookdevError(f"the profile is of one number of samples, more than {FEW}: give --samples 64")
 
-PARTS = (
-    "indirect light: paths after the first hit",
-    "rays towards the light",
-    "light: radiance and density along directions",
-    "BSDF: evaluation",
-    "light: drawing directions",
-    "BSDF: drawing directions",
-    "shading points: frame, set-up, random numbers",
-    "camera rays and film",
-    "Blender, whatever the samples",
-)
-"""By stage."""
-
-
-def run_profile(
-    options: Options,
-    folder: Path,
-    report: Callable[[str], None],
-    *,
-    document: Path,
-    restricted: tuple[str, ...] = (),
-    opened: OpenRenderer = open_process,
-) -> Profile:
-    """Measure every cell, and write ``profile.json`` to `folder` and the section of the document, also after Ctrl-C.
-
-    Raises LookdevError, before anything is measured, where the document has no place for it, a light is a rig, or the
-    options have several counts of samples, or so few that the cost beyond them is not seen.
-    """
-    check_document(document, NAME)
-    if rigs := [each for each in options.ibls if each not in IBLS]:
-        raise LookdevError(f"the profile is of maps, not of rigs: {', '.join(rigs)}; known: {', '.join(IBLS)}")
-    if len(options.samples) != 1 or options.samples[0] <= FEW:
-        raise LookdevError(f"the profile is of one number of samples, more than {FEW}: give --samples 64")
-    folder.mkdir(parents=True, exist_ok=True)
-    profile = Profile(restricted=restricted)
-    try:
-        for cell in options.cells():
+    def measure(self) -> Iterator[None]:
+        for cell in self.options.cells():
             try:
-                profile.cells.append(_measure(cell, options, report, opened))
+                self.cells.append(self._measure_cell(cell))
             except LookdevError as error:
-                profile.failures.append(f"{cell}: {error}")
-                report(profile.failures[-1])
-        profile.complete = True
-    except KeyboardInterrupt:
-        pass
-    finally:
-        write_file(folder / "profile.json", json.dumps(asdict(profile), indent=1) + "\n")
-        if profile.cells:
-            write_section(document, NAME, profile_text(profile, options))
-    return profile
+                self.failures.append(f"{cell}: {error}")
+                self.report(self.failures[-1])
+            yield
+
+    def _measure_cell(self, cell: Cell) -> CellProfile:
+        """Return the shares of a cell; what Blender takes besides samples is on a straight line to no samples."""
+        options, stages = self.options, stages_of(cell, self.options.resolution)
+        samples, repeats = options.samples[0], []
+
+        def task(stage: Stage, repeat: int) -> FrameTask:
+            return frame_task(stage.scene, POSE, f"{repeat}", samples=FEW if stage.few else samples, seed=repeat)
+
+        for frames in render_in_turn(stages, task, options.repeats, self.open_process):
+            repeats.append([frame.seconds for frame in frames])
+            self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
+        *seconds, empty, few = np.transpose(repeats)
+        film = (empty - few) * samples / (samples - FEW)
+        parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]
+        names = [*(stage.part for stage in stages[1:]), PARTS[-1]]
+        shares = {name: Spread.of((part / seconds[0]).tolist()) for name, part in zip(names, parts, strict=True)}
+        return CellProfile(**asdict(cell), seconds=float(np.median(seconds[0])), parts=shares)
+
+    def blocks(self) -> Iterator[str | Table]:
+        options = self.options
+        yield from self.header(
+            f"{options.resolution} x {options.resolution} pixels, {options.samples[0]} samples, {options.repeats} "
+            "repeats, interleaved. Milliseconds of a second of rendering: medians, and in brackets the least and the "
+            "most."
+        )
+        head = ["", *(f"{cell.scene}, {cell.ibl}, {cell.look}" for cell in self.cells)]
+        rows = [["seconds of a frame", *(f"{cell.seconds:.3f}" for cell in self.cells)]]
+        for part in PARTS:
+            shares = [cell.parts.get(part) for cell in self.cells]
+            rows.append([part, *("-" if share is None else share.text(_thousandths) for share in shares)])
+        yield Table(head, rows)
+        if self.failures:
+            yield bullets(self.failures)
 
 
-def stages(cell: Cell, resolution: int) -> list[Stage]:
+def stages_of(cell: Cell, resolution: int) -> list[Stage]:
     """Return the stages of a cell, the whole frame first; of parts that its shader lacks there is none."""
-    asset, look = bench_asset(cell.scene), LOOKS[cell.look].make()
-    lights = (bench_light(cell.ibl),)
-    whole = bench_scene(asset, look, lights, resolution, SCENES[cell.scene].bounces)
+    look, lights = LOOKS[cell.look].make(), (bench_light(cell.ibl),)
+    whole = bench_scene(cell.scene, look, lights, resolution)
     source = whole.shaders[0]
     assert isinstance(source, ShaderSource)
     brdf_samples, ibl_samples = source.directions
 
-    def without(bounces: int, shadows: bool, *left_out: Sections) -> SceneTask:
-        lines = {name: section for each in left_out for name, section in each.items()}
+    def without_bounces(shadows: bool, left_out: int = 0) -> SceneTask:
+        lines = {name: section for sections in _SECTIONS[:left_out] for name, section in sections.items()}
         # Numbers of directions otherwise depend on the bounces.
-        sampling = Sampling(brdf_samples=brdf_samples, ibl_samples=ibl_samples, bounces=bounces)
+        sampling = Sampling(brdf_samples=brdf_samples, ibl_samples=ibl_samples, bounces=0)
         shader = generate_surface(look, SourceSetting(lights, whole.resolution, sampling, shadows), lines)
-        return replace(whole, shaders=(shader,), sampling=replace(whole.sampling, bounces=bounces))
+        return replace(whole, shaders=(shader,), sampling=replace(whole.sampling, bounces=0))
 
-    left_out = (_LOOK_UPS, _EVALUATION, _LIGHT_DRAWN, _BSDF_DRAWN)
-    empty = replace(without(0, False), shaders=(ShaderSource(look.name, _EMPTY, (), (), f"empty {look.name}"),))
-    scenes = [
-        whole,
-        without(0, source.shadows),
-        *(without(0, False, *left_out[:count]) for count in range(len(left_out) + 1)),
-        empty,
-    ]
-    made = [Stage("all", whole)]
-    for part, scene in zip(PARTS, scenes[1:], strict=False):
-        if scene.shaders[0].digest != made[-1].scene.shaders[0].digest:
-            made.append(Stage(part, scene))
-    return [*made, Stage(PARTS[-2], empty, few=True)]
+    bare = [without_bounces(False, left_out) for left_out in range(len(_SECTIONS) + 1)]
+    empty = replace(bare[0], shaders=(ShaderSource(look.name, _EMPTY, (), (), f"empty {look.name}"),))
+    stages = [Stage("all", whole)]
+    for part, scene in zip(PARTS, [without_bounces(source.shadows), *bare, empty], strict=False):
+        if scene.shaders[0].digest != stages[-1].scene.shaders[0].digest:
+            stages.append(Stage(part, scene))
+    return [*stages, Stage(PARTS[-2], empty, few=True)]
 
 
-def _measure(cell: Cell, options: Options, report: Callable[[str], None], opened: OpenRenderer) -> CellProfile:
-    samples = options.samples[0]
-    every = stages(cell, options.resolution)
-    seconds: list[list[float]] = []
-    with ExitStack() as stack:
-        renders = [stack.enter_context(opened()) for _ in every]
-        counts = [FEW if each.few else samples for each in every]
-        for repeat in range(-1, options.repeats):
-            taken = [
-                render(frame_task(each.scene, POSE, f"{repeat}", samples=count, seed=repeat + 1)).seconds
-                for each, render, count in zip(every, renders, counts, strict=True)
-            ]
-            if repeat >= 0:  # the first warms up
-                seconds.append(list(_shares_of(taken, samples)))
-                report(f"{cell}: {taken[0]:.2f} s, repeat {repeat + 1} of {options.repeats}")
-    names = [*(each.part for each in every[1:]), PARTS[-1]]
-    of_parts = {name: [row[1 + number] / row[0] for row in seconds] for number, name in enumerate(names)}
-    shares = {name: (statistics.median(values), min(values), max(values)) for name, values in of_parts.items()}
-    return CellProfile(**asdict(cell), seconds=statistics.median(row[0] for row in seconds), parts=shares)
-
-
-def _shares_of(taken: Sequence[float], samples: int) -> Iterator[float]:
-    """Yield the seconds of the whole frame, then of each part.
-
-    The last two frames are of the empty shader, with all samples and with few: along a straight line to none.
-    """
-    *before, empty, few = taken
-    yield taken[0]
-    yield from (one - other for one, other in pairwise([*before, empty]))
-    film = (empty - few) * samples / (samples - FEW)
-    yield from (film, empty - film)
-
-
-def profile_text(profile: Profile, options: Options) -> str:
-    """Return the section: the machine, and a table of the shares, a row a part and a column a cell."""
-    blocks = [
-        f"{machine_line(profile.machine)}.",
-        f"{options.resolution} x {options.resolution} pixels, {options.samples[0]} samples, {options.repeats} repeats, "
-        "interleaved. Milliseconds of a second of rendering: medians, and in brackets the least and the most.",
-    ]
-    if profile.restricted:
-        blocks.append(f"A part of the profile: {', '.join(profile.restricted)} are not the defaults.")
-    if not profile.complete:
-        blocks.append("Not complete: this is what was measured until it ended.")
-    head = ["", *(f"{each.scene}, {each.ibl}, {each.look}" for each in profile.cells)]
-    rows = [["seconds of a frame", *(f"{each.seconds:.3f}" for each in profile.cells)]]
-    rows += [[part, *(_thousandths(each.parts.get(part)) for each in profile.cells)] for part in PARTS]
-    blocks.append(markdown(head, rows))
-    blocks += [f"- {' '.join(failure.split())}" for failure in profile.failures]
-    return "\n\n".join(blocks)
-
-
-def _thousandths(share: tuple[float, float, float] | None) -> str:
-    if share is None:
-        return "-"
-    middle, low, high = (f"{1000.0 * value:.0f}" for value in share)
-    return middle if low == high else f"{middle} ({low}..{high})"
+def _thousandths(share: float) -> str:
+    return f"{1000.0 * share:.0f}"

@@ -8,24 +8,27 @@ the samples is sufficient. Errors that its noise leaves too uncertain are not re
 from __future__ import annotations
 
 import hashlib
+import math
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32
+from lookdev.bench.subjects import POSE
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
+from lookdev.rendering.results import Rendered
+from lookdev.rendering.task import FrameTask, SceneTask, frame_task
+from lookdev.scene import Pose
 
+FIRST_SEED = 1 << 17  # half of the seeds that a shader takes are the references'; `measure` takes the other half
 _VERSION = 1
-# Half of the seeds that a shader takes are the references'; `measure` takes the other half.
-FIRST_SEED = 1 << 17
-# Standard errors that an error below the reference's own must have to be reported.
-_SURE = 4.0
+_SURE = 4.0  # standard errors that an error below the reference's own must have to be reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +45,34 @@ class Shot:
     raw: Shot | None = None
 
 
-class Render(Protocol):
-    """Renders with samples per pixel and a seed; `sampling` are other fields of a `Sampling`."""
+RenderFrame = Callable[[FrameTask], Rendered]
+Report = Callable[[str], None]
+Render = Callable[..., Shot]
+"""Renders with samples per pixel and a seed; keywords are other fields of a `Sampling`."""
 
-    def __call__(self, samples: int, seed: int, **sampling: Any) -> Shot: ...
+
+def shot_of(rendered: Rendered) -> Shot:
+    """Return the mean of a frame's halves, with its figures."""
+
+    def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
+        error = None if estimate is None or math.isnan(estimate) else estimate
+        figures = rendered.memory, rendered.blender, rendered.samples
+        return Shot(image, rendered.alpha, seconds, *figures, error, raw)
+
+    raw = None
+    if rendered.raw is not None and rendered.raw_seconds is not None:
+        raw = shot(rendered.raw, rendered.raw_seconds, rendered.raw_relmse)
+    return shot((rendered.a + rendered.b) * np.float32(0.5), rendered.seconds, rendered.relmse, raw)
+
+
+def shooter(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> Render:
+    """Return a function that renders a scene, raw unless it is told otherwise."""
+
+    def shoot(samples: int, seed: int, **sampling: Any) -> Shot:
+        fields = {"samples": samples, "seed": seed, "error": None, "denoise": "off", **sampling}
+        return shot_of(render(frame_task(scene, pose, f"{samples}.{seed}", **fields)))
+
+    return shoot
 
 
 @dataclass(frozen=True)
@@ -104,11 +131,7 @@ class Reference:
         difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
         brightness = float(self.mean[covered].mean())
         spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-        return Verdict(
-            relmse if certain else None,
-            float(difference.mean()) / brightness,
-            float(spread / brightness),
-        )
+        return Verdict(relmse if certain else None, float(difference.mean()) / brightness, float(spread / brightness))
 
     def _variance(self) -> Floats:
         """Return the variance of the mean (H, W, 3)."""
@@ -131,6 +154,12 @@ class Reference:
         """Return the mean over the asset of squared errors, relative as `lookdev.metrics.relmse` has it."""
         covered = self.alpha > 0.0
         return float((squares / (self.mean**2 + EPSILON))[covered].mean())
+
+    def lacks(self, samples: int, enough: float) -> bool:
+        """Return whether it needs another part; the spread of fewer than eight is too uncertain to be enough."""
+        if self.parts < 4:
+            return True
+        return self.samples < samples and (self.parts < 8 or self.own_relmse > enough)
 
     def save(self, file: Path) -> None:
         """Write the reference, whole or not at all."""
@@ -155,46 +184,20 @@ class Reference:
         return reference
 
 
-def _lacks(reference: Reference, samples: int, enough: float) -> bool:
-    """Return whether a reference needs another part; the spread of fewer than eight is too uncertain to be enough."""
-    if reference.parts < 4:
-        return True
-    return reference.samples < samples and (reference.parts < 8 or reference.own_relmse > enough)
-
-
-def obtain(
-    key: str,
-    samples: int,
-    parts: int,
-    render: Callable[[int, int], Shot],
-    *,
-    enough: float = 0.0,
-    fresh: bool = False,
-    report: Callable[[str], None],
+def obtain_reference(
+    key: str, samples: int, parts: int, render: Render, report: Report, *, enough: float = 0.0, fresh: bool = False
 ) -> Reference:
-    """Return the reference of a picture from the cache, and render what it lacks.
+    """Return the reference of a picture from the cache, with a key of `picture_key`, and render what it lacks.
 
-    Parameters
-    ----------
-    key
-        Of `picture_key`.
-    samples, parts
-        Samples of each part, and the number of parts; a reference with more samples, and at least four parts, is used.
-    enough
-        An own relMSE at which eight parts or more are enough.
-    fresh
-        Ignore the cache.
-
-    Raises
-    ------
-    LookdevError
-        The picture is black or covers no pixel.
+    It has `parts` of `samples` each, or at least as many samples in four parts or more, or eight parts or more of an
+    own relMSE of at most `enough`. With `fresh` the cache is ignored. Raises LookdevError where the picture is black or
+    covers no pixel.
     """
     file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
     reference = None if fresh else Reference.load(file)
-    if reference is None or (_lacks(reference, samples * parts, enough) and reference.part_samples < samples):
+    if reference is None or (reference.lacks(samples * parts, enough) and reference.part_samples < samples):
         reference = Reference(samples)
-    while _lacks(reference, samples * parts, enough):
+    while reference.lacks(samples * parts, enough):
         report(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
         reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
         # After every part, so that a run after Ctrl-C continues.

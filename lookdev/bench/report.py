@@ -1,66 +1,185 @@
-"""Measurements as tables on the terminal."""
+"""Tables and plots of cells and of growth: times to an error, ratios, estimates, bias and memory; small SVGs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from lookdev.bench.benchmark import MEGABYTE, Spread, Table
 from lookdev.bench.growth import Growth
-from lookdev.bench.matrix import Options
-from lookdev.bench.measure import CellResult, Series
-from lookdev.bench.profile import Profile, profile_text
-from lookdev.bench.results import Results, machine_line
-from lookdev.bench.scale import WAYS, ScaleResults
-from lookdev.bench.sequence import SequenceResult
+from lookdev.bench.measure import EXACT, PICTURES, CellRun, CurvePoint, Measurement, Ratio, Reached, Series, Way
+from lookdev.bench.options import Options
+from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
 """Standard errors of a bias beyond which it is reported."""
 
-MEGABYTE = 1e6
+COLORS = {
+    "exact": "C0",
+    "principled": "C1",
+    "mitsuba-principled": "C2",
+    "mitsuba": "C3",
+    "nodes": "C4",
+    "nodes-exact": "C5",
+}
+"""Of the backends' curves; another backend's are black."""
+
+# Text stays text, which is small, and the same figures are the same file.
+_STYLE: Any = {"svg.hashsalt": "lookdev", "svg.fonttype": "none", "font.size": 8.0, "path.simplify": False}
+_TITLES = {"mitsuba": "`mitsuba`", "principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
 _LEGEND = (
-    "s to: seconds of a frame to that relMSE; - not reached; ~ extrapolated; < the fewest samples suffice. exact is: "
-    "the time of exact over that of the backend (least..most of the repeats)."
+    "Seconds of a frame to the relMSE; in brackets the least and the most of the repeats. *takes*: the time of `exact` "
+    "over that of the backend before it. *by samples*: the samples that `exact` needs over those of the backend, times "
+    "what a sample of `exact` costs more in renders that followed each other. `~`: beyond the most samples, which did "
+    "not suffice; `<`: the fewest samples suffice; `-`: not reached. Geometric means are of all ratios but bounds."
 )
 
 
-def print_results(results: Results, console: Console) -> None:
-    """Print the machine, the table of times, then sequence and growth if measured."""
-    console.print(Text(machine_line(results.machine)))
-    for backend, why in results.missing.items():
-        console.print(Text(f"without {backend}: {why}", style="bold"), soft_wrap=True)
-    if results.cells:
-        console.print(_times(results.cells, results.options.targets))
-        for line in skip_lines(results.cells):
-            console.print(Text(line), soft_wrap=True)
-        for line in warnings(results.cells):
-            console.print(Text(line, style="bold"), soft_wrap=True)
-    if results.sequence:
-        console.print(_sequence(results.sequence))
-        if results.sequence.skips:
-            console.print(Text(f"exact skips {', '.join(results.sequence.skips)}"), soft_wrap=True)
-    for growth in results.growth:
-        console.print(_growth(growth))
-    for failure in results.failures:
-        console.print(Text(failure, style="bold"), soft_wrap=True)
-    if not results.complete:
-        console.print(Text("Not complete: this is what was measured until it ended.", style="bold"))
+def cell_blocks(cells: Sequence[CellRun], options: Options) -> Iterator[str | Table]:
+    """Yield the tables of times, of the most samples and of estimates, with their headings."""
+    if not cells:
+        return
+    every = list(dict.fromkeys(series for cell in cells for series in cell.curves))
+    others = list(dict.fromkeys(series.backend for series in every if series.backend != EXACT))
+    columns = [(f"{_TITLES.get(backend, backend)}, s", "takes", "by samples") for backend in others]
+    yield _LEGEND
+    for way in PICTURES:
+        for target in options.targets:
+            if rows := list(_times(cells, others, way, target)):
+                yield f"#### {way.capitalize()}, to {target:g}"
+                yield Table(["", "exact, s", *(column for group in columns for column in group)], rows)
+    yield "#### At the most samples"
+    yield Table(
+        ["", *(f"{series}: samples, s, relMSE" for series in every)],
+        [[str(cell.cell), *(_point(cell.curves.get(series)) for series in every)] for cell in cells],
+    )
+    if options.aim is not None and (rows := list(_estimates(cells))):
+        yield f"#### Estimates, and frames that end at {options.aim:g}"
+        yield (
+            "The relMSE that `exact` estimates of a frame, over that against the reference: the median of all frames, "
+            "the least and the most. Then frames that are rendered until they estimate "
+            f"{options.aim:g}, with at most {options.samples[-1]} samples: seconds, samples, true relMSE."
+        )
+        head = ("", "raw: estimate over truth", "denoised", "raw: s", "samples", "relMSE")
+        yield Table((*head, "denoised: s", "samples", "relMSE"), rows)
 
 
-def skip_lines(cells: Sequence[CellResult]) -> list[str]:
-    """Return the skips of backends, one line for all cells with the same skips."""
-    where: dict[tuple[str, tuple[str, ...]], list[str]] = {}
-    for result in cells:
-        for backend, skips in result.skips.items():
-            if skips:
-                where.setdefault((backend, skips), []).append(str(result.cell))
-    return [f"{backend} skips {', '.join(skips)}: {'; '.join(names)}" for (backend, skips), names in where.items()]
+def _times(cells: Sequence[CellRun], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
+    """Yield a row for each cell, then geometric means for each scene, and of all."""
+    cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
+    for cell in cells:
+        row = [str(cell.cell), _seconds(cell, Series(EXACT, way), target)]
+        for series in (Series(backend, way) for backend in others):
+            row += [_seconds(cell, series, target), *_ratio_texts(cell.ratio(series, target))]
+        yield row
+    scenes = list(dict.fromkeys(cell.cell.scene for cell in cells))
+    groups = {scene: [cell for cell in cells if cell.cell.scene == scene] for scene in scenes if len(scenes) > 1}
+    for name, group in (groups | {"all": cells}).items() if cells and others else ():
+        row = [f"geometric mean, {name}", ""]
+        for backend in others:
+            ratios = [cell.ratio(Series(backend, way), target) for cell in group]
+            row += ["", _mean([ratio.value if ratio else None for ratio in ratios])]
+            row.append(_mean([ratio.by_samples if ratio else None for ratio in ratios]))
+        yield row
 
 
-def warnings(cells: Sequence[CellResult]) -> list[str]:
+def _mean(values: Sequence[Reached | None]) -> str:
+    ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
+    if not ratios:
+        return "-"
+    count = f" ({len(ratios)} of {len(values)})" if len(ratios) < len(values) else ""
+    return f"{statistics.geometric_mean(ratios):.2f}{count}"
+
+
+def _seconds(cell: CellRun, series: Series, target: float) -> str:
+    times = cell.times(series, target)
+    if times.value is None:
+        return "-"
+    return times.value.mark + Spread(times.value.value, times.low, times.high).text(_short)
+
+
+def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
+    if ratio is None or ratio.value is None:
+        return "-", "-"
+    by_samples = "-" if ratio.by_samples is None else f"{ratio.by_samples.mark}{ratio.by_samples.value:.2f}"
+    spread = Spread(ratio.value.value, ratio.low, ratio.high)
+    return ratio.value.mark + spread.text(_short, f"{spread.middle:.2f}"), by_samples
+
+
+def _point(curve: Sequence[CurvePoint] | None) -> str:
+    if not curve:
+        return "-"
+    error = "uncertain" if curve[-1].relmse is None else f"{curve[-1].relmse:.2e}"
+    return f"{curve[-1].samples}, {_short(curve[-1].seconds)}, {error}"
+
+
+def _estimates(cells: Sequence[CellRun]) -> Iterator[list[str]]:
+    """Yield a row for each cell whose frames estimate their errors, then one of all."""
+    rows_of_all: Mapping[Way, list[Measurement]] = {way: [] for way in PICTURES}
+    for cell in cells:
+        if cell.of(Series(EXACT)):
+            row = [str(cell.cell)]
+            for way in PICTURES:
+                row.append(_estimate_over_truth(cell.of(Series(EXACT, way))))
+                rows_of_all[way].extend(cell.of(Series(EXACT, way)))
+            yield [*row, *_aimed(cell.of(Series(EXACT, "aimed"))), *_aimed(cell.of(Series(EXACT, "aimed, denoised")))]
+    if any(rows_of_all.values()):
+        yield ["all", *map(_estimate_over_truth, rows_of_all.values()), *[""] * 6]
+
+
+def _estimate_over_truth(rows: Sequence[Measurement]) -> str:
+    ratios = [row.estimate / row.relmse for row in rows if row.estimate is not None and row.relmse]
+    return Spread.of(ratios).text() if ratios else "-"
+
+
+def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
+    if not rows:
+        return "-", "-", "-"
+    errors = [row.relmse for row in rows if row.relmse is not None]
+    error = f"{statistics.median(errors):.2e}" if errors else "uncertain"
+    samples = f"{statistics.median(row.samples for row in rows):.0f}"
+    return Spread.of([row.seconds for row in rows]).text(_short), samples, error
+
+
+def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | Table]:
+    """Yield a table for each quantity, a row for each size, with its heading."""
+    for name in dict.fromkeys(result.of for result in growth):
+        group = [result for result in growth if result.of == name]
+        rows: dict[int, list[str]] = {
+            size: [] for size in sorted({row.size for result in group for row in result.rows})
+        }
+        for result in group:
+            by_size = {row.size: row for row in result.rows}
+            for size, texts in rows.items():
+                row = by_size.get(size)
+                seconds = "-" if row is None else Spread(row.seconds, row.low, row.high).text(_short)
+                texts += [seconds, "-" if row is None else f"{row.memory / MEGABYTE:.0f}"]
+        head = [name, *(column for result in group for column in (f"{result.backend}, s a frame", "MB"))]
+        yield f"#### Growth with {name}"
+        yield Table(head, [[f"{size:,}", *texts] for size, texts in rows.items()])
+
+
+def bias_and_memory(cells: Sequence[CellRun]) -> Table:
+    """Return a table of the bias at the most samples, and the memory, of each series of each cell."""
+    rows = []
+    for cell in cells:
+        for series, curve in cell.curves.items():
+            if curve:
+                memory = max(row.memory for row in cell.of(series))
+                bias = f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}"
+                rows.append([f"{cell.cell}: {series}", bias, f"{memory / MEGABYTE:.0f}"])
+    return Table(("", "bias, %", "MB"), rows)
+
+
+def bias_warnings(cells: Sequence[CellRun]) -> list[str]:
     """Return a line for each biased picture."""
     return [
         f"{result.cell}: {series} with {point.samples} samples is off by {point.bias:+.2%}, "
@@ -68,84 +187,99 @@ def warnings(cells: Sequence[CellResult]) -> list[str]:
         "picture; --fresh makes a new one"
         for result in cells
         for series, curve in result.curves.items()
-        # What a denoiser smooths is biased.
-        if series.way == "raw"
+        if series.way == "raw"  # what a denoiser smooths is biased
         for point in curve
         if abs(point.bias) > BIAS_LIMIT * point.bias_error
     ]
 
 
-def _times(cells: Sequence[CellResult], targets: Sequence[float]) -> Table:
-    # Wrapped, it fits into 80 columns without cutting numbers.
-    table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left", pad_edge=False, collapse_padding=True)
-    table.add_column("scene, ibl, look", min_width=12)
-    for target in targets:
-        table.add_column(f"s to\n{target:.0e}".replace("e-0", "e-"), justify="right", min_width=6)
-        table.add_column("exact is", justify="right", min_width=12)
-    table.add_column("bias, %", justify="right", no_wrap=True)
-    table.add_column("MB", justify="right", min_width=4)
+def skip_lines(cells: Sequence[CellRun]) -> list[str]:
+    """Return the skips of backends, one line for all cells with the same skips."""
+    names: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for result in cells:
-        table.add_row(str(result.cell))
-        for series, curve in result.curves.items():
-            memory = max((row.memory for row in result.of(series)), default=None)
-            row = [f"  {series}"]
-            for target in targets:
-                row += [str(result.reached[series][target].value or "-"), _ratio(result, series, target)]
-            row.append(f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}" if curve else "")
-            row.append(f"{memory / MEGABYTE:.0f}" if memory else "")
-            table.add_row(*row)
-    return table
+        for key in result.skips.items():
+            names.setdefault(key, []).append(str(result.cell))
+    return [
+        f"{backend} skips {', '.join(skips)}: {'; '.join(cells)}" for (backend, skips), cells in names.items() if skips
+    ]
 
 
-def _ratio(result: CellResult, series: Series, target: float) -> str:
-    """Return the time of ``exact`` over that of a series, with the extremes over the repeats."""
-    for each in result.ratios:
-        if (each.backend, each.way, each.target) == (*series, target) and each.value is not None:
-            extremes = each.low is not None and each.high is not None
-            return f"x{each.value}" + (f" ({each.low:.2f}..{each.high:.2f})" if extremes else "")
-    return ""
+def _short(value: float) -> str:
+    """Return a number with three digits, not in powers of ten."""
+    digits = max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 0
+    return f"{value:.{min(digits, 4)}f}"
 
 
-def _sequence(sequence: SequenceResult) -> Table:
-    subject = sequence.subject
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        title=f"{sequence.frames} frames of {subject.scene}, {subject.look}, under {', '.join(subject.ibls)}: "
-        f"exact makes {sequence.ratio:.2f} times as many a minute ({sequence.low:.2f}..{sequence.high:.2f})",
-    )
-    for column in ("", "samples", "relMSE", "frames a minute"):
-        table.add_column(column, justify="right")
-    for backend, samples in sequence.samples.items():
-        speeds = ", ".join(f"{run.frames_per_minute:.2f}" for run in sequence.runs if run.backend == backend)
-        table.add_row(backend, str(samples), f"{sequence.relmse[backend]:.2e}", speeds)
-    return table
+def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path, prefix: str) -> list[Path]:
+    """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
+    files = []
+    for look in dict.fromkeys(result.cell.look for result in cells):
+        group = [result for result in cells if result.cell.look == look]
+        columns = len({result.cell.ibl for result in group})
+        files.append(folder / f"{prefix}{look}.svg")
+        with _draw_panels(files[-1], f"{look}: relMSE over seconds of a frame", len(group), columns) as panels:
+            for axes, result in zip(panels, group, strict=True):
+                _draw_cell(axes, result, targets)
+    return files
 
 
-def print_scale(results: ScaleResults, console: Console) -> None:
-    """Print the machine, and a row for each case and way with the medians of its starts."""
-    console.print(Text(machine_line(results.machine)))
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in ("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"):
-        table.add_column(column, justify="right")
-    for case in dict.fromkeys(each.case for each in results.starts):
-        rows = {way: results.median(case, way) for way in WAYS}
-        for way, (planned, sample, memory) in rows.items():
-            row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}"]
-            if way != "lookdev":
-                row += [f"x{rows['lookdev'][1] / sample:.2f}", f"x{rows['lookdev'][2] / memory:.2f}"]
-            table.add_row(*row)
-    console.print(table)
+def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
+    for series, curve in result.curves.items():
+        if points := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
+            style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}
+            axes.plot(*zip(*points, strict=True), "o-" if series.way == "raw" else "o--", **style)
+    for target in targets:
+        axes.axhline(target, color="0.7", linewidth=0.8)
+    title = f"{result.cell.scene}, {result.cell.ibl}"
+    axes.set(title=title, xlabel="seconds", ylabel="relMSE", xscale="log", yscale="log")
+    _mark_round_numbers(axes.xaxis)
+    _mark_round_numbers(axes.yaxis)
 
 
-def print_profile(profile: Profile, options: Options, console: Console) -> None:
-    """Print the text of the document."""
-    console.print(Text(profile_text(profile, options)), soft_wrap=True)
+def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
+    """Draw seconds of a frame over what it grows with, a panel for each quantity; return the file."""
+    quantities = list(dict.fromkeys(result.of for result in growth))
+    with _draw_panels(file, "seconds of a frame", len(quantities), 3) as panels:
+        for axes, quantity in zip(panels, quantities, strict=True):
+            for result in (result for result in growth if result.of == quantity):
+                sizes, seconds = [row.size for row in result.rows], [row.seconds for row in result.rows]
+                spread = zip(*((row.seconds - row.low, row.high - row.seconds) for row in result.rows), strict=True)
+                style: dict[str, Any] = {"fmt": "o-", "markersize": 3.0, "color": COLORS.get(result.backend, "black")}
+                axes.errorbar(sizes, seconds, list(spread), label=result.backend, **style)
+            axes.set(xlabel=quantity, ylabel="seconds", xscale="linear" if quantity == "frames" else "log")
+            axes.set_xticks(sizes, [f"{size:,}" for size in sizes], minor=False)
+            axes.xaxis.set_minor_locator(NullLocator())
+            if quantity == "pixels":  # in proportion to which seconds grow
+                axes.set_yscale("log")
+                _mark_round_numbers(axes.yaxis)
+            else:
+                axes.set_ylim(bottom=0.0)
+    return file
 
 
-def _growth(growth: Growth) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in (f"{growth.of}, {growth.backend}", "s a frame", "MB"):
-        table.add_column(column, justify="right")
-    for row in growth.rows:
-        table.add_row(f"{row.size:,}", f"{row.seconds:.3f}", f"{row.memory / MEGABYTE:.0f}")
-    return table
+@contextmanager
+def _draw_panels(file: Path, title: str, count: int, columns: int) -> Iterator[list[Any]]:
+    """Yield the panels of a figure, and write it with one legend for all, whose curves have the same names."""
+    columns = min(columns, count)
+    rows = math.ceil(count / columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(3.4 * columns, 2.6 * rows + 0.5), layout="constrained")
+        figure.suptitle(title)
+        panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    yield panels[:count]
+    for number, axes in enumerate(panels):
+        axes.grid(alpha=0.3)
+        axes.set_visible(number < count)
+    pairs = (pair for axes in panels for pair in zip(*axes.get_legend_handles_labels(), strict=True))
+    if handles := {label: handle for handle, label in pairs}:
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, frameon=False)
+    with mpl.rc_context(_STYLE), atomic_path(file) as path:
+        figure.savefig(path, format="svg", metadata={"Date": None})
+
+
+def _mark_round_numbers(axis: Any) -> None:
+    """Mark few round numbers on a logarithmic axis."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())

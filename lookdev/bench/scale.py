@@ -1,7 +1,7 @@
 """Large assets: seconds and memory up to the first sample of a job, against Blender's own import of the same file.
 
-Each is measured in fresh processes, in turn, from the start of the process. The cache holds what depends on light and
-look alone, as after any earlier job; assets are derived anew.
+The files have sizes that production has. Each is measured in fresh processes, in turn, from the start of the process.
+The cache holds what depends on light and look alone, as after any earlier job; assets are derived anew.
 """
 
 from __future__ import annotations
@@ -14,20 +14,24 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from lookdev.bench.results import Machine, this_machine
-from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
-from lookdev.cache import write_file
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from lookdev.arrays import Floats
+from lookdev.bench.benchmark import MEGABYTE, Benchmark, Table
 from lookdev.errors import RenderError
 
 Way = Literal["lookdev", "blender"]
-WAYS: tuple[Way, ...] = ("lookdev", "blender")
+WAYS: dict[Way, str] = {"lookdev": "lookdev.bench.scale_job", "blender": "lookdev.cycles.plain_import"}
+"""The module that is a process of each way."""
 
-JSON_FILE = "scale.json"
 _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
 _LOOK = """#usda 1.0
 def Material "Grey"
@@ -41,21 +45,89 @@ def Material "Grey"
     }
 }
 """
+_ROOT = "/World"
+_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)), np.float32)
+_BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]], np.int32)
+_UVS = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(_BOX), 1))
 
 
-@dataclass(frozen=True)
-class Case:
-    """A file to measure: what is in it, and the function that writes it."""
+def write_quads(file: Path, side: int = 1000) -> None:
+    """Write a wavy square of ``side^2`` quads, 2 m wide."""
+    stage = _new_stage(file)
+    _define_sheet(stage, f"{_ROOT}/sheet", side)
+    stage.Save()
 
-    help: str
-    write: Callable[[Path], None]
+
+def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
+    """Write a point instancer of ``side^2`` sheets, each of ``faces^2`` quads, beside one another in 2 m."""
+    stage = _new_stage(file)
+    instancer = UsdGeom.PointInstancer.Define(stage, f"{_ROOT}/many")
+    _define_sheet(stage, f"{_ROOT}/many/sheet", faces)
+    instancer.CreatePrototypesRel().SetTargets([f"{_ROOT}/many/sheet"])
+    instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(np.zeros(side * side, np.int32)))
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(_cell_centers(side).astype(np.float32)))
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(np.full((side * side, 3), 0.4 / side, np.float32)))
+    stage.Save()
 
 
-CASES: dict[str, Case] = {
-    "quads": Case("a mesh of a million quads", write_quads),
-    "instances": Case("10,000 instances of a mesh of 10,000 quads", write_instances),
-    "meshes": Case("20,000 meshes of 6 quads", write_meshes),
-}
+def write_meshes(file: Path, count: int = 20_000) -> None:
+    """Write boxes, each a mesh, a hundred to a group, beside one another in 2 m."""
+    stage = _new_stage(file)
+    side = int(np.ceil(np.sqrt(count)))
+    for number, center in enumerate(_cell_centers(side)[:count].tolist()):
+        path = f"{_ROOT}/group{number // 100}"
+        if number % 100 == 0:
+            UsdGeom.Xform.Define(stage, path)
+        mesh = _define_mesh(stage, f"{path}/box{number}", _CORNERS * (0.8 / side), _BOX, _UVS, "faceVarying")
+        mesh.AddTranslateOp().Set(Gf.Vec3d(center))
+    stage.Save()
+
+
+def _new_stage(file: Path) -> Any:
+    """Return a stage, z up, in metres, whose root binds a preview surface to all below it."""
+    stage = Usd.Stage.CreateNew(str(file))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    root = UsdGeom.Xform.Define(stage, _ROOT).GetPrim()
+    material = UsdShade.Material.Define(stage, f"{_ROOT}/Grey")
+    shader = UsdShade.Shader.Define(stage, f"{_ROOT}/Grey/Surface")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set((0.4, 0.4, 0.4))
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    UsdShade.MaterialBindingAPI.Apply(root).Bind(material)
+    return stage
+
+
+def _cell_centers(side: int) -> Floats:
+    """Return the middles of the cells of a square of 2 m."""
+    along = (2.0 * np.arange(side) + 1.0) / side - 1.0
+    x, y = np.meshgrid(along, along)
+    return np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=-1)
+
+
+def _define_sheet(stage: Any, path: str, side: int) -> None:
+    u, v = np.meshgrid(*[np.linspace(0.0, 1.0, side + 1)] * 2)
+    heights = 0.05 * np.sin(20.0 * u) * np.cos(17.0 * v)
+    points = np.stack([2.0 * u - 1.0, 2.0 * v - 1.0, heights], axis=-1).reshape(-1, 3)
+    first = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    faces = np.stack([first, first + 1, first + side + 2, first + side + 1], axis=-1)
+    _define_mesh(stage, path, points, faces, np.stack([u, v], axis=-1).reshape(-1, 2), "vertex")
+
+
+def _define_mesh(
+    stage: Any, path: str, points: NDArray[Any], faces: NDArray[Any], uvs: NDArray[Any], uvs_of: str
+) -> Any:
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), faces.shape[1], np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.astype(np.int32).ravel()))
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, uvs_of)
+    st.Set(Vt.Vec2fArray.FromNumpy(uvs.astype(np.float32)))
+    return mesh
+
+
+CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": write_instances, "meshes": write_meshes}
 
 
 @dataclass(frozen=True)
@@ -72,72 +144,66 @@ class Start:
     memory: tuple[int, ...]
 
 
-@dataclass
-class ScaleResults:
-    """The starts so far."""
+@dataclass(kw_only=True)
+class ScaleBenchmark(Benchmark):
+    """Large assets up to the first sample, against Blender's own import."""
 
-    machine: Machine = field(default_factory=this_machine)
+    NAME = "scale"
+    FILE = "scale.json"
+    ROWS = "starts"
+
     starts: list[Start] = field(default_factory=list)
+    cases: Mapping[str, Callable[[Path], None]] = field(default_factory=lambda: CASES)
 
-    def median(self, case: str, way: Way) -> tuple[float, float, int]:
+    def measure(self) -> Iterator[None]:
+        with tempfile.TemporaryDirectory(prefix="lookdev-scale-") as scratch:
+            root, repeats = Path(scratch), self.options.repeats
+            for case, write in self.cases.items():
+                self.report(f"scale: writes {case}")
+                write(root / f"{case}.usdc")
+            write_quads(root / "warm.usdc", side=2)
+            (root / "grey.usda").write_text(_LOOK, encoding="utf-8")
+            _start(root, "warm", "lookdev")  # tables of the light and compiled shaders
+            for repeat, case, way in product(range(repeats), self.cases, WAYS):
+                self.report(f"scale: {case}: {way}, {repeat + 1} of {repeats}")
+                self.starts.append(_start(root, case, way))
+                yield
+
+    def medians(self, case: str, way: Way) -> tuple[float, float, int]:
         """Return the median seconds until frames are planned, and until the first sample, and the largest memory."""
-        mine = [each for each in self.starts if (each.case, each.way) == (case, way)]
-        planned, sample = (statistics.median(getattr(each, name) for each in mine) for name in ("planned", "sample"))
-        return planned, sample, max(sum(each.memory) for each in mine)
+        starts = [start for start in self.starts if (start.case, start.way) == (case, way)]
+        planned, sample = (
+            statistics.median(getattr(start, name) for start in starts) for name in ("planned", "sample")
+        )
+        return planned, sample, max(sum(start.memory) for start in starts)
 
-    def write(self, folder: Path) -> None:
-        """Write ``scale.json``, whole or not at all."""
-        data = {"machine": asdict(self.machine), "starts": [asdict(each) for each in self.starts]}
-        write_file(folder / JSON_FILE, json.dumps(data, indent=1) + "\n")
-
-
-def run_scale(
-    folder: Path, report: Callable[[str], None], *, repeats: int, cases: dict[str, Case] = CASES
-) -> ScaleResults:
-    """Measure every case, and write ``scale.json`` to `folder`; raises RenderError where a process fails."""
-    results = ScaleResults()
-    with tempfile.TemporaryDirectory(prefix="lookdev-scale-") as scratch:
-        root = Path(scratch)
-        for name, case in cases.items():
-            report(f"scale: writes {case.help}")
-            case.write(root / f"{name}.usdc")
-        write_quads(root / "warm.usdc", side=2)
-        for start in _starts(root, list(cases), repeats, report):
-            results.starts.append(start)
-            results.write(folder)
-    return results
-
-
-def _starts(root: Path, cases: Sequence[str], repeats: int, report: Callable[[str], None]) -> Iterator[Start]:
-    (root / "grey.usda").write_text(_LOOK, encoding="utf-8")
-    # Tables of the light and compiled shaders.
-    _start(root, "warm", "lookdev")
-    for repeat in range(repeats):
-        for case in cases:
-            for way in WAYS:
-                report(f"scale: {case}: {way}, {repeat + 1} of {repeats}")
-                yield _start(root, case, way)
+    def blocks(self) -> Iterator[str | Table]:
+        yield from self.header()
+        rows = []
+        for case, way in dict.fromkeys((start.case, start.way) for start in self.starts):
+            planned, sample, memory = self.medians(case, way)
+            row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}", "", ""]
+            if way != "lookdev":
+                _, ours, our_memory = self.medians(case, "lookdev")
+                row[-2:] = f"x{ours / sample:.2f}", f"x{our_memory / memory:.2f}"
+            rows.append(row)
+        yield Table(("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"), rows)
 
 
 def _start(root: Path, case: str, way: Way) -> Start:
-    cache = root / "cache"
+    cache, log = root / "cache", root / f"{way}.log"
     shutil.rmtree(cache / "assets", ignore_errors=True)
     for stored in cache.glob("content/*.asset"):
         stored.unlink()
     request = _write_job(root, case) if way == "lookdev" else _write_request(root, case)
-    module = "lookdev.bench.scale_job" if way == "lookdev" else "lookdev.cycles.plain_import"
-    log = root / f"{way}.log"
     reached: dict[str, float] = {}
     memory: list[int] = []
+    command = [sys.executable, "-m", WAYS[way], str(request)]
+    environment = os.environ | {"LOOKDEV_CACHE": str(cache)}
     started = time.perf_counter()
     with (
         log.open("wb") as stream,
-        subprocess.Popen(
-            [sys.executable, "-m", module, str(request)],
-            stdout=subprocess.PIPE,
-            stderr=stream,
-            env=os.environ | {"LOOKDEV_CACHE": str(cache)},
-        ) as process,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stream, env=environment) as process,
     ):
         assert process.stdout is not None
         try:
@@ -155,11 +221,10 @@ def _start(root: Path, case: str, way: Way) -> Start:
 
 
 def _write_job(root: Path, case: str) -> Path:
-    output = root / "out"
-    shutil.rmtree(output, ignore_errors=True)
+    shutil.rmtree(root / "out", ignore_errors=True)
     job = root / f"{case}.toml"
     job.write_text(
-        f"""output = "{output}"
+        f"""output = "out"
 asset = {{ usd = "{case}.usdc" }}
 look = [{{ name = "grey", material = "grey.usda" }}]
 ibl = [{{ name = "{_LIGHT}", builtin = "{_LIGHT}" }}]
@@ -174,12 +239,7 @@ render = {{ resolution = [{_SIDE}, {_SIDE}], samples = 2, bounces = {_BOUNCES} }
 
 def _write_request(root: Path, case: str) -> Path:
     request = root / f"{case}.json"
-    given = {
-        "file": str(root / f"{case}.usdc"),
-        "light": _LIGHT,
-        "resolution": [_SIDE, _SIDE],
-        "bounces": _BOUNCES,
-        "distance": 3.0,  # so that the square of 2 m fills the frame
-    }
-    request.write_text(json.dumps(given), encoding="utf-8")
+    fields = {"file": str(root / f"{case}.usdc"), "light": _LIGHT, "resolution": [_SIDE, _SIDE], "bounces": _BOUNCES}
+    # At this distance the square of 2 m fills the frame.
+    request.write_text(json.dumps(fields | {"distance": 3.0}), encoding="utf-8")
     return request

@@ -25,17 +25,14 @@ def main(job: Path) -> None:
             case RunStarted():
                 answers.send(reached="planned")
             case FrameProgressed(samples=samples) if samples:
-                answers.send(reached="sample", memory=[peak_memory(), *map(peak_memory, _children())])
+                # The processes that the main thread started; other threads can end while their lists are read.
+                children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+                answers.send(reached="sample", memory=[peak_memory(), *map(peak_memory, children)])
                 raise KeyboardInterrupt  # ends the run
             case FrameFailed(reason=reason):
                 raise RenderError(reason)
 
     render_job(job, report=report)
-
-
-def _children() -> list[str]:
-    """Return the processes that the main thread started; other threads can end while their lists are read."""
-    return Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
 
 
 if __name__ == "__main__":

@@ -15,19 +15,22 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from lookdev.asset import BUILTINS, load_asset
-from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
-from lookdev.bench.curves import at
-from lookdev.bench.looks import LOOKS
-from lookdev.bench.matrix import LARGEST_SAMPLES, SCENES
-from lookdev.bench.measure import CurvePoint
+from lookdev.bench.benchmark import Table
+from lookdev.bench.matrix import MatrixBenchmark
+from lookdev.bench.measure import CurvePoint, Series
+from lookdev.bench.options import LARGEST_SAMPLES
+from lookdev.bench.subjects import LOOKS, SCENES, bench_environment, bench_light, bench_scene
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import JobOutputs, JobTurntable
@@ -35,7 +38,7 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
 from lookdev.output.frame_name import FrameName
-from lookdev.plan import Setup, Turns, make_setup
+from lookdev.plan import Turns, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.worker import last_line
 from lookdev.run.render import render_setups
@@ -48,11 +51,9 @@ FRAMES = 24
 KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")
 PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
-# Frames of each turntable that are rendered again with other seeds, to estimate their error; a divisor of FRAMES.
-_PROBES = 3
-# Corrections of the plain script's samples, and the largest factor of one.
-_ROUNDS = 3
-_LONGEST_STEP = 8.0
+_PROBES = 3  # frames of each turntable rendered again with other seeds, to estimate their error; a divisor of FRAMES
+_ROUNDS = 3  # corrections of the plain script's samples
+_LONGEST_STEP = 8.0  # the largest factor of one
 
 
 @dataclass(frozen=True)
@@ -65,25 +66,20 @@ class Subject:
     resolution: int
 
     def __post_init__(self) -> None:
-        unlike = BACKENDS["principled"].cannot_show
-        if unlike(LOOKS[self.look].make()) or self.scene not in BUILTINS:
-            looks = [name for name, each in LOOKS.items() if not unlike(each.make())]
+        cannot_show = BACKENDS["principled"].cannot_show
+        if cannot_show(LOOKS[self.look].make()) or self.scene not in BUILTINS:
+            looks = [name for name, look in LOOKS.items() if not cannot_show(look.make())]
             raise LookdevError(
                 f"there is no plain script of {self.look} on {self.scene}; "
                 f"looks that there are: {', '.join(looks)}; scenes: {', '.join(SCENES.keys() & BUILTINS.keys())}"
             )
 
 
-@dataclass(frozen=True)
-class Produced:
-    """The cost of turntables: seconds, and skips with their reasons."""
+Produce = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
+"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 
-    seconds: float
-    skips: tuple[str, ...] = ()
-
-
-Produce = Callable[[Path, int, int, int], Produced]
-"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``."""
+Returns the seconds, and the skips with their reasons.
+"""
 
 
 @dataclass(frozen=True)
@@ -101,7 +97,7 @@ class SequenceResult:
     """Frames a minute of the batch runner ("exact") and the plain script ("plain") at equal mean relMSE."""
 
     subject: Subject
-    frames: int  # all that are shown, rendered or not
+    frames: int  # of all turntables, rendered or not
     samples: Mapping[str, int]
     relmse: Mapping[str, float]  # of frames of the timed runs
     runs: tuple[SequenceRun, ...]
@@ -109,6 +105,93 @@ class SequenceResult:
     low: float  # of the repeats
     high: float
     skips: tuple[str, ...] = ()  # of the batch runner
+
+    def blocks(self) -> Iterator[str | Table]:
+        """Yield the ratio, a table of both, and the skips."""
+        subject = self.subject
+        yield (
+            f"{self.frames} frames of {subject.scene}, {subject.look}, under {', '.join(subject.ibls)}: exact makes "
+            f"{self.ratio:.2f} times as many a minute ({self.low:.2f}..{self.high:.2f})"
+        )
+        rows = []
+        for backend, samples in self.samples.items():
+            speeds = ", ".join(f"{run.frames_per_minute:.2f}" for run in self.runs if run.backend == backend)
+            rows.append((backend, str(samples), f"{self.relmse[backend]:.2e}", speeds))
+        yield Table(("", "samples", "relMSE", "frames a minute"), rows)
+        if self.skips:
+            yield f"exact skips {', '.join(self.skips)}"
+
+
+@dataclass(kw_only=True)
+class SequenceBenchmark(MatrixBenchmark):
+    """Turntables against a plain Blender script.
+
+    The curves of ``exact`` and ``principled`` give the samples that make their errors equal. Raises LookdevError where
+    one of these backends fails.
+    """
+
+    NAME = "sequence"
+    DEFAULTS = {"scenes": ("shaderball",), "repeats": 1}  # noqa: RUF012
+
+    result: SequenceResult | None = None
+    producers: Mapping[str, Produce] | None = None  # other than those of `producers_of`
+
+    def check(self) -> None:
+        """Raise LookdevError for more than one scene or look, or one without a plain script."""
+        options = self.options = replace(self.options, backends=("exact", "principled"))
+        if len(options.scenes) != 1 or len(options.looks) != 1:
+            raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
+        self.subject = Subject(*options.scenes, *options.looks, options.ibls, options.resolution)
+
+    def measure(self) -> Iterator[None]:
+        yield from super().measure()
+        if self.failures:
+            raise RenderError(self.failures[0])
+        exact, plain = ([cell.curves[Series(backend)] for cell in self.cells] for backend in self.options.backends)
+        self.time_producers(*choose_samples(exact, plain, TARGET))
+        yield
+
+    def time_producers(self, samples: int, guess: int) -> None:
+        """Time the producers ``"exact"`` and ``"plain"``, interleaved.
+
+        `samples` are those of ``exact``, `guess` those of the plain script, corrected by the error of a few frames.
+        """
+        subject, seed, producers = self.subject, self.options.seed, self.producers or producers_of(self.subject)
+        total = FRAMES * len(KINDS) * len(subject.ibls)
+        runs: list[SequenceRun] = []
+        with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
+            folders = (Path(scratch, str(number)) for number in itertools.count())
+            probes: dict[tuple[str, int], Path] = {}
+
+            def probe(backend: str, count: int) -> float:
+                self.report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
+                pair = next(folders), next(folders)
+                for number, folder in enumerate(pair, start=1):
+                    producers[backend](folder, count, _PROBES, seed + number)
+                probes[backend, count] = pair[0]
+                return _mean_relmse(subject, *pair, _PROBES)
+
+            target = probe("exact", samples)
+            counts = {"exact": samples, "plain": meet_error(target, guess, partial(probe, "plain"))}
+            relmse, skips = {}, {}
+            for repeat, backend in itertools.product(range(self.options.repeats), counts):
+                self.report(f"sequence: {backend}: {total} frames, {counts[backend]} samples")
+                folder = next(folders)
+                seconds, skips[backend] = producers[backend](folder, counts[backend], FRAMES, seed)
+                runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
+                relmse[backend] = _mean_relmse(subject, folder, probes[backend, counts[backend]], FRAMES)
+        exact, plain = ([run.frames_per_minute for run in runs if run.backend == backend] for backend in counts)
+        ratios = [ours / theirs for ours, theirs in zip(exact, plain, strict=True)]
+        spread = statistics.median(exact) / statistics.median(plain), min(ratios), max(ratios)
+        self.result = SequenceResult(subject, total, counts, relmse, tuple(runs), *spread, skips["exact"])
+
+    def data(self) -> dict[str, Any]:
+        return super().data() | {"sequence": asdict(self.result) if self.result else None}
+
+    def details(self) -> Iterator[str | Table]:
+        yield from super().details()
+        if self.result:
+            yield from self.result.blocks()
 
 
 def choose_samples(
@@ -120,186 +203,132 @@ def choose_samples(
     same error. Raises LookdevError where a curve has less than two points, or does not reach the target.
     """
     powers = [1 << exponent for exponent in range(1, LARGEST_SAMPLES.bit_length())]
-    chosen = _first(powers, exact, target)
-    return chosen, _first(range(1, 8 * LARGEST_SAMPLES), plain, _mean_error(exact, chosen))
+    samples = _fewest_samples(powers, exact, target)
+    return samples, _fewest_samples(range(1, 8 * LARGEST_SAMPLES), plain, _mean_error(exact, samples))
 
 
-def _first(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
-    low, high = 0, len(counts) - 1
-    if _mean_error(curves, counts[high]) > target:
-        raise LookdevError(f"relMSE {target:g} is out of reach of {counts[high]} samples: nothing to compare")
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if _mean_error(curves, counts[middle]) <= target else (middle + 1, high)
-    return counts[low]
+def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
+    number = bisect_left(counts, True, key=lambda count: _mean_error(curves, count) <= target)
+    if number == len(counts):
+        raise LookdevError(f"relMSE {target:g} is out of reach of {counts[-1]} samples: nothing to compare")
+    return counts[number]
 
 
 def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
-    errors = []
-    for curve in curves:
-        known = [(float(point.samples), point.relmse) for point in curve if point.relmse is not None]
-        if len(known) < 2:
-            raise LookdevError("a curve of two points or more is needed; give --samples more counts")
-        errors.append(at([count for count, _ in known], [error for _, error in known], samples))
-    return statistics.fmean(errors)
+    certain = [[(point.samples, point.relmse) for point in curve if point.relmse is not None] for curve in curves]
+    return statistics.fmean(error_at(points, samples) for points in certain)
 
 
-def measure_sequence(
-    subject: Subject,
-    samples: tuple[int, int],
-    producers: Mapping[str, Produce],
-    *,
-    repeats: int,
-    seed: int,
-    report: Callable[[str], None],
-) -> SequenceResult:
-    """Time the producers ``"exact"`` and ``"plain"``, interleaved.
-
-    `samples` are those of ``exact``, and a first guess of the plain script's, corrected by the error of a few frames.
-    """
-    total = FRAMES * len(KINDS) * len(subject.ibls)
-    runs: list[SequenceRun] = []
-    with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
-        folders = (Path(scratch, str(number)) for number in itertools.count())
-        probes: dict[tuple[str, int], Path] = {}
-
-        def probe(backend: str, count: int) -> float:
-            report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
-            one, other = next(folders), next(folders)
-            producers[backend](one, count, _PROBES, seed + 1)
-            producers[backend](other, count, _PROBES, seed + 2)
-            probes[backend, count] = one
-            return _error(subject, one, other, _PROBES)
-
-        target = probe("exact", samples[0])
-        count = {"exact": samples[0], "plain": meet(target, samples[1], lambda count: probe("plain", count))}
-        timed: dict[str, Path] = {}
-        made: dict[str, Produced] = {}
-        for repeat in range(repeats):
-            for backend in ("exact", "plain"):
-                report(f"sequence: {backend}: {total} frames, {count[backend]} samples")
-                timed[backend] = next(folders)
-                made[backend] = producers[backend](timed[backend], count[backend], FRAMES, seed)
-                seconds = made[backend].seconds
-                runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
-        relmse = {
-            backend: _error(subject, timed[backend], probes[backend, count[backend]], FRAMES) for backend in timed
-        }
-    speed = {
-        backend: [run.frames_per_minute for run in runs if run.backend == backend] for backend in ("exact", "plain")
-    }
-    ratios = [one / other for one, other in zip(speed["exact"], speed["plain"], strict=True)]
-    medians = {backend: statistics.median(values) for backend, values in speed.items()}
-    ratio = medians["exact"] / medians["plain"]
-    skips = made["exact"].skips
-    return SequenceResult(subject, total, count, relmse, tuple(runs), ratio, min(ratios), max(ratios), skips)
-
-
-def meet(target: float, first: int, error: Callable[[int], float]) -> int:
+def meet_error(target: float, guess: int, error: Callable[[int], float]) -> int:
     """Return the samples whose measured error is nearest to a target, within a tenth if possible.
 
-    `first` is a guess. Further ones are interpolated, in logarithms, because the error of rare bright pixels does not
-    fall as 1 / samples.
+    The `guess` is corrected by interpolation, in logarithms, because the error of rare bright pixels does not fall as
+    1 / samples.
     """
-    found = {first: error(first)}
-    for _ in range(_ROUNDS):
-        count = min(found, key=lambda count: abs(math.log(found[count] / target)))
-        if abs(math.log(found[count] / target)) < math.log(1.1):
+    errors: dict[int, float] = {}
+    for _ in range(1 + _ROUNDS):
+        if guess in errors:
             break
-        guess = count * found[count] / target
-        rising = sorted((value, count) for count, value in found.items())
-        if len(rising) > 1 and [each for _, each in rising] == sorted(found, reverse=True):
-            guess = at([value for value, _ in rising], [float(count) for _, count in rising], target)
-        guess = max(1, round(min(max(guess, count / _LONGEST_STEP), count * _LONGEST_STEP)))
-        if guess in found:
+        errors[guess] = error(guess)
+        count = min(errors, key=lambda count: abs(math.log(errors[count] / target)))
+        if abs(math.log(errors[count] / target)) < math.log(1.1):
             break
-        found[guess] = error(guess)
-    return min(found, key=lambda count: abs(math.log(found[count] / target)))
+        better = count * errors[count] / target
+        falling = sorted(errors.items())
+        if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(falling)):
+            better = error_at([(value, samples) for samples, value in reversed(falling)], target)
+        guess = max(1, round(min(max(better, count / _LONGEST_STEP), count * _LONGEST_STEP)))
+    return count
 
 
-def _error(subject: Subject, one: Path, probes: Path, frames: int) -> float:
+def error_at(curve: Sequence[tuple[float, float]], effort: float) -> float:
+    """Return the error at an effort on a curve of efforts and errors, interpolated in logarithms, or extrapolated.
+
+    Raises LookdevError where the curve has less than two points.
+    """
+    if len(curve) < 2:
+        raise LookdevError("a curve of two points or more is needed; give --samples more counts")
+    start, end = next((pair for pair in pairwise(curve) if effort <= pair[1][0]), curve[-2:])
+    slope = math.log(end[1] / start[1]) / math.log(end[0] / start[0])
+    return start[1] * math.exp(slope * math.log(effort / start[0]))
+
+
+def _mean_relmse(subject: Subject, folder: Path, probes: Path, frames: int) -> float:
     """Return the mean relMSE of a folder's frames, from independent renders of some of them.
 
     `relmse_of_halves` is the error of the mean of two renders, half of that of each.
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
-        whole = FrameName(subject.look, ibl, kind, 1 + number * (frames // _PROBES))
-        a, alpha = read_frame(whole.file(one))
-        b, _ = read_frame(replace(whole, number=1 + number).file(probes))
+        frame = FrameName(subject.look, ibl, kind, 1 + number * (frames // _PROBES))
+        a, alpha = read_frame(frame.file(folder))
+        b, _ = read_frame(replace(frame, number=1 + number).file(probes))
         errors.append(2.0 * relmse_of_halves(a, b, alpha))
     return statistics.fmean(errors)
 
 
-def producers(subject: Subject) -> dict[str, Produce]:
+def producers_of(subject: Subject) -> dict[str, Produce]:
     """Return the batch runner and the plain script."""
-
-    def exact(folder: Path, samples: int, frames: int, seed: int) -> Produced:
-        turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
-        started = time.perf_counter()
-        setups = _setups(subject, samples, seed)
-        plan, result = render_setups(setups, Turns(turntables, folder), JobOutputs())
-        seconds = time.perf_counter() - started
-        if result.interrupted:
-            raise KeyboardInterrupt
-        if result.exit_code:
-            raise RenderError(result.summary())
-        return Produced(seconds, tuple(dict.fromkeys(map(str, plan.skips))))
-
-    def plain(folder: Path, samples: int, frames: int, seed: int) -> Produced:
-        request = _write_request(subject, folder, samples, frames, seed)
-        log = folder / "plain.log"
-        started = time.perf_counter()
-        with log.open("wb") as stream:
-            done = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
-        seconds = time.perf_counter() - started
-        if done.returncode:
-            raise RenderError(f"the plain script ended with exit code {done.returncode}: {last_line(log)}")
-        return Produced(seconds)
-
-    return {"exact": exact, "plain": plain}
+    return {"exact": partial(_render_job, subject), "plain": partial(_render_plainly, subject)}
 
 
-def _setups(subject: Subject, samples: int, seed: int) -> list[Setup]:
-    """Read and generate everything, without caches in memory, as a job does."""
+def _render_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> tuple[float, tuple[str, ...]]:
+    """Render by the batch runner; all is read and generated anew, without caches in memory, as by a job."""
+    turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
+    started = time.perf_counter()
     asset, look = load_asset(builtin=subject.scene), LOOKS[subject.look].make()
     sampling = Sampling(samples=samples, bounces=SCENES[subject.scene].bounces, seed=seed)
-    size = (subject.resolution, subject.resolution)
-    lights = {ibl: prepare_light(load_environment(builtin=ibl)) for ibl in subject.ibls}
-    return [
-        make_setup(subject.look, ibl, Scene.of_look(asset, look, light, size), sampling)
-        for ibl, light in lights.items()
-    ]
+    setups = []
+    for ibl in subject.ibls:
+        light = prepare_light(load_environment(builtin=ibl))
+        scene = Scene.of_look(asset, look, light, (subject.resolution, subject.resolution))
+        setups.append(make_setup(subject.look, ibl, scene, sampling))
+    plan, result = render_setups(setups, Turns(turntables, folder), JobOutputs())
+    seconds = time.perf_counter() - started
+    if result.interrupted:
+        raise KeyboardInterrupt
+    if result.exit_code:
+        raise RenderError(result.summary())
+    return seconds, tuple(dict.fromkeys(map(str, plan.skips)))
 
 
-def _write_request(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
+def _render_plainly(
+    subject: Subject, folder: Path, samples: int, frames: int, seed: int
+) -> tuple[float, tuple[str, ...]]:
+    """Render by the plain script."""
     folder.mkdir(parents=True)
-    asset, look = bench_asset(subject.scene), LOOKS[subject.look].make()
-    maps = {}
+    request, log = folder / "request.json", folder / "plain.log"
+    fields = {"samples": samples, "seed": seed, **_request(subject, folder, frames)}
+    request.write_text(json.dumps(fields), encoding="utf-8")
+    started = time.perf_counter()
+    with log.open("wb") as stream:
+        ended = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
+    seconds = time.perf_counter() - started
+    if ended.returncode:
+        raise RenderError(f"the plain script ended with exit code {ended.returncode}: {last_line(log)}")
+    return seconds, ()
+
+
+def _request(subject: Subject, folder: Path, frames: int) -> dict[str, Any]:
+    """Write the maps, and return what the plain script shows."""
+    look, maps = LOOKS[subject.look].make(), {}
     for ibl in subject.ibls:
         radiance = bench_environment(ibl).radiance
         maps[ibl] = folder / f"{ibl}.exr"
         write_frame(maps[ibl], radiance, np.ones(radiance.shape[:2]), {})
-    light = bench_light(subject.ibls[0])
-    scene = bench_scene(asset, look, (light,), subject.resolution, SCENES[subject.scene].bounces)
-    request = {
+    scene = bench_scene(subject.scene, look, (bench_light(subject.ibls[0]),), subject.resolution)
+    return {
         "asset": str(scene.asset.path),
         "principled": generate_principled(look).inputs,
         "camera": asdict(scene.camera),
         "resolution": scene.resolution,
-        "samples": samples,
         "bounces": scene.sampling.bounces,
-        "seed": seed,
         "frames": [
             {
                 "light": str(maps[ibl]),
-                "element": 360.0 * index / frames if kind == "element" else 0.0,
-                "lighting": 360.0 * index / frames if kind == "lighting" else 0.0,
-                "file": str(FrameName(subject.look, ibl, kind, 1 + index).file(folder)),
+                **{turned: 360.0 * number / frames if turned == kind else 0.0 for turned in KINDS},
+                "file": str(FrameName(subject.look, ibl, kind, 1 + number).file(folder)),
             }
-            for ibl, kind, index in itertools.product(subject.ibls, KINDS, range(frames))
+            for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(frames))
         ],
     }
-    file = folder / "request.json"
-    file.write_text(json.dumps(request), encoding="utf-8")
-    return file

@@ -80,14 +80,12 @@ def bench(
     show: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
 ) -> None:
     """Measure time against error, beside other renderers; Ctrl-C keeps the results so far (exit code 130)."""
-    from rich.console import Console
-
-    from lookdev.bench.kinds import KINDS, Order
-    from lookdev.bench.matrix import listing, parse_options
+    from lookdev.bench.kinds import KINDS
+    from lookdev.bench.options import list_names, parse_options
     from lookdev.errors import LookdevError
 
     if show:
-        say(listing())
+        say(list_names())
         return
     files = {"table": table, "profile": profile, "setup": setup}
     kinds: dict[str, Path | None] = {name: file for name, file in files.items() if file}
@@ -98,7 +96,7 @@ def bench(
     name, document = next(iter(kinds.items()), ("matrix", None))
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
-        defaults=KINDS[name].defaults,
+        defaults=KINDS[name].DEFAULTS,
         everything=everything,
         resolution=resolution,
         repeats=repeats,
@@ -107,6 +105,7 @@ def bench(
         frames=frames,
         fresh=fresh,
     )
-    outcome = KINDS[name].run(Order(options, out, partial(say, err=True), document))
-    outcome.show(Console())
-    raise typer.Exit(outcome.exit_code)
+    benchmark = KINDS[name](options=options, report=partial(say, err=True))
+    benchmark.run(out, document)
+    say(benchmark.summary())
+    raise typer.Exit(benchmark.exit_code)

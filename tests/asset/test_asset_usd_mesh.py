@@ -11,7 +11,7 @@ from usd_file import CUBE_FACES, CUBE_POINTS, TYPES, primvar
 from lookdev.asset import Slot
 from lookdev.asset.tangents import tangents_of
 from lookdev.asset.usd import read_usd
-from lookdev.bench.scale_files import write_meshes, write_quads
+from lookdev.bench.scale import write_meshes, write_quads
 from lookdev.errors import AssetError
 from lookdev.stage import Composition, compose
 

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.bench.matrix import Cell, Options
+from lookdev.asset import Asset
+from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate
+from lookdev.bench.options import Cell, Options
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
@@ -23,15 +25,20 @@ def store_references(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Let references be stored in a folder; lights and looks are those of the run's cache."""
 
     def cache_dir(*parts: str) -> Path:
-        place = folder.joinpath("cache", *parts)
-        place.mkdir(parents=True, exist_ok=True)
-        return place
+        target = folder.joinpath("cache", *parts)
+        target.mkdir(parents=True, exist_ok=True)
+        return target
 
     patch.setattr("lookdev.bench.reference.cache_dir", cache_dir)
 
 
 def quiet(text: str) -> None:
     """Report nothing."""
+
+
+def triangle_count(asset: Asset) -> int:
+    """Return the number of triangles of an asset, over all instances."""
+    return sum(int((asset.meshes[instance.mesh].face_sizes - 2).sum()) for instance in asset.instances)
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
@@ -100,13 +107,13 @@ class FakeBackends:
     def __init__(self, ends_after: int | None = None, **fails_after: int) -> None:
         self.calls: list[tuple[str, int, int]] = []
         self.closed = 0
-        known = {"exact": (0.1, 0.001), "principled": (0.2, 0.0005)}  # noise and cost
-        known |= {"mitsuba": (0.1, 0.0005), "mitsuba-principled": (0.2, 0.001)}
+        noise_and_cost = {"exact": (0.1, 0.001), "principled": (0.2, 0.0005)}
+        noise_and_cost |= {"mitsuba": (0.1, 0.0005), "mitsuba-principled": (0.2, 0.001)}
         self._renderers = {
             name: FakeRenderer(
                 name, scale, rate=rate, calls=self.calls, ends_after=ends_after, fails_after=fails_after.get(name)
             )
-            for name, (scale, rate) in known.items()
+            for name, (scale, rate) in noise_and_cost.items()
         }
 
     @contextmanager
@@ -119,6 +126,13 @@ class FakeBackends:
             ]
         finally:
             self.closed += 1
+
+
+def run_matrix(options: Options, folder: Path, backends: object = None) -> MatrixBenchmark:
+    """Measure a matrix by fakes."""
+    benchmark = MatrixBenchmark(options=options, report=quiet, open_candidates=backends or FakeBackends())
+    benchmark.run(folder)
+    return benchmark
 
 
 @dataclass
@@ -158,4 +172,4 @@ class FakeProcesses:
 
 def measured(calls: list[tuple[str, int, int]], first_seed: int) -> list[tuple[str, int, int]]:
     """Return the calls without references and warm-ups."""
-    return [each for each in calls if each[2] < first_seed]
+    return [call for call in calls if call[2] < first_seed]

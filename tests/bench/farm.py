@@ -53,8 +53,8 @@ def measured_job(looks: int, rigs: int, frames: int, mean: float, seed: int = 0)
     The costs differ among scenes and frames as the measured ones do.
     """
     rng, measured = random.Random(seed), json.loads(COSTS.read_text())
-    known = [measured["scenes"][name] for name in sorted(measured["scenes"])]
-    of_scenes = [known[number % len(known)] for number in range(looks * rigs)]
+    scenes = [measured["scenes"][name] for name in sorted(measured["scenes"])]
+    of_scenes = [scenes[number % len(scenes)] for number in range(looks * rigs)]
     drawn = [rng.choice(scene["frames"]) for scene in of_scenes for _ in range(frames)]
     scale = mean / fmean(drawn)
     numbers = tuple(scene for scene in range(len(of_scenes)) for _ in range(frames))
@@ -104,11 +104,11 @@ def shared(job: SimulatedJob, workers: int, seed: int = 0) -> float:
         left: list[list[int]] = []
         for _, group in groupby(range(len(job.frames)), key=lambda number: job.scenes[number]):
             scene = list(group)
-            for place, number in enumerate(scene):
+            for index, number in enumerate(scene):
                 if number in done:
                     continue
                 if number in claimed:
-                    left.append(scene[place:])
+                    left.append(scene[index:])
                     break
                 claimed.add(number)
                 yield number
@@ -158,8 +158,8 @@ def main(frames: int) -> None:
                 chunked(job, job.means, workers, Division(workers), warm=False),
                 shared(job, workers),
             )
-            shown = " | ".join(f"{efficiency(job, workers, each):.3f}" for each in times)
-            out(f"| {mean:g} | {workers} | {shown} |\n")
+            cells = " | ".join(f"{efficiency(job, workers, seconds):.3f}" for seconds in times)
+            out(f"| {mean:g} | {workers} | {cells} |\n")
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ def measure(job: Path) -> dict[str, object]:
         name: {
             "estimate": guessed[name],
             "scene": max(first - fmean(frames), 0.0),
-            "frames": [each / cores for each in frames],
+            "frames": [seconds / cores for seconds in frames],
         }
         for name, (first, *frames) in taken.items()
     }

@@ -2,7 +2,8 @@
 
 import pytest
 
-from lookdev.bench.curves import REACH, Reached, at, ratio, reach
+from lookdev.bench.measure import REACH, Reached, ratio_of, reach
+from lookdev.bench.sequence import error_at
 
 TIMES = [1.0, 4.0, 16.0]
 
@@ -14,20 +15,20 @@ def power_law(exponent: float, scale: float = 1e-2) -> list[float]:
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
 def test_a_power_law_is_read_exactly_between_its_points(exponent: float) -> None:
     for time in (1.5, 4.0, 9.0, 16.0):
-        found = reach(TIMES, power_law(exponent), 1e-2 * time**-exponent)
-        assert found is not None
-        assert found.value == pytest.approx(time)
-        assert found.mark == ""
+        result = reach(TIMES, power_law(exponent), 1e-2 * time**-exponent)
+        assert result is not None
+        assert result.value == pytest.approx(time)
+        assert result.mark == ""
 
 
 @pytest.mark.parametrize(("time", "reached"), [(REACH * 16.0 * 0.999, True), (REACH * 16.0 * 1.001, False)])
 def test_a_curve_is_continued_by_its_last_slope_for_a_factor_of_four(time: float, reached: bool) -> None:
     # The first stretch is flat: were its slope of any weight, the answer would be another.
     errors = [1e-2, 8e-3, 8e-3 * 4.0**-1.5]
-    found = reach(TIMES, errors, 8e-3 * (time / 4.0) ** -1.5)
-    assert (found is not None) == reached
-    if found:
-        assert (found.value, found.mark) == (pytest.approx(time), "~")
+    result = reach(TIMES, errors, 8e-3 * (time / 4.0) ** -1.5)
+    assert (result is not None) == reached
+    if result:
+        assert (result.value, result.mark) == (pytest.approx(time), "~")
 
 
 def test_the_first_point_may_be_good_enough_already() -> None:
@@ -61,13 +62,9 @@ def test_a_curve_that_rises_again_is_read_where_it_first_gets_there() -> None:
 def test_ratios_keep_the_doubt_of_what_they_are_of(
     one: Reached | None, other: Reached | None, expected: Reached | None
 ) -> None:
-    assert ratio(one, other) == expected
+    assert ratio_of(one, other) == expected
 
 
 def test_the_error_at_an_effort() -> None:
     for time in (0.25, 1.0, 3.0, 16.0, 100.0):
-        assert at(TIMES, power_law(1.2), time) == pytest.approx(1e-2 * time**-1.2)
-
-
-def test_text_has_three_digits_and_the_mark() -> None:
-    assert str(Reached(12.3456, "~")) == "~12.3"
+        assert error_at(list(zip(TIMES, power_law(1.2), strict=True)), time) == pytest.approx(1e-2 * time**-1.2)

@@ -12,7 +12,15 @@ from bench_fakes import SIDE, quiet, truth
 from typer.testing import CliRunner
 
 from lookdev.bench import denoise_trial
-from lookdev.bench.denoise_trial import CSV_FILE, SAMPLES, Trial, cell_scene, draw_cell, run_trial, summary
+from lookdev.bench.denoise_trial import (
+    SAMPLES,
+    DenoiseTrial,
+    Trial,
+    cell_scene,
+    draw_cell,
+    summarize_trials,
+)  # fmt: skip
+from lookdev.bench.options import Options
 from lookdev.bench.reference import FIRST_SEED
 from lookdev.cli import app
 from lookdev.metrics import EPSILON
@@ -45,8 +53,8 @@ class Renderer:
         raw = image + noise * NOISE / np.sqrt(sampling.samples) * covered
         frame = raw if sampling.denoise == "off" else image + BIAS * covered
         arrays = {"a": frame, "b": frame, "alpha": alpha}
-        given = {name: each.astype(np.float32) for name, each in arrays.items()}
-        rendered = Rendered(**given, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
+        halves = {name: array.astype(np.float32) for name, array in arrays.items()}
+        rendered = Rendered(**halves, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
         return rendered if sampling.denoise == "off" else replace(rendered, raw=raw.astype(np.float32), raw_relmse=3.0)
 
 
@@ -55,74 +63,78 @@ def _one_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let every cell be cheap to prepare; poses stay."""
     monkeypatch.setattr(denoise_trial, "_ASSETS", ("sphere",))
     monkeypatch.setattr(denoise_trial, "_LIGHTS", ("lamp",))
-    monkeypatch.setattr(denoise_trial, "looks", lambda: {"plastic": denoise_trial.LOOKS["plastic"].make})
+    monkeypatch.setattr(denoise_trial, "trial_looks", lambda: {"plastic": denoise_trial.LOOKS["plastic"].make})
+
+
+def run_trial(frames: int, folder: Path, renderer: Renderer) -> list[Trial]:
+    trial = DenoiseTrial(options=Options(frames=frames, resolution=SIDE), report=quiet, open_process=renderer)
+    trial.run(folder)
+    return trial.trials
 
 
 def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
-    trials = run_trial(7, tmp_path / "out", quiet, resolution=SIDE, opened=Renderer())
-    assert [each.samples for each in trials] == [*SAMPLES, *SAMPLES[:2]]
+    trials = run_trial(7, tmp_path / "out", Renderer())
+    assert [trial.samples for trial in trials] == [*SAMPLES, *SAMPLES[:2]]
     image, alpha = truth()
     relative = float((1.0 / (image[alpha > 0.0] ** 2 + EPSILON)).mean())
-    for each in trials:
+    for trial in trials:
         # The reference has 8 times the largest count; squares of 8,000 values spread by some percent.
-        assert each.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
-        assert each.raw == pytest.approx(NOISE**2 / each.samples * relative, rel=0.1)
-        assert each.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
-        assert (each.raw_estimate, each.estimate) == (3.0, 2.0)
+        assert trial.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
+        assert trial.raw == pytest.approx(NOISE**2 / trial.samples * relative, rel=0.1)
+        assert trial.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
+        assert (trial.raw_estimate, trial.estimate) == (3.0, 2.0)
     # What an eye sees of noise is less than its error.
     assert trials[0].flip < 0.5 * trials[0].raw_flip
-    with (tmp_path / "out" / CSV_FILE).open(newline="") as stream:
+    with (tmp_path / "out" / DenoiseTrial.FILE).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [float(row["denoised"]) for row in rows] == [each.denoised for each in trials]
+    assert [float(row["denoised"]) for row in rows] == [trial.denoised for trial in trials]
 
 
 def test_frames_share_no_seed_and_references_are_kept(tmp_path: Path) -> None:
     first, second = Renderer(), Renderer()
-    run_trial(10, tmp_path, quiet, resolution=SIDE, opened=first)
+    run_trial(10, tmp_path, first)
     seeds = [task.scene.sampling.seed for task in first.tasks if task.scene.sampling.denoise == "measured"]
     assert len(set(seeds)) == 10
     assert max(seeds) < FIRST_SEED
-    run_trial(10, tmp_path, quiet, resolution=SIDE, opened=second)
+    run_trial(10, tmp_path, second)
     assert {task.scene.sampling.denoise for task in second.tasks} == {"measured"}
 
 
 def test_a_cell_depends_on_seed_and_number_alone() -> None:
     assert draw_cell(3, 5) == draw_cell(3, 5)
     assert len({draw_cell(seed, number) for seed in range(3) for number in range(3)}) == 9
-    assert cell_scene(draw_cell(0, 0), SIDE)[1] != cell_scene(draw_cell(0, 1), SIDE)[1]
+    assert cell_scene(*draw_cell(0, 0), SIDE)[1] != cell_scene(*draw_cell(0, 1), SIDE)[1]
 
 
 def test_ctrl_c_keeps_the_frames_before_it(tmp_path: Path) -> None:
     # A reference of four parts, then frames.
-    assert len(run_trial(5, tmp_path, quiet, resolution=SIDE, opened=Renderer(ends_after=6))) == 2
-    assert len((tmp_path / CSV_FILE).read_text().splitlines()) == 3
+    assert len(run_trial(5, tmp_path, Renderer(ends_after=6))) == 2
+    assert len((tmp_path / DenoiseTrial.FILE).read_text().splitlines()) == 3
 
 
 def test_the_report_counts_what_is_out_of_bounds() -> None:
     one = Trial("sphere", "plastic", "lamp", 0.0, 0.0, 8, 4e-2, 4e-2, 1e-2, 1e-2, 0.2, 0.1, 1e-5, 1.0)
     trials = [one, replace(one, estimate=1.4e-2), replace(one, estimate=0.5e-2), replace(one, denoised=5e-2)]
     same = replace(one, denoised=4e-2 * (1.0 + 1e-6))  # as rounding leaves it
-    lines = summary(trials).splitlines()
+    lines = summarize_trials(trials).splitlines()
     assert "denoised frames / truth: within 1.3 for 25%, least 0.20 (2 below 0.6)" in lines[1]
     assert "raw frames / truth: within 1.3 for 100%, least 1.00 (0 below 0.6)" in lines[2]
     assert lines[3] == "worse than raw: 1, at most x1.250"
     assert lines[4] == "8 samples: error / 2.67, FLIP 0.2000 raw, 0.1000 denoised"
-    assert "worse than raw: 0" in summary([same]).splitlines()
-    assert summary([]) == "no frame was measured"
+    assert "worse than raw: 0" in summarize_trials([same]).splitlines()
+    assert summarize_trials([]) == "no frame was measured"
 
 
 def test_a_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    given: dict[str, object] = {}
+    runs: list[DenoiseTrial] = []
 
-    def run(frames: int, folder: Path, report: object, **options: object) -> list[Trial]:
-        given.update(options, frames=frames, folder=folder)
-        return []
+    def run(trial: DenoiseTrial, folder: Path, document: Path | None) -> None:
+        assert (folder, document) == (tmp_path, None)
+        runs.append(trial)
 
-    monkeypatch.setattr(denoise_trial, "run_trial", run)
+    monkeypatch.setattr(DenoiseTrial, "run", run)
     line = ["bench", "--denoise-trial", "--frames", "12", "--seed", "3", "--out", str(tmp_path)]
     assert CliRunner().invoke(app, line).exit_code == 130
-    assert given == {
-        "frames": 12, "folder": tmp_path, "seed": 3, "reference": 8, "fresh": False, "resolution": denoise_trial.SIDE
-    }  # fmt: skip
     CliRunner().invoke(app, [*line, "--resolution", "160"])
-    assert given["resolution"] == 160
+    options = Options(frames=12, seed=3, reference=8, resolution=96)
+    assert [trial.options for trial in runs] == [options, replace(options, resolution=160)]

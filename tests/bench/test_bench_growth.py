@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from bench_fakes import FakeProcesses, quiet
+from bench_fakes import FakeProcesses, quiet, triangle_count
 
 from lookdev.asset import read_asset
 from lookdev.bench import growth
-from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.growth import Growth, GrowthRow, measure_growth
-from lookdev.bench.looks import different
-from lookdev.bench.matrix import Options
+from lookdev.bench.growth import GrowthRow
+from lookdev.bench.matrix import TableBenchmark
+from lookdev.bench.options import Options
+from lookdev.bench.subjects import make_boulder, varied_look
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import FrameTask
@@ -33,12 +33,18 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 OPTIONS = Options(frames=10)
 
 
+def measure_growth(fakes: FakeProcesses, *backends: str) -> TableBenchmark:
+    table = TableBenchmark(options=replace(OPTIONS, backends=backends), report=quiet, open_process=fakes)
+    assert len(list(table.measure_growth())) == len(table.growth)
+    return table
+
+
 @pytest.mark.usefixtures("small")
 def test_all_quantities_for_the_backends_that_can_show_them() -> None:
     fakes = processes()
     grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
-    for each in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, fakes):
-        grown.setdefault(each.of, {})[each.backend] = each.rows
+    for result in measure_growth(fakes, "exact", "principled", "mitsuba-principled").growth:
+        grown.setdefault(result.of, {})[result.backend] = result.rows
     assert list(grown) == list(growth.QUANTITIES)
     assert fakes.open == 0
     blender = ["exact", "principled"]
@@ -62,7 +68,7 @@ def test_what_grows_is_in_the_scene() -> None:
 
     def tasks(of: str) -> list[FrameTask]:
         fakes.tasks.clear()
-        list(growth.QUANTITIES[of].measure(["exact"], replace(OPTIONS, frames=8), fakes))
+        list(growth.QUANTITIES[of].measure("exact", replace(OPTIONS, frames=8), fakes))
         return list(fakes.tasks)
 
     # Every quarter of the frames is a whole turn: the same sides of the asset.
@@ -73,15 +79,15 @@ def test_what_grows_is_in_the_scene() -> None:
     assert {len(task.scene.shaders[0].textures) for task in tasks("layers")} == {0, 1, 3, 7}
     assert len({task.scene.shaders[0].digest for task in tasks("looks")}) == 1 + max(growth.LOOK_COUNTS)
     counts = tasks("triangles")
-    found = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
-    assert found == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
+    triangles = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
+    assert triangles == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
     # Turns are taken: after the warm-up, one of each size, three times.
     sizes = [task.scene.asset for task in counts]
     assert sizes == 4 * sizes[:2]
 
 
 def test_the_looks_differ_in_more_than_colours() -> None:
-    looks = [different(number) for number in range(32)]
+    looks = [varied_look(number) for number in range(32)]
     assert len({repr(look.layers[0].inputs) for look in looks}) == 32
     for backend in ("principled", "mitsuba-principled"):
         assert all(BACKENDS[backend].cannot_show(look) is None for look in looks)
@@ -89,11 +95,11 @@ def test_the_looks_differ_in_more_than_colours() -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*given: object) -> Iterator[Growth]:
+    def fails(*arguments: object) -> Iterator[GrowthRow]:
         raise RenderError("no lamp")
         yield
 
     monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
-    found = list(measure_growth(("exact",), OPTIONS, quiet, processes()))
-    assert "growth with lights: no lamp" in found
-    assert {each.of for each in found if isinstance(each, Growth)} == set(growth.QUANTITIES) - {"lights"}
+    table = measure_growth(processes(), "exact")
+    assert table.failures == ["growth with lights: no lamp"]
+    assert {result.of for result in table.growth} == set(growth.QUANTITIES) - {"lights"}

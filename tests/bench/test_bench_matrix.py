@@ -4,13 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_fakes import triangle_count
 
-from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.backends import bench_asset, bench_light, bench_lights, bench_scene, picture_key, skips_of
 from lookdev.bench.kinds import KINDS
-from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
-from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options, restricted
-from lookdev.bench.rigs import RIGS
+from lookdev.bench.matrix import skips_of
+from lookdev.bench.options import Cell, Options, list_names, parse_options, restrictions
+from lookdev.bench.subjects import (
+    IBLS,
+    LOOKS,
+    MOST_LAYERS,
+    RIGS,
+    SCENES,
+    bench_light,
+    bench_lights,
+    bench_scene,
+    layered,
+    make_boulder,
+    picture_key,
+)  # fmt: skip
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import SceneTask
@@ -35,7 +46,9 @@ def test_a_finer_boulder_is_the_same_shape() -> None:
 
 
 def scene_of(look: str, backend: str = "exact", bounces: int = 2) -> SceneTask:
-    return bench_scene(make_boulder(1000), LOOKS[look].make(), (bench_light("white"),), 32, bounces, backend)
+    lights, asset = (bench_light("white"),), make_boulder(1000)
+    scene = bench_scene("shaderball", LOOKS[look].make(), lights, 32, backend, asset=asset)
+    return replace(scene, sampling=replace(scene.sampling, bounces=bounces))
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -48,17 +61,17 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 def test_skips_are_those_of_the_scene() -> None:
     def skips(scene: str, look: str) -> tuple[str, ...]:
-        made = bench_scene(bench_asset(scene), LOOKS[look].make(), (bench_light("white"),), 32, SCENES[scene].bounces)
-        return skips_of(Cell(scene, "white", look), made)
+        task = bench_scene(scene, LOOKS[look].make(), (bench_light("white"),), 32)
+        return skips_of(Cell(scene, "white", look), task)
 
-    opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
+    opaque, even = "light from behind (nothing transmits)", "light samples (constant light)"
     # Plastic has no clearcoat.
     lobe = "1 lobe (is 0 by constants)"
-    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit, lobe)
-    assert skips("suzanne", "plastic") == (opaque, lit, lobe)
-    assert skips("sphere", "pixar") == (lit,)
+    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, even, lobe)
+    assert skips("suzanne", "plastic") == (opaque, even, lobe)
+    assert skips("sphere", "pixar") == (even,)
     # All five masks are read: no texture is skipped.
-    assert skips("suzanne", "stack") == (opaque, lit)
+    assert skips("suzanne", "stack") == (opaque, even)
 
 
 def test_every_layer_adds_to_the_shader() -> None:
@@ -80,16 +93,15 @@ def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
 
 def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
     asset = make_boulder(1000)
-    place = np.random.default_rng(1).normal(size=(50, 3))
+    points = np.random.default_rng(1).normal(size=(50, 3))
     for name, rig in RIGS.items():
-        lights, around = rig.make(), rig.around(asset)
-        assert [each.kind for each in lights] == [each.kind for each in around]
+        lights, around = rig.make(), bench_lights(name, asset)
+        assert [light.kind for light in lights] == [light.kind for light in around]
         assert len({light.digest for light in around}) == len(around)
         for light, larger in zip(lights, around, strict=True):
-            direction = light.sample(place, np.full((50, 2), 0.4))
-            there = np.array(asset.center) + asset.radius * place
-            np.testing.assert_allclose(larger.radiance(there, direction), light.radiance(place, direction), rtol=1e-6)
-        assert bench_lights(name, asset) == around
+            direction = light.sample(points, np.full((50, 2), 0.4))
+            moved = np.array(asset.center) + asset.radius * points
+            np.testing.assert_allclose(larger.radiance(moved, direction), light.radiance(points, direction), rtol=1e-6)
         assert BACKENDS["principled"].cannot_light(around) == ()
 
 
@@ -102,13 +114,13 @@ def test_cells_and_their_backends() -> None:
 
 
 def test_the_list_names_everything() -> None:
-    words = listing().split()
+    words = list_names().split()
     for name in (*SCENES, *IBLS, *RIGS, *LOOKS, *BACKENDS):
         assert name in words
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("fields", "message"),
     [
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
@@ -127,9 +139,9 @@ def test_the_list_names_everything() -> None:
         ({"reference": 2}, "a reference of 2 times"),
     ],
 )
-def test_wrong_options_are_refused(given: dict[str, object], message: str) -> None:
+def test_wrong_options_are_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(LookdevError) as caught:
-        Options(**given)  # type: ignore[arg-type]
+        Options(**fields)  # type: ignore[arg-type]
     assert message in str(caught.value)
 
 
@@ -148,8 +160,9 @@ def test_options_of_a_command_line() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_kind_is_whole_unless_options_restrict_it(kind: str) -> None:
-    defaults = KINDS[kind].defaults
-    assert restricted(parse_options({}, defaults=defaults), defaults) == ()
-    assert restricted(parse_options({"looks": "metal"}, defaults=defaults, repeats=2), defaults) == ("looks", "repeats")
+    defaults = KINDS[kind].DEFAULTS
+    assert restrictions(parse_options({}, defaults=defaults), defaults) == ()
+    part = parse_options({"looks": "metal"}, defaults=defaults, repeats=2)
+    assert restrictions(part, defaults) == ("looks", "repeats")
     # Other samples of the same, and better references.
-    assert restricted(parse_options({}, defaults=defaults, seed=3, reference=64, fresh=True), defaults) == ()
+    assert restrictions(parse_options({}, defaults=defaults, seed=3, reference=64, fresh=True), defaults) == ()

@@ -7,9 +7,8 @@ import pytest
 
 from lookdev.asset import Asset, load_asset
 from lookdev.bench import mitsuba_worker
-from lookdev.bench.assets import make_boulder
-from lookdev.bench.looks import LOOKS
 from lookdev.bench.mitsuba_worker import check_mitsuba, corner_meshes, principled
+from lookdev.bench.subjects import LOOKS, make_boulder
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
@@ -17,11 +16,11 @@ from lookdev.rendering.backends import BACKENDS
 unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
 
 
-@pytest.mark.parametrize("look", [name for name, each in LOOKS.items() if not unlike_principled(each.make())])
+@pytest.mark.parametrize("look", [name for name, entry in LOOKS.items() if not unlike_principled(entry.make())])
 def test_every_look_has_something_like_it(look: str) -> None:
-    made = LOOKS[look].make()
-    inputs = made.layers[0].inputs
-    bsdf = principled(generate_principled(made).inputs)
+    surface = LOOKS[look].make()
+    inputs = surface.layers[0].inputs
+    bsdf = principled(generate_principled(surface).inputs)
     assert bsdf["type"] == "principled"
     assert bsdf["roughness"] == inputs["roughness"]
     assert bsdf["base_color"]["value"] == list(inputs["baseColor"])
@@ -51,9 +50,9 @@ def test_triangles_cover_the_polygons(asset: Asset) -> None:
 def test_a_mesh_without_uvs_has_those_of_the_origin() -> None:
     asset = make_boulder(200)
     bare = replace(asset, meshes=tuple(replace(mesh, uvs={}) for mesh in asset.meshes))
-    for (positions, normals, uvs), (like, others, _) in zip(corner_meshes(bare), corner_meshes(asset), strict=True):
-        np.testing.assert_array_equal(positions, like)
-        np.testing.assert_array_equal(normals, others)
+    for (positions, normals, uvs), whole in zip(corner_meshes(bare), corner_meshes(asset), strict=True):
+        np.testing.assert_array_equal(positions, whole[0])
+        np.testing.assert_array_equal(normals, whole[1])
         assert uvs.shape == (len(positions), 2)
         assert not uvs.any()
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from bench_fakes import FakeProcesses, quiet
 
-from lookdev.bench.backends import POSE, shot_of
-from lookdev.bench.document import END, marker
-from lookdev.bench.kinds import KINDS
-from lookdev.bench.matrix import Cell, Options, parse_options, restricted
-from lookdev.bench.profile import FEW, PARTS, Profile, run_profile, stages
+from lookdev.bench.benchmark import END, marker
+from lookdev.bench.options import Cell, Options, parse_options
+from lookdev.bench.profile import FEW, PARTS, ProfileBenchmark, stages_of
+from lookdev.bench.reference import shot_of
+from lookdev.bench.subjects import POSE
 from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 
-DEFAULTS = KINDS["profile"].defaults
+DEFAULTS = ProfileBenchmark.DEFAULTS
 FIXED, FILM = 0.01, 0.001  # seconds of a frame, and of a sample
 
 
@@ -28,8 +28,8 @@ def seconds_of(task: FrameTask) -> float:
     return FIXED + task.scene.sampling.samples * (FILM + (0.0 if empty else cost))
 
 
-def options(**given: str) -> Options:
-    return parse_options({"scenes": "shaderball", "looks": "metal", **given}, defaults=DEFAULTS, repeats=2)
+def options(**lists: str) -> Options:
+    return parse_options({"scenes": "shaderball", "looks": "metal", **lists}, defaults=DEFAULTS, repeats=2)
 
 
 @pytest.fixture
@@ -39,15 +39,15 @@ def document(tmp_path: Path) -> Path:
     return file
 
 
-def run(
-    document: Path, options: Options, processes: FakeProcesses | None = None, restricted: tuple[str, ...] = ()
-) -> Profile:
+def run(document: Path, options: Options, processes: FakeProcesses | None = None) -> ProfileBenchmark:
     opened = processes or FakeProcesses(seconds_of)
-    return run_profile(options, document.parent / "out", quiet, document=document, restricted=restricted, opened=opened)
+    benchmark = ProfileBenchmark(options=options, report=quiet, open_process=opened)
+    benchmark.run(document.parent / "out", document)
+    return benchmark
 
 
 def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tmp_path: Path) -> None:
-    profile = run(document, options(), restricted=restricted(options(), DEFAULTS))
+    profile = run(document, options())
     assert profile.complete
     (cell,) = profile.cells
     assert tuple(cell.parts) == PARTS
@@ -69,17 +69,17 @@ def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tm
 
 
 def test_what_a_shader_lacks_has_no_share() -> None:
-    parts = [each.part for each in stages(Cell("sphere", "studio", "plastic"), 16)]
+    parts = [stage.part for stage in stages_of(Cell("sphere", "studio", "plastic"), 16)]
     assert "rays towards the light" not in parts
     assert "indirect light: paths after the first hit" not in parts
     assert parts[0] == "all"
 
 
 def test_every_stage_lacks_what_the_one_before_it_has() -> None:
-    made = stages(Cell("shaderball", "studio", "copper"), 16)
-    sources = [each.scene.shaders[0] for each in made]
-    assert [each.part for each in made] == ["all", *PARTS[:-1]]
-    assert [each.few for each in made] == [False] * (len(made) - 1) + [True]
+    stages = stages_of(Cell("shaderball", "studio", "copper"), 16)
+    sources = [stage.scene.shaders[0] for stage in stages]
+    assert [stage.part for stage in stages] == ["all", *PARTS[:-1]]
+    assert [stage.few for stage in stages] == [False] * (len(stages) - 1) + [True]
     assert [source.shadows for source in sources[:3]] == [True, True, False]
     # The numbers of directions are those of the whole.
     assert len({source.directions for source in sources[:-2]}) == 1
@@ -87,11 +87,11 @@ def test_every_stage_lacks_what_the_one_before_it_has() -> None:
 
 
 def test_ctrl_c_and_failures_leave_what_was_measured(document: Path) -> None:
-    per_cell = 3 * len(stages(Cell("shaderball", "studio", "metal"), 96))
+    per_cell = 3 * len(stages_of(Cell("shaderball", "studio", "metal"), 96))
     both = options(looks="metal,copper")
     profile = run(document, both, FakeProcesses(seconds_of, ends_after=per_cell + 5))
     assert not profile.complete
-    assert [each.look for each in profile.cells] == ["metal"]
+    assert [cell.look for cell in profile.cells] == ["metal"]
     assert "Not complete" in document.read_text()
     profile = run(document, both, FakeProcesses(seconds_of, fails="metal"))
     assert profile.complete
@@ -107,7 +107,7 @@ def test_ctrl_c_and_failures_leave_what_was_measured(document: Path) -> None:
 def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
     """In each a part is missing, and nothing else; `between` the first three and the last too."""
     cycles_worker.start()
-    shots, every = [], stages(Cell("shaderball", "studio", look), 24)
+    shots, every = [], stages_of(Cell("shaderball", "studio", look), 24)
     for number, stage in enumerate(every if between else every[:3] + every[-1:]):
         task = frame_task(stage.scene, POSE, f"{number}", samples=16)
         shots.append(shot_of(cycles_worker.render(task, lambda progress: None)))
@@ -126,15 +126,15 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("lists", "message"),
     [
         ({"ibls": "studio+3"}, "not of rigs: studio+3"),
         ({"samples": "16,64"}, "one number of samples"),
         ({"samples": str(FEW)}, f"more than {FEW}"),
     ],
 )
-def test_wrong_options_are_refused(given: dict[str, str], message: str, document: Path) -> None:
+def test_wrong_options_are_refused(lists: dict[str, str], message: str, document: Path) -> None:
     processes = FakeProcesses(seconds_of)
     with pytest.raises(LookdevError, match=message.replace("+", r"\+")):
-        run(document, options(**given), processes)
+        run(document, options(**lists), processes)
     assert processes.tasks == []

@@ -7,16 +7,13 @@ import pytest
 from bench_fakes import quiet
 
 from lookdev.bench import growth, sequence
-from lookdev.bench.backends import open_candidates
-from lookdev.bench.document import END, marker
-from lookdev.bench.kinds import KINDS
-from lookdev.bench.matrix import Cell, Options, parse_options
+from lookdev.bench.benchmark import END, marker
+from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark, open_candidates
 from lookdev.bench.measure import PICTURES, Series
-from lookdev.bench.profile import run_profile
-from lookdev.bench.run import run_matrix, run_sequence, run_table
-from lookdev.bench.scale import Case, run_scale
-from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
-from lookdev.bench.sequence import Subject, producers
+from lookdev.bench.options import Cell, Options, parse_options
+from lookdev.bench.profile import ProfileBenchmark
+from lookdev.bench.scale import ScaleBenchmark, write_instances, write_meshes, write_quads
+from lookdev.bench.sequence import SequenceBenchmark, Subject, producers_of
 from lookdev.output.exr import read_frame
 
 # Not `cycles` too: what measures time is in no other selection.
@@ -29,7 +26,8 @@ def test_a_small_matrix(tmp_path: Path) -> None:
     lists = {"scenes": "sphere,suzanne", "ibls": "city", "looks": "plastic,pixar", "samples": "4,16"}
     lists["backends"] = ",".join(BACKENDS)
     options = parse_options(lists, resolution=48, repeats=2, reference=4)
-    results = run_matrix(options, tmp_path / "first", quiet)
+    results = MatrixBenchmark(options=options, report=quiet)
+    results.run(tmp_path / "first")
     assert results.complete
     for cell in results.cells:
         assert tuple(map(str, cell.curves)) == options.backends_of(cell.cell)
@@ -43,7 +41,7 @@ def test_a_small_matrix(tmp_path: Path) -> None:
         assert all(row.memory > 1e8 for row in cell.measurements)
         assert {row.renderer.split()[0] for row in cell.measurements if "mitsuba" in row.backend} <= {"mitsuba"}
     again: list[str] = []
-    run_matrix(options, tmp_path / "second", again.append)
+    MatrixBenchmark(options=options, report=again.append).run(tmp_path / "second")
     assert not [text for text in again if "reference" in text]
 
 
@@ -59,13 +57,13 @@ def test_all_backends_show_the_same_scene() -> None:
 
 
 def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> None:
-    made = producers(Subject("suzanne", "plastic", ("city",), 64))
-    for name, produce in made.items():
-        assert produce(tmp_path / name, 64, 3, 1).seconds > 0.0
+    producers = producers_of(Subject("suzanne", "plastic", ("city",), 64))
+    for name, produce in producers.items():
+        assert produce(tmp_path / name, 64, 3, 1)[0] > 0.0
     for kind in sequence.KINDS:
         for number in (1, 2, 3):
-            place = Path("plastic", "city", f"{kind}.{number:04d}.exr")
-            (exact, alpha), (plain, coverage) = (read_frame(tmp_path / name / place) for name in ("exact", "plain"))
+            path = Path("plastic", "city", f"{kind}.{number:04d}.exr")
+            (exact, alpha), (plain, coverage) = (read_frame(tmp_path / name / path) for name in ("exact", "plain"))
             # The models differ a little; a wrong angle of asset or light leaves some 0.9.
             assert np.corrcoef(exact.ravel(), plain.ravel())[0, 1] > 0.98
             assert np.abs(alpha - coverage).max() < 0.35
@@ -75,10 +73,11 @@ def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     monkeypatch.setattr(sequence, "FRAMES", 3)
     monkeypatch.setattr(sequence, "TARGET", 2e-2)
     options = Options(scenes=("suzanne",), ibls=("city",), samples=(4, 16), resolution=48, repeats=1)
-    results = run_sequence(options, tmp_path, quiet)
-    assert results.complete
-    assert results.sequence is not None
-    assert results.sequence.ratio > 0.0
+    benchmark = SequenceBenchmark(options=options, report=quiet)
+    benchmark.run(tmp_path)
+    assert benchmark.complete
+    assert benchmark.result is not None
+    assert benchmark.result.ratio > 0.0
 
 
 def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -88,11 +87,12 @@ def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     document = tmp_path / "bench.md"
     document.write_text(f"{marker('table')}\n{END}\n")
     lists = {"scenes": "shaderball", "looks": "copper", "ibls": "city", "samples": "4,16"}
-    options = parse_options(lists, defaults=KINDS["table"].defaults, resolution=48, repeats=2, frames=4)
-    results = run_table(options, tmp_path, quiet, document=document)
+    options = parse_options(lists, defaults=TableBenchmark.DEFAULTS, resolution=48, repeats=2, frames=4)
+    results = TableBenchmark(options=options, report=quiet)
+    results.run(tmp_path, document)
     assert results.complete
     assert results.failures == []
-    assert {each.of for each in results.growth} == set(growth.QUANTITIES)
+    assert {result.of for result in results.growth} == set(growth.QUANTITIES)
     (cell,) = results.cells
     here = [name for name in options.backends if name not in results.missing]
     assert list(cell.curves) == [Series(name, way) for name in here for way in PICTURES]
@@ -114,8 +114,9 @@ def test_a_small_profile(tmp_path: Path) -> None:
     document = tmp_path / "bench.md"
     document.write_text(f"{marker('profile')}\n{END}\n")
     lists = {"scenes": "sphere", "looks": "plastic", "samples": "16"}
-    options = parse_options(lists, defaults=KINDS["profile"].defaults, resolution=32, repeats=2)
-    profile = run_profile(options, tmp_path, quiet, document=document)
+    options = parse_options(lists, defaults=ProfileBenchmark.DEFAULTS, resolution=32, repeats=2)
+    profile = ProfileBenchmark(options=options, report=quiet)
+    profile.run(tmp_path, document)
     assert profile.failures == []
     (cell,) = profile.cells
     # Medians of two are their mean.
@@ -124,11 +125,12 @@ def test_a_small_profile(tmp_path: Path) -> None:
 
 def test_a_small_scale(tmp_path: Path) -> None:
     cases = {
-        "quads": Case("", lambda file: write_quads(file, 20)),
-        "instances": Case("", lambda file: write_instances(file, 3, 4)),
-        "meshes": Case("", lambda file: write_meshes(file, 100)),
+        "quads": lambda file: write_quads(file, 20),
+        "instances": lambda file: write_instances(file, 3, 4),
+        "meshes": lambda file: write_meshes(file, 100),
     }
-    results = run_scale(tmp_path, quiet, repeats=1, cases=cases)
+    results = ScaleBenchmark(options=Options(repeats=1), report=quiet, cases=cases)
+    results.run(tmp_path)
     assert len(results.starts) == 6
     for start in results.starts:
         assert 0.1 < start.planned < start.sample

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bench_fakes import SIDE, FakeRenderer, quiet, truth
 
-from lookdev.bench.reference import FIRST_SEED, Reference, obtain
+from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
 
@@ -15,7 +15,7 @@ SAMPLES = 16
 
 
 def make_reference(render: FakeRenderer, samples: int = SAMPLES, parts: int = 4) -> Reference:
-    return obtain(render.name, samples, parts, render, report=quiet)
+    return obtain_reference(render.name, samples, parts, render, quiet)
 
 
 def test_the_references_own_error_is_taken_away() -> None:
@@ -124,7 +124,7 @@ def test_a_reference_of_smaller_parts_is_begun_anew() -> None:
 def test_a_reference_is_rendered_again_if_that_is_asked_for_or_its_file_is_broken(tmp_path: Path) -> None:
     render = FakeRenderer()
     make_reference(render)
-    obtain(render.name, SAMPLES, 4, render, fresh=True, report=quiet)
+    obtain_reference(render.name, SAMPLES, 4, render, quiet, fresh=True)
     assert len(render.calls) == 2 * 4
     (file,) = (tmp_path / "cache" / "bench").glob("*.npz")
     file.write_bytes(file.read_bytes()[:1000])

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 from bench_fakes import quiet
-from rich.console import Console
 
 from lookdev.asset import load_asset
 from lookdev.bench import scale
-from lookdev.bench.report import print_scale
-from lookdev.bench.scale import Case, ScaleResults, Start, run_scale
-from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
+from lookdev.bench.options import Options
+from lookdev.bench.scale import ScaleBenchmark, Start, write_instances, write_meshes, write_quads
 from lookdev.errors import RenderError
 from lookdev.plan.prepare import prepare_job
 
@@ -60,34 +58,34 @@ def processes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]
     return started
 
 
-def cases(*names: str) -> dict[str, Case]:
-    return {name: Case(name, lambda file: write_quads(file, 2)) for name in names}
+def benchmark(*cases: str, repeats: int = 1) -> ScaleBenchmark:
+    files = {case: lambda file: write_quads(file, 2) for case in cases}
+    return ScaleBenchmark(options=Options(repeats=repeats), report=quiet, cases=files)
 
 
 def test_both_ways_alternate_after_one_start_to_warm_up(processes: list[list[str]], tmp_path: Path) -> None:
-    results = run_scale(tmp_path, quiet, repeats=2, cases=cases("a", "b"))
+    results = benchmark("a", "b", repeats=2)
+    results.run(tmp_path)
     ours, plain = "lookdev.bench.scale_job", "lookdev.cycles.plain_import"
     assert [(module, Path(request).name) for module, request in processes] == [
         (ours, "warm.toml"),
         *[(ours, "a.toml"), (plain, "a.json"), (ours, "b.toml"), (plain, "b.json")] * 2,
     ]
-    assert [(each.case, each.way) for each in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
-    assert all(0.0 < each.planned <= each.sample and each.memory == (3, 4) for each in results.starts)
+    assert [(start.case, start.way) for start in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
+    assert all(0.0 < start.planned <= start.sample and start.memory == (3, 4) for start in results.starts)
     assert len(json.loads((tmp_path / "scale.json").read_text())["starts"]) == 8
 
 
 def test_a_process_that_fails_is_named(processes: list[list[str]], tmp_path: Path) -> None:
     with pytest.raises(RenderError, match="broken, lookdev: ended with exit code 3"):
-        run_scale(tmp_path, quiet, repeats=1, cases=cases("broken"))
+        benchmark("broken").run(tmp_path)
 
 
 def test_the_table_has_the_ratio_of_the_medians() -> None:
-    results = ScaleResults()
+    results = benchmark()
     for sample in (1.0, 3.0, 8.0):
         results.starts.append(Start("quads", "lookdev", 0.5, sample, (100_000_000, 200_000_000)))
         results.starts.append(Start("quads", "blender", 0.5, 2.0 * sample, (600_000_000,)))
-    console = Console(record=True, width=100)
-    print_scale(results, console)
-    text = console.export_text()
+    text = results.summary()
     assert "x0.50" in text
     assert text.count("3.00") == 1

@@ -15,7 +15,16 @@ from bench_fakes import quiet, truth
 from lookdev.asset import read_asset
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
-from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet, producers
+from lookdev.bench.options import Options
+from lookdev.bench.sequence import (
+    Produce,
+    SequenceBenchmark,
+    SequenceResult,
+    Subject,
+    choose_samples,
+    meet_error,
+    producers_of,
+)  # fmt: skip
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import JobOutputs
 from lookdev.metrics import EPSILON
@@ -27,7 +36,7 @@ SUBJECT = Subject("suzanne", "plastic", ("city", "studio"), 64)
 
 
 def curve(scale: float, exponent: float = 1.0) -> list[CurvePoint]:
-    return [CurvePoint(n, 0.1 * n, scale * n**-exponent, 0.0, 0.0) for n in (4, 16, 64)]
+    return [CurvePoint(scale * n**-exponent, 0.0, 0.0, n, 0.1 * n) for n in (4, 16, 64)]
 
 
 class FakeProducer:
@@ -39,7 +48,7 @@ class FakeProducer:
         self.cost = cost
         self.calls: list[tuple[int, int, int]] = []
 
-    def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> Produced:
+    def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> tuple[float, tuple[str, ...]]:
         self.calls.append((samples, frames, seed))
         _, alpha = truth()
         image = np.repeat(GREY * alpha[..., None], 3, axis=-1)
@@ -47,7 +56,16 @@ class FakeProducer:
             rng = np.random.default_rng([samples, seed, number, *ibl.encode(), *kind.encode()])
             noise = rng.normal(size=image.shape) * self.scale / math.sqrt(samples) * alpha[..., None]
             write_frame(folder / "plastic" / ibl / f"{kind}.{number + 1:04d}.exr", image + noise, alpha, {})
-        return Produced(self.cost * samples * frames, self.skips)
+        return self.cost * samples * frames, self.skips
+
+
+def time_producers(fakes: dict[str, Produce], samples: int, guess: int, **options: int) -> SequenceResult:
+    subject = {"scenes": (SUBJECT.scene,), "ibls": SUBJECT.ibls, "resolution": SUBJECT.resolution}
+    benchmark = SequenceBenchmark(options=Options(**subject, **options), report=quiet, producers=fakes)
+    benchmark.check()
+    benchmark.time_producers(samples, guess)
+    assert benchmark.result is not None
+    return benchmark.result
 
 
 def test_samples_that_make_mean_errors_equal() -> None:
@@ -73,13 +91,13 @@ def test_insufficient_curves_are_refused(exact: list[list[CurvePoint]], message:
 def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
     error = Mock(side_effect=lambda count: float(0.5 * count**-exponent))
     right = (0.5 / 1e-3) ** (1.0 / exponent)
-    assert error(meet(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
+    assert error(meet_error(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
     assert error.call_count <= 5
 
 
 def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
     error = Mock(return_value=1e-2)
-    assert call(meet(1e-3, 100, error)) in error.mock_calls
+    assert call(meet_error(1e-3, 100, error)) in error.mock_calls
     assert error.call_count <= 4
 
 
@@ -87,7 +105,7 @@ def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 6)
     fakes = {"exact": FakeProducer(0.1, 0.01, ("no frames (none)",)), "plain": FakeProducer(0.2, 0.02)}
     # Four times the samples make the plain script's error equal; the first guess is far off.
-    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, report=quiet)
+    result = time_producers(fakes, 16, 20, repeats=2, seed=5)
     assert result.samples["exact"] == 16
     assert result.samples["plain"] == pytest.approx(64, rel=0.15)
     assert result.relmse["plain"] == pytest.approx(result.relmse["exact"], rel=0.15)
@@ -108,7 +126,7 @@ def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 3)
     fakes = {"exact": FakeProducer(0.05, 1.0), "plain": FakeProducer(0.05, 1.0)}
-    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, report=quiet)
+    result = time_producers(fakes, 16, 16, repeats=1)
     # From 12 frames of 43 x 64 x 3 values: 1 % of noise, and as much because the median of neighbours has noise too.
     assert result.relmse["exact"] == pytest.approx(0.05**2 / 16 / (GREY**2 + EPSILON), rel=0.05)
 
@@ -131,9 +149,9 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
     monkeypatch.setattr(sequence, "render_setups", render)
     monkeypatch.setattr(sequence.subprocess, "run", run)
-    made = producers(Subject("suzanne", "plastic", ("white",), 64))
-    assert "light from behind (nothing transmits)" in made["exact"](tmp_path / "a", 16, 3, 7).skips
-    assert made["plain"](tmp_path / "b", 20, 3, 7).seconds >= 0.0
+    produce = producers_of(Subject("suzanne", "plastic", ("white",), 64))
+    assert "light from behind (nothing transmits)" in produce["exact"](tmp_path / "a", 16, 3, 7)[1]
+    assert produce["plain"](tmp_path / "b", 20, 3, 7)[0] >= 0.0
     (plan,), (request,) = plans, requests
     scene = plan.frames[0].task.scene
     assert (scene.sampling.samples, scene.sampling.seed, scene.sampling.bounces) == (16, 7, request["bounces"])
@@ -156,4 +174,4 @@ def test_a_script_that_fails_reports_its_last_line(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(sequence, "PLAIN_COMMAND", ("sh", "-c", "echo no Blender here >&2; exit 3"))
     subject = Subject("suzanne", "plastic", ("white",), 64)
     with pytest.raises(RenderError, match="exit code 3: no Blender here"):
-        producers(subject)["plain"](tmp_path / "b", 20, 3, 7)
+        producers_of(subject)["plain"](tmp_path / "b", 20, 3, 7)

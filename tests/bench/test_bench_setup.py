@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from lookdev.bench import setup
-from lookdev.bench.setup import Taken
+from lookdev.bench.options import Options
+from lookdev.bench.setup import SetupBenchmark, Taken
 from lookdev.errors import LookdevError
 
 DOCUMENT = "# Title\n<!-- bench: setup -->\nold\n<!-- end -->\nafter\n"
@@ -20,11 +21,13 @@ def test_what_was_measured_is_written_also_after_ctrl_c(tmp_path: Path, monkeypa
         yield Taken("start", (1.0,))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(setup, "_measured", measured)
+    monkeypatch.setattr(setup, "measure_setup", measured)
     (tmp_path / "bench.md").write_text(DOCUMENT)
     said: list[str] = []
-    assert not setup.run_setup(tmp_path / "out", said.append, document=tmp_path / "bench.md", repeats=3).complete
-    assert said == ["`lookdev --help`: 0.20 (0.10..0.30) s", "start: 1.00 s"]
+    benchmark = SetupBenchmark(options=Options(repeats=3), report=said.append)
+    benchmark.run(tmp_path / "out", tmp_path / "bench.md")
+    assert not benchmark.complete
+    assert said == ["`lookdev --help`: 0.20 (0.10..0.30) s", "start: 1.00 s", "interrupted"]
     text = (tmp_path / "bench.md").read_text()
     assert (
         "| `lookdev --help` | 0.20 (0.10..0.30) | 0.20 (0.15..0.25) |\n| start | 1.00 |  |\n<!-- end -->\nafter" in text
@@ -35,10 +38,10 @@ def test_what_was_measured_is_written_also_after_ctrl_c(tmp_path: Path, monkeypa
 
 def test_a_command_that_fails_is_an_error() -> None:
     with pytest.raises(LookdevError, match=r"lookdev plan missing\.toml ended with 2: .*missing\.toml"):
-        setup._command("plan", "missing.toml")
+        setup._run_command("plan", "missing.toml")
 
 
 def test_a_document_without_a_place_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
     (tmp_path / "bench.md").write_text("# Title\n")
     with pytest.raises(LookdevError, match="bench: setup"):
-        setup.run_setup(tmp_path, print, document=tmp_path / "bench.md", repeats=1)
+        SetupBenchmark(options=Options(), report=print).run(tmp_path, tmp_path / "bench.md")

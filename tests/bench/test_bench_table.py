@@ -9,28 +9,25 @@ import pytest
 from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
 from test_bench_growth import processes
 
-from lookdev.bench import growth, run
-from lookdev.bench.document import END, check_document, marker, write_section
-from lookdev.bench.kinds import KINDS
-from lookdev.bench.matrix import Options, parse_options, restricted
+from lookdev.bench import growth, matrix
+from lookdev.bench.benchmark import END, marker, split_document, write_section
+from lookdev.bench.matrix import TableBenchmark
 from lookdev.bench.measure import Series
-from lookdev.bench.results import Results
-from lookdev.bench.run import run_table
-from lookdev.bench.table import table_text
+from lookdev.bench.options import Options, parse_options
 from lookdev.errors import LookdevError, RenderError
 
-DEFAULTS = KINDS["table"].defaults
+DEFAULTS = TableBenchmark.DEFAULTS
 BEFORE, AFTER = "# Speed\n\nText before.\n\n", "\n\nText after.\n"
 LOOKS = ("plastic", "metal")
 
 
 def small(**fields: object) -> Options:
     """Return the options of a table that takes a second."""
-    chosen = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
-    return replace(parse_options({}, defaults=DEFAULTS), **(chosen | fields))
+    defaults = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
+    return replace(parse_options({}, defaults=DEFAULTS), **(defaults | fields))
 
 
-Measured = tuple[Results, Path]
+Measured = tuple[TableBenchmark, Path]
 
 
 @pytest.fixture(scope="module")
@@ -52,17 +49,17 @@ def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
     document = folder / "docs" / "bench.md"
     document.parent.mkdir()
     document.write_text(f"{BEFORE}{marker('table')}\nold\n{END}{AFTER}")
-    monkeypatch.setattr(growth, "QUANTITIES", {of: growth.QUANTITIES[of] for of in ("pixels", "frames")})
+    monkeypatch.setattr(matrix, "QUANTITIES", {of: growth.QUANTITIES[of] for of in ("pixels", "frames")})
     monkeypatch.setattr(growth, "PIXELS", (16, 32))
     monkeypatch.setattr(bench_fakes, "SIDE", 32)
-    for backend in run.NEEDS:
-        monkeypatch.setitem(run.NEEDS, backend, lambda: None)
+    for backend in matrix.NEEDS:
+        monkeypatch.setitem(matrix.NEEDS, backend, lambda: None)
 
     def measure(options: Options | None = None, backends: FakeBackends | None = None) -> Measured:
-        chosen = options or small()
-        fakes = {"opened": backends or FakeBackends(), "growth": processes()}
-        part = restricted(chosen, DEFAULTS)
-        return run_table(chosen, folder / "out", quiet, document=document, restricted=part, **fakes), document
+        fakes = {"open_candidates": backends or FakeBackends(), "open_process": processes()}
+        table = TableBenchmark(options=options or small(), report=quiet, **fakes)
+        table.run(folder / "out", document)
+        return table, document
 
     return measure
 
@@ -91,7 +88,7 @@ def test_the_document_has_the_table_and_keeps_the_rest(whole: Measured) -> None:
     assert float(mean[3]) == pytest.approx(exact / (0.01 + 0.0005 * noise), rel=0.1)
     assert float(mean[6]) == pytest.approx(exact / (0.01 + 0.0005 * 4.0 * noise), rel=0.1)
     assert float(mean[9]) == pytest.approx(exact / (0.01 + 0.001 * 4.0 * noise), rel=0.1)
-    for of in growth.QUANTITIES:
+    for of in ("pixels", "frames"):
         assert f"#### Growth with {of}" in text
 
 
@@ -113,20 +110,21 @@ def test_estimates_stand_beside_what_they_estimate(whole: Measured) -> None:
 def test_only_options_make_it_a_part(whole: Measured) -> None:
     results, document = whole
     assert "A part of the table: scenes, looks, repeats, frames are not the defaults." in document.read_text()
-    assert "A part of" not in table_text(replace(results, restricted=()), [])
+    whole_table = TableBenchmark(options=parse_options({}, defaults=DEFAULTS), report=quiet, cells=results.cells)
+    assert "A part of" not in whole_table.section()
 
 
 def test_plots_are_beside_the_document_and_the_same_for_the_same_figures(whole: Measured) -> None:
     results, document = whole
     names = ["bench_growth.svg", *(f"bench_{look}.svg" for look in LOOKS)]
-    assert sorted(each.name for each in document.parent.glob("*.svg")) == sorted(names)
+    assert sorted(file.name for file in document.parent.glob("*.svg")) == sorted(names)
     for name in names:
         assert f"]({name})" in document.read_text()
         drawn = (document.parent / name).read_text()
         assert len(drawn) < 100_000
         assert drawn.count(">mitsuba-principled<") == 1  # one legend, whose text is text
     first = {name: (document.parent / name).read_bytes() for name in names}
-    run._draw(results, document)
+    results.draw(document.parent, "bench_")
     assert first == {name: (document.parent / name).read_bytes() for name in names}
 
 
@@ -149,7 +147,7 @@ def test_backends_that_fail_or_are_not_here_are_in_the_document_by_name(
     def no_llvm() -> None:
         raise RenderError("no LLVM")
 
-    monkeypatch.setitem(run.NEEDS, "mitsuba", no_llvm)
+    monkeypatch.setitem(matrix.NEEDS, "mitsuba", no_llvm)
     results, document = measure(small(looks=("plastic",)), FakeBackends(principled=60))
     text = document.read_text()
     assert results.complete
@@ -167,7 +165,7 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(text:
     file.write_text(text)
     backends = FakeBackends()
     with pytest.raises(LookdevError, match="goes between the lines '<!-- bench: table -->' and"):
-        run_table(small(), tmp_path / "out", quiet, document=file, opened=backends)
+        TableBenchmark(options=small(), report=quiet, open_candidates=backends).run(tmp_path / "out", file)
     assert backends.calls == []
     assert file.read_text() == text
 
@@ -179,4 +177,4 @@ def test_a_section_is_replaced_and_no_other(tmp_path: Path) -> None:
     write_section(file, "two", "newer\n")
     write_section(file, "one", "first")
     assert file.read_text() == f"a\n{marker('one')}\n\nfirst\n{END}\nb\n{marker('two')}\n\nnewer\n{END}\nc\n"
-    check_document(file, "one")
+    split_document(file, "one")

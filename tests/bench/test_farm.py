@@ -14,7 +14,7 @@ def job() -> farm.SimulatedJob:
 
 def test_one_worker_takes_the_time_of_all(job: farm.SimulatedJob) -> None:
     divisions = [Division(1), Division(7), Division(7, 2)]
-    times = [farm.chunked(job, job.means, 1, each, warm=True) for each in divisions] + [farm.shared(job, 1)]
+    times = [farm.chunked(job, job.means, 1, division, warm=True) for division in divisions] + [farm.shared(job, 1)]
     again = 6 * job.planning
     assert times == pytest.approx([job.alone, job.alone + again, job.alone + again, job.alone])
 

@@ -37,7 +37,7 @@ def render(folder: Path, workers: int) -> Run:
         run.returncode = os.waitstatus_to_exitcode(status)
     assert run.returncode == 0
     events = map(json.loads, log.read_text().splitlines())
-    done = [datetime.fromisoformat(each["time"]) for each in events if each["event"] == "frame_done"]
+    done = [datetime.fromisoformat(event["time"]) for event in events if event["event"] == "frame_done"]
     assert len(done) == 48
     seconds = (done[-1] - done[STARTS]).total_seconds()
     return Run((len(done) - 1 - STARTS) / seconds, used.ru_utime + used.ru_stime)

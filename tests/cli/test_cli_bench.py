@@ -1,14 +1,12 @@
 """`lookdev bench` on the command line."""
 
 from functools import partial
-from unittest.mock import Mock
 
 import pytest
 from bench_fakes import FakeBackends
 
-from lookdev.bench import run as bench_run
 from lookdev.bench.kinds import KINDS
-from lookdev.bench.results import Results, this_machine
+from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark
 
 SMALL = ("--scenes", "sphere", "--ibls", "city", "--samples", "4,16", "--repeats", "2")
 
@@ -25,7 +23,9 @@ def fake(monkeypatch):
     """Return a function that replaces the backends by fakes."""
 
     def use(**options: int) -> None:
-        monkeypatch.setattr(bench_run, "run_matrix", partial(bench_run.run_matrix, opened=FakeBackends(**options)))
+        kind = partial(MatrixBenchmark, open_candidates=FakeBackends(**options))
+        kind.DEFAULTS = {}
+        monkeypatch.setitem(KINDS, "matrix", kind)
 
     return use
 
@@ -51,18 +51,19 @@ def test_ctrl_c_leaves_with_130_and_results(bench, fake, tmp_path):
     ("options", "part"), [((), ()), (("--resolution", "32", "--looks", "metal"), ("looks", "resolution"))]
 )
 def test_the_plain_table_is_the_whole(options, part, bench, monkeypatch, tmp_path):
-    run_table = Mock(
-        side_effect=lambda options, *arguments, **keywords: Results(options, this_machine(), complete=True)
-    )
-    monkeypatch.setattr(bench_run, "run_table", run_table)
-    document = tmp_path / "bench.md"
-    code, _, _ = bench("--table", document, *options, "--out", tmp_path / "out")
+    tables = []
+
+    def run(table, folder, document):
+        assert (folder, document) == (tmp_path / "out", tmp_path / "bench.md")
+        table.complete = True
+        tables.append(table)
+
+    monkeypatch.setattr(TableBenchmark, "run", run)
+    code, _, _ = bench("--table", tmp_path / "bench.md", *options, "--out", tmp_path / "out")
     assert code == 0
-    ((table_options, folder, _), keywords) = run_table.call_args
-    assert keywords == {"document": document, "restricted": part}
-    assert folder == tmp_path / "out"
-    assert table_options.scenes == ("sphere", "shaderball")
-    assert table_options.denoise
+    assert tables[0].restricted == part
+    assert tables[0].options.scenes == ("sphere", "shaderball")
+    assert tables[0].options.denoise
 
 
 def test_every_kind_has_its_option(bench):

@@ -25,7 +25,7 @@ from usd_text import textured
 from lookdev.asset import Instance, Slot, load_asset, read_asset
 from lookdev.asset.mesh import Subdivision
 from lookdev.asset.store import asset_digest, make_asset, save_asset
-from lookdev.bench.looks import _mask
+from lookdev.bench.subjects import cloudy_mask
 from lookdev.build.refine import Refiner
 from lookdev.cache import take_notes
 from lookdev.errors import OutputError, TextureError
@@ -97,7 +97,7 @@ def _package(folder: Path) -> Result:
 
 
 def _bench(folder: Path) -> Result:
-    return {"mask": _pixels(_mask(0).file)}
+    return {"mask": _pixels(cloudy_mask(0).file)}
 
 
 PRODUCTS: dict[str, Callable[[Path], Result]] = {

@@ -1,0 +1,280 @@
+"""Assets, looks and lights that are rendered, their scenes as tasks, and the keys of their pictures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from lookdev.asset import BUILTINS, Asset, Instance, Mesh, Slot
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.normals import area_vectors, smooth_normals
+from lookdev.asset.store import make_asset
+from lookdev.cache import Content, cached_files
+from lookdev.light import (
+    DiskLight,
+    Dome,
+    Emission,
+    EnvironmentMap,
+    Light,
+    RectLight,
+    SphereLight,
+    load_environment,
+    prepare_light,
+)  # fmt: skip
+from lookdev.light.placement import placement
+from lookdev.material import Input, Layer, Look, Texture
+from lookdev.output.exr import write_frame
+from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.scene import scene_task
+from lookdev.rendering.task import SceneTask
+from lookdev.scene import Pose, Sampling, Scene
+
+T = TypeVar("T")
+
+POSE = Pose(0.0, 0.0)
+MILLION = 1_000_000
+MOST_LAYERS = 8
+_LOBES = {"metallic": 1.0, "clearcoat": 1.0, "anisotropic": 0.7}
+_MASK_SIZE = 256
+_MASK_VERSION = 1  # the only digest of the file: increase it with any change
+
+
+@dataclass(frozen=True)
+class Entry(Generic[T]):
+    """A description for the list of names, and the function that makes the object."""
+
+    help: str
+    make: Callable[[], T]
+
+
+@dataclass(frozen=True)
+class BenchScene(Entry[Asset]):
+    """An asset, and the bounces of its indirect light; a convex asset has none."""
+
+    bounces: int = Sampling.bounces
+
+
+def make_boulder(triangles: int) -> Asset:
+    """Return a sphere, radius about 1 m, with waves that occlude each other, of about `triangles` triangles.
+
+    The surface does not depend on the number of triangles: it is displaced by a sum of plane waves.
+    """
+    # A mesh of s segments and r = s / 2 rings has s (r - 2) quads and 2 s triangles: s (s - 2) triangles in all.
+    segments = 2 * max(4, round(0.5 * (1.0 + np.sqrt(1.0 + triangles))))
+    sphere = make_sphere(segments, segments // 2).meshes[0]
+    directions = sphere.points.astype(np.float64)
+    heights, rng = np.zeros(len(directions)), np.random.default_rng(6)
+    for octave in range(5):
+        for direction in rng.normal(size=(4, 3)):
+            frequency = 3.0 * 2.0**octave * direction / np.linalg.norm(direction)
+            heights += 0.03 * 0.5**octave * np.sin(directions @ frequency + rng.uniform(0.0, 2.0 * np.pi))
+    points = (sphere.points * (1.0 + heights)[:, None]).astype(np.float32)
+    corners, sizes = sphere.corner_points, sphere.face_sizes
+    areas = area_vectors(points[corners].astype(np.float64), sizes)
+    normals = smooth_normals(areas, corners, sizes, len(points)).astype(np.float32)
+    mesh = Mesh("/boulder", points, corners, sizes, sphere.face_slots, normals, None, sphere.uvs)
+    return make_asset(f"boulder of {triangles} triangles", [mesh], [Instance(0, np.eye(4))], [Slot("/boulder")])
+
+
+SCENES: dict[str, BenchScene] = {
+    "sphere": BenchScene("convex: direct light only", BUILTINS["sphere"]),
+    "shaderball": BenchScene("the built-in shaderball", BUILTINS["shaderball"]),
+    "suzanne": BenchScene("with three bounces of indirect light", BUILTINS["suzanne"], 3),
+    "million": BenchScene("a boulder of a million triangles", partial(make_boulder, MILLION)),
+}
+
+
+def layered(layers: int) -> Look:
+    """Return a stack of Disney layers; masks above the base are textures, so that no layer folds away."""
+    stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
+    for number in range(1, layers):
+        share = number / MOST_LAYERS
+        inputs: dict[str, Input] = {
+            "baseColor": (0.8 * share, 0.3, 0.7 - 0.6 * share),
+            "metallic": float(number % 2),
+            "roughness": 0.2 + 0.6 * share,
+            "sheen": share,
+            "anisotropic": 0.5 * (number % 3),
+        }
+        stack.append(Layer(f"layer{number}", "disney", inputs, cloudy_mask(number)))
+    return Look(f"{layers} layers", tuple(stack))
+
+
+def varied_look(number: int) -> Look:
+    """Return one of many Disney layers: eight programs, each look in colours of its own."""
+    share = number / (number + 4.0)
+    color, roughness = (0.2 + 0.6 * share, 0.5, 0.7 - 0.5 * share), 0.25 + 0.5 * share
+    lobes = {name: weight * (number >> bit & 1) for bit, (name, weight) in enumerate(_LOBES.items())}
+    return _disney(f"look{number}", "Layer", baseColor=color, roughness=roughness, **lobes)()
+
+
+def cloudy_mask(number: int) -> Texture:
+    """Return a cloudy texture; the file is made if it does not exist."""
+
+    def write(file: Path) -> None:
+        clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")
+        levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
+        write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
+
+    (content,) = cached_files("bench", f"mask{number}.{_MASK_VERSION}", lambda: (Content.written(".exr", write),))
+    return Texture(content.path, "r", "raw")
+
+
+def _disney(name: str, layer: str, **inputs: Input) -> Callable[[], Look]:
+    return lambda: Look(name, (Layer(layer, "disney", inputs),))
+
+
+def _transmitting() -> Look:
+    body: dict[str, Input] = {"surfaceColor": (0.8, 0.55, 0.3), "roughness": 0.4, "clear": 0.5, "back": 0.4}
+    varnish: dict[str, Input] = {"surfaceColor": (0.9, 0.95, 0.9), "roughness": 0.15, "clear": 0.9}
+    return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
+
+
+LOOKS: dict[str, Entry[Look]] = {
+    "plastic": Entry(
+        "blue plastic, one Disney layer", _disney("plastic", "Plastic", baseColor=(0.1, 0.2, 0.5), roughness=0.3)
+    ),
+    "car_paint": Entry(
+        "red paint under a clear coat, one Disney layer",
+        _disney("car_paint", "Paint", baseColor=(0.46, 0.02, 0.02), roughness=0.4, clearcoat=1.0, clearcoatGloss=0.9),
+    ),
+    "metal": Entry(
+        "anisotropic metal, one Disney layer",
+        _disney("metal", "Metal", baseColor=(0.9, 0.75, 0.5), metallic=1.0, roughness=0.35, anisotropic=0.8),
+    ),
+    "brushed_metal": Entry(
+        "aluminium, brushed strongly, one Disney layer",
+        _disney("brushed_metal", "Brushed", baseColor=(0.91, 0.92, 0.92), metallic=1.0, roughness=0.3, anisotropic=0.9),
+    ),
+    "copper": Entry(
+        "isotropic metal, smooth enough to see itself in its recesses, one Disney layer",
+        _disney("copper", "Copper", baseColor=(0.95, 0.64, 0.54), metallic=1.0, roughness=0.25),
+    ),
+    "stack": Entry("six Disney layers, their masks textures", partial(layered, 6)),
+    "pixar": Entry("two Pixar layers that transmit light, and each other's light", _transmitting),
+}
+
+
+def _facing(x: float, y: float, z: float) -> dict[str, Any]:
+    """Return position and axes of a light that faces the origin."""
+    backward = np.array([x, y, z]) / np.linalg.norm([x, y, z])
+    across = np.cross((0.0, 0.0, 1.0), backward)
+    across /= np.linalg.norm(across)
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([across, np.cross(backward, across), backward, (x, y, z)], axis=-1)
+    position, axes, _ = placement(matrix)
+    return {"position": position, "axes": axes}
+
+
+def _three_lamps(dome: str) -> tuple[Light, ...]:
+    """Return a dimmed dome, a key of a rectangle, a fill of a disk and a rim of a sphere."""
+    return (
+        prepare_light(load_environment(builtin=dome)).with_emission(Emission((0.3,) * 3)),
+        RectLight(width=1.2, height=0.8, emission=Emission((18.0, 16.0, 14.0)), **_facing(-2.2, -2.2, 1.8)),
+        DiskLight(radii=(0.7, 0.7), emission=Emission((3.0, 4.0, 5.0)), **_facing(2.6, -1.4, 0.6)),
+        SphereLight(radius=0.3, position=(0.8, 2.6, 1.6), emission=Emission((30.0, 30.0, 36.0))),
+    )
+
+
+def rectangles(count: int) -> tuple[Light, ...]:
+    """Return rectangles at random positions above the horizon; their sum is as bright for any count."""
+    rng = np.random.default_rng(7)
+    lights = []
+    for _ in range(count):
+        height, azimuth = rng.uniform(0.1, 0.95), rng.uniform(0.0, 2.0 * np.pi)
+        across = 3.0 * np.sqrt(1.0 - height * height)
+        position = _facing(across * np.cos(azimuth), across * np.sin(azimuth), 3.0 * height)
+        r, g, b = (rng.uniform(0.2, 1.0, 3) * 40.0 / count).tolist()
+        lights.append(RectLight(width=0.6, height=0.4, emission=Emission((r, g, b)), **position))
+    return tuple(lights)
+
+
+IBLS: dict[str, str] = {
+    "studio": "soft boxes: large, and about equally bright",
+    "city": "a small and very bright sun",
+    "forest": "light through leaves: many small bright spots",
+}
+RIGS: dict[str, Entry[tuple[Light, ...]]] = {
+    "studio+3": Entry("the studio, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "studio")),
+    "city+3": Entry("the city, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "city")),
+    "lamp": Entry("1 rectangles", partial(rectangles, 1)),
+    "100lamps": Entry("100 rectangles", partial(rectangles, 100)),
+}
+"""Lights around an asset of radius 1 at the origin."""
+
+
+@cache
+def bench_asset(scene: str) -> Asset:
+    """Return the asset of a scene."""
+    return SCENES[scene].make()
+
+
+@cache
+def bench_environment(ibl: str) -> EnvironmentMap:
+    """Return a built-in map."""
+    return load_environment(builtin=ibl)
+
+
+@cache
+def bench_light(ibl: str) -> Dome:
+    """Return a built-in light."""
+    return prepare_light(bench_environment(ibl))
+
+
+def scale_lights(lights: Sequence[Light], asset: Asset) -> tuple[Light, ...]:
+    """Return lights around a unit ball as lights around an asset."""
+    return tuple(light.scaled(asset.radius, asset.center) for light in lights)
+
+
+def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
+    """Return the lights of a built-in map, or of a rig around an asset."""
+    return scale_lights(RIGS[name].make(), asset) if name in RIGS else (bench_light(name),)
+
+
+def bench_scene(
+    name: str,
+    look: Look,
+    lights: Sequence[Light],
+    resolution: int,
+    backend: str = "exact",
+    *,
+    asset: Asset | None = None,
+    denoise: bool = False,
+) -> SceneTask:
+    """Return a scene of one look, with the default sampling; `denoise` where its backend can, else never.
+
+    `asset` replaces that of the scene with this name.
+    """
+    scene = Scene.of_look(asset or bench_asset(name), look, lights[0], (resolution, resolution))
+    denoised = denoise and BACKENDS[backend].features
+    sampling = Sampling(bounces=SCENES[name].bounces, denoise="measured" if denoised else "off")
+    return scene_task(replace(scene, lights=tuple(lights)), sampling, backend)
+
+
+def picture_key(scene: SceneTask, look: Look, ibl: str, pose: Pose = POSE) -> str:
+    """Return a text of all that a picture depends on, without its sampling and the code of its shader.
+
+    So a change of sampling or code is measured against the reference from before it, and a changed picture is a bias.
+    """
+    # The tables by which a map is sampled are left out.
+    light = [light.digest for light in scene.lights] if ibl in RIGS else bench_environment(ibl).digest
+    parts = {
+        "asset": scene.asset.digest,
+        "light": light,
+        "camera": asdict(scene.camera),
+        "pose": asdict(pose),
+        "resolution": scene.resolution,
+        "bounces": scene.sampling.bounces,
+        "look": hashlib.sha256(repr(look).encode()).hexdigest(),
+        "backend": scene.backend,
+        "version": BACKENDS[scene.backend].version(),
+    }
+    return json.dumps(parts, sort_keys=True)
