@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from lookdev.brdf import Mode
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
 from lookdev.material.library.nodes import find_sites, layer_paths
@@ -47,12 +47,12 @@ def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, var
         root, new = material.GetPrim().GetStage().GetRootLayer(), path.ReplaceName(name) if _is_name(name) else path
         if not _is_name(name):
             hint = "letters, digits and '_', not a digit first"
-            raise LookError([Fault(str(file), str(path), f"'{name}' cannot be the name of a layer", hint)])
+            raise LookError.at(file, path, f"'{name}' cannot be the name of a layer", hint)
         used_paths = {path.StripAllVariantSelections() for path in layer_paths(root)}
         if new != path and (new in used_paths or material.GetPrim().GetStage().GetPrimAtPath(new)):
-            raise LookError([Fault(str(file), str(path), f"'{name}' is there already", "choose another name")])
+            raise LookError.at(file, path, f"'{name}' is there already", "choose another name")
         if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path)):
-            raise LookError([Fault(str(file), str(path), "is defined by another file", "rename it there")])
+            raise LookError.at(file, path, "is defined by another file", "rename it there")
         for site in find_sites(root, path):
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(site, site.ReplaceName(name), Sdf.NamespaceEdit.same)
@@ -97,7 +97,7 @@ def select_variant(file: Path, name: str, choice: str, prim: str | None = None) 
         if name not in sets or choice not in sets[name].GetVariantNames():
             choices = [] if name not in sets else sets[name].GetVariantNames()
             hint = nearest_hint(choice if choices else name, choices or sorted(sets)) if sets else "it has none"
-            raise LookError([Fault(str(file), str(material.GetPath()), f"has no variant {name}={choice}", hint)])
+            raise LookError.at(file, material.GetPath(), f"has no variant {name}={choice}", hint)
         with Usd.EditContext(stage, stage.GetRootLayer()):
             sets[name].SetVariantSelection(choice)
 

@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.brdf import MODELS, layer_shaders
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
 from lookdev.material.change import Constant, Value, with_constants
 from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
@@ -67,7 +67,7 @@ def write_changed(
                 return
         names = ", ".join(constant.name for constant in constants)
         message = f"{names}: another input of the look has the same source, or a stronger layer sets it"
-        raise LookError([Fault(str(file), str(path), message, "give each input a value of its own")])
+        raise LookError.at(file, path, message, "give each input a value of its own")
 
 
 def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
@@ -75,7 +75,7 @@ def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
     with usd_errors_as_faults(file):
         layer = Sdf.Layer.FindOrOpen(str(file))
         if layer is None or not layer.Export(str(temporary)):
-            raise LookError([Fault(str(file), "", "cannot be copied as a look in USD")])
+            raise LookError.at(file, "", "cannot be copied as a look in USD")
     before, after = file.resolve().parent, out.resolve().parent
     if before != after:
         _reanchor(temporary, before, after)
@@ -127,7 +127,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         where = str(attribute.GetPath())
         message = f"no expression with an input '{inside[0]}' has its value"
         file = attribute.GetStage().GetRootLayer().realPath
-        raise LookError([Fault(file, where, message, nearest_hint(inside[0], names) if names else "")])
+        raise LookError.at(file, where, message, nearest_hint(inside[0], names) if names else "")
     kind = INPUT_TYPES["color" if isinstance(value, tuple) and len(value) == 3 else "float"]
     return source.shader.CreateInput(inside[0], kind).GetAttr()
 
@@ -144,7 +144,7 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
     holder = network.follow(attribute) if by_interface else None
     if isinstance(holder, Source):
         where, hint = str(attribute.GetPath()), "a texture or an expression has its value"
-        raise LookError([Fault(str(network.file), where, "is connected", hint)])
+        raise LookError.at(network.file, where, "is connected", hint)
     target = holder or attribute
     if target.HasAuthoredConnections():
         clear_input(target)

@@ -22,7 +22,7 @@ from lookdev.brdf import Mode, Model
 from lookdev.brdf.measured import MEASURED, load_grid
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
 from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
@@ -94,12 +94,11 @@ def _write_new_look(file: Path, name: str | None, define: Callable[[Usd.Stage, S
     """Write a new look, whose base `define` defines at a path; `define` returns the path of the base."""
     check_suffix(file)
     if file.exists() or file.is_symlink():
-        hint = "choose another name, or 'lookdev materials add' a layer to it"
-        raise LookError([Fault(str(file), "", "exists already", hint)])
+        raise LookError.at(file, "", "exists already", "choose another name, or 'lookdev materials add' a layer to it")
     name = name or camel_case(file.stem)
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
-        raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
+        raise LookError.at(file, "", f"'{name}' cannot be the name of a material", hint)
     with atomic_path(file) as temporary, report_faults_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
@@ -255,9 +254,9 @@ def edit_material(
     """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
     check_suffix(file)
     if file.is_symlink():
-        raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
+        raise LookError.at(file, "", "is a symbolic link", f"edit {file.resolve()} itself")
     if not file.is_file():
-        raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
+        raise LookError.at(file, "", "no such file", "'lookdev materials new' makes one")
     with atomic_path(file) as temporary, report_faults_for(file, temporary):
         shutil.copy(file, temporary)
         stage, network = open_stage(temporary), Network(temporary)
@@ -290,7 +289,7 @@ def is_binary(file: Path) -> bool:
 def check_suffix(file: Path) -> None:
     """Raise LookError where a file of this name cannot hold a look."""
     if file.suffix not in SUFFIXES:
-        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
+        raise LookError.at(file, "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")
 
 
 @contextmanager

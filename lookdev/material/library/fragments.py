@@ -12,7 +12,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
 from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import Variants, redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
@@ -52,9 +52,9 @@ def paste_layer(file: Path, text: str, prim: str | None = None, variants: Varian
     """Add a layer from `copy_layer` over the layers of a look, and return its number."""
     fragment = Sdf.Layer.CreateAnonymous(".usda")
     hint = "copy a layer first, here or in another Designer"
-    error_without_layer = LookError([Fault("clipboard", "", "has no layer of a look as USD text", hint)])
+    error_without_layer = LookError.at("clipboard", "", "has no layer of a look as USD text", hint)
     if len(text) > _MAX_LENGTH:
-        raise LookError([Fault("clipboard", "", "has more than 1 MiB", hint)])
+        raise LookError.at("clipboard", "", "has more than 1 MiB", hint)
     try:
         is_parsed = fragment.ImportFromString(text)
     except Exception as error:  # USD raises its own for each syntax error
@@ -82,9 +82,9 @@ def save_preset(
     """
     name = camel_case(target.stem)
     if target.suffix != ".usda" or not Sdf.Path.IsValidIdentifier(name):
-        raise LookError([Fault(str(target), "", "cannot be the name of a preset", "for instance red_rubber")])
+        raise LookError.at(target, "", "cannot be the name of a preset", "for instance red_rubber")
     if target.exists() or target.is_symlink():
-        raise LookError([Fault(str(target), "", "exists already", "choose another name")])
+        raise LookError.at(target, "", "exists already", "choose another name")
     source, network = open_stage(file), Network(file)
     with usd_errors_as_faults(file), atomic_path(target) as temporary, report_faults_for(target, temporary):
         path = find_material(network, source, prim, variants or {})
@@ -101,9 +101,7 @@ def save_preset(
             holder = network.follow(shader_input.GetAttr())
             if isinstance(holder, Source):
                 message = f"has a {holder.shader.GetShaderId()}, and a preset only constants"
-                raise LookError(
-                    [Fault(str(file), str(shader_input.GetAttr().GetPath()), message, "make it a constant")]
-                )
+                raise LookError.at(file, shader_input.GetAttr().GetPath(), message, "make it a constant")
             if holder and holder.HasAuthoredValue():
                 value = holder.Get()
                 if isinstance(value, Sdf.AssetPath) and value.resolvedPath:
@@ -155,7 +153,7 @@ def _enclosing_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> t
     for old, new in new_paths.items():
         if path.HasPrefix(old):
             return old, new
-    raise LookError([Fault("", str(path), "is outside of the material", "move it into the material to copy the layer")])
+    raise LookError.at("", path, "is outside of the material", "move it into the material to copy the layer")
 
 
 def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
@@ -178,7 +176,7 @@ def _replace_interface(
             new = next(new for new in origins if path.HasPrefix(new))
             holder = network.follow(stage.GetAttributeAtPath(path.ReplacePrefix(new, old)))
             if isinstance(holder, Source):
-                raise LookError([Fault("", str(holder.path), "feeds the interface", "copy its source instead")])
+                raise LookError.at("", holder.path, "feeds the interface", "copy its source instead")
             spec.connectionPathList.ClearEdits()
             if holder and holder.HasValue():
                 spec.default = holder.Get()

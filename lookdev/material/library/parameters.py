@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter, layer_shaders
-from lookdev.errors import Fault, LookError, ModelError, nearest_hint
+from lookdev.errors import LookError, ModelError, nearest_hint
 from lookdev.material.expression import Kind
 from lookdev.material.library.edit import INPUT_TYPES, edit_material, replace_source
 from lookdev.material.library.masks import Mask
@@ -52,7 +52,7 @@ def unset_parameter(
         shader, _ = _find_parameter(material, layer, name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         if not attribute or not is_set(attribute):
-            raise LookError([Fault(str(file), str(shader.GetPath()), f"does not state '{name}'")])
+            raise LookError.at(file, shader.GetPath(), f"does not state '{name}'")
         replace_source(material, attribute, shader.GetPath().GetParentPath(), "", None)
         _remove_property(shader.GetPrim(), f"inputs:{name}")
         remaining = shader.GetPrim().GetAttribute(f"inputs:{name}")

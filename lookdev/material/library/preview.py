@@ -20,7 +20,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.brdf.parameters import add_followers, expand_tokens
 from lookdev.brdf.vectors import Parameters
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Input, Layer, Primvar, Texture
 from lookdev.material.textures import image_slopes, image_texels
@@ -113,9 +113,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
             return shader
         file, where = stage.GetRootLayer().realPath, str(terminal.GetPath())
         message = f"is connected to <{paths[0]}>, {identifier}"
-        raise LookError(
-            [Fault(file, where, message, "only a UsdPreviewSurface is refreshed; disconnect it to get one")]
-        )
+        raise LookError.at(file, where, message, "only a UsdPreviewSurface is refreshed; disconnect it to get one")
     shader = UsdShade.Shader.Define(stage, free_path(stage, material.GetPath(), "Preview"))
     shader.CreateIdAttr("UsdPreviewSurface")
     terminal.SetConnections([shader.CreateOutput("surface", Sdf.ValueTypeNames.Token).GetAttr().GetPath()])

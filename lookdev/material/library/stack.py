@@ -9,7 +9,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, layer_shaders
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.nodes import find_sites, free_path, remove_prims
 from lookdev.material.usd import find_material
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
@@ -51,7 +51,7 @@ class Stack:
         return numbers[0], self.layers[numbers[0]]
 
     def make_error(self, message: str, hint: str) -> LookError:
-        return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), message, hint)])
+        return LookError.at(self.network.file, self.prim.GetPath(), message, hint)
 
     @staticmethod
     def input_name(number: int, part: str) -> str:

@@ -8,7 +8,6 @@ differences.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import count
 from pathlib import Path, PurePosixPath
 
@@ -24,6 +23,7 @@ from lookdev.material.library.nodes import relative_path
 from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
 from lookdev.material.materialx.network import DocumentNetwork
+from lookdev.mtlx import library_inputs
 
 NODE = "disney_principled"
 """The only surface shader that is imported."""
@@ -102,15 +102,6 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
             raise OutputError(f"{path}: USD cannot write it")
 
 
-@cache
-def _library_inputs() -> dict[str, tuple[str, str]]:
-    """Return the type and default, as text, of every input of `NODE` in the MaterialX library."""
-    library = mx.createDocument()
-    mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{NODE}.mtlx"))
-    inputs = library.getNodeDef(f"ND_{NODE}").getInputs()
-    return {port.getName(): (port.getType(), port.getValueString()) for port in inputs}
-
-
 def _read_material(
     network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, Value]]
 ) -> ImportedMaterial | None:
@@ -130,14 +121,14 @@ def _read_material(
 
 
 def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
-    library_inputs = _library_inputs()
+    definitions = library_inputs(NODE, f"ND_{NODE}")
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
     for name in names:
-        if name not in library_inputs:
-            network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(library_inputs))}")
+        if name not in definitions:
+            network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(definitions))}")
     inputs: dict[str, Value] = {}
-    for name, (kind, text) in library_inputs.items():
+    for name, definition in definitions.items():
         parameter, port = _PARAMETERS.get(name), shader.getInput(name)
         if parameter is None:
             if port:
@@ -145,13 +136,13 @@ def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
             continue
         value: Value | None = None
         if port and port.getType() != TYPES[parameter.kind]:
-            network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {kind}")
+            network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {definition.getType()}")
         elif port:
             value = read_value(network, port, parameter)
             if value is None:
-                network.add_value_loss(port, f"{text} is taken")
+                network.add_value_loss(port, f"{definition.getValueString()} is taken")
         if value is None:
-            default = parse_constant(text)
+            default = parse_constant(definition.getValueString())
             value = None if default == parameter.default else default
         if value is not None:
             inputs[name] = value

@@ -71,9 +71,7 @@ def _complete_parameters(layer: StackLayer) -> Parameters:
 
 def foreign_shaders() -> dict[str, str]:
     """Return the names of translations by the identifiers of their shader nodes."""
-    return {
-        identifier: translation.name for translation in TRANSLATIONS.values() for identifier in translation.identifiers
-    }
+    return {translation.identifier: translation.name for translation in TRANSLATIONS.values()}
 
 
 def display_color_look(name: str, *, opacity: bool = False) -> Look:

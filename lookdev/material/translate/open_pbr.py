@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 
 import numpy as np
 
-from lookdev.brdf import Parameter, StackLayer
-from lookdev.brdf.parameters import normal_parameter
+from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix, mix_color, scale
 from lookdev.material.translate.lobes import (
     WHITE,
@@ -22,68 +21,7 @@ from lookdev.material.translate.lobes import (
     surface,
     varnish,
 )
-from lookdev.material.translate.translation import (
-    DIFFUSE_ROUGHNESS,
-    EMISSION,
-    HUE_AT_GRAZING,
-    SHEEN,
-    SUBSURFACE,
-    TANGENT,
-    THIN_FILM,
-    TRANSMISSION,
-    VOLUME,
-    Loss,
-    Translation,
-    losses_of,
-    tangent_parameter,
-)
-
-_PARAMETERS = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("base_weight", "float", 1.0),
-        Parameter("base_color", "color", (0.8, 0.8, 0.8)),
-        Parameter("base_diffuse_roughness", "float", 0.0),
-        Parameter("base_metalness", "float", 0.0),
-        Parameter("specular_weight", "float", 1.0, (0.0, inf)),
-        Parameter("specular_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("specular_roughness", "float", 0.3),
-        Parameter("specular_ior", "float", 1.5, (0.0, inf)),
-        Parameter("specular_roughness_anisotropy", "float", 0.0),
-        Parameter("transmission_weight", "float", 0.0),
-        Parameter("transmission_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("transmission_depth", "float", 0.0, (0.0, inf)),
-        Parameter("transmission_scatter", "color", (0.0, 0.0, 0.0)),
-        Parameter("transmission_scatter_anisotropy", "float", 0.0, (-1.0, 1.0)),
-        Parameter("transmission_dispersion_scale", "float", 0.0),
-        Parameter("transmission_dispersion_abbe_number", "float", 20.0, (0.0, inf)),
-        Parameter("subsurface_weight", "float", 0.0),
-        Parameter("subsurface_color", "color", (0.8, 0.8, 0.8)),
-        Parameter("subsurface_radius", "float", 1.0, (0.0, inf)),
-        Parameter("subsurface_radius_scale", "color", (1.0, 0.5, 0.25)),
-        Parameter("subsurface_scatter_anisotropy", "float", 0.0, (-1.0, 1.0)),
-        Parameter("fuzz_weight", "float", 0.0),
-        Parameter("fuzz_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("fuzz_roughness", "float", 0.5),
-        Parameter("coat_weight", "float", 0.0),
-        Parameter("coat_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("coat_roughness", "float", 0.0),
-        Parameter("coat_roughness_anisotropy", "float", 0.0),
-        Parameter("coat_ior", "float", 1.6, (0.0, inf)),
-        Parameter("coat_darkening", "float", 1.0),
-        Parameter("thin_film_weight", "float", 0.0),
-        Parameter("thin_film_thickness", "float", 0.5, (0.0, inf)),
-        Parameter("thin_film_ior", "float", 1.4, (0.0, inf)),
-        Parameter("emission_luminance", "float", 0.0, (0.0, inf)),
-        Parameter("emission_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("geometry_opacity", "float", 1.0),
-        Parameter("geometry_thin_walled", "token", "0", choices=("0", "1")),
-        normal_parameter("geometry_normal", ""),
-        normal_parameter("geometry_coat_normal", ""),
-        tangent_parameter("geometry_tangent"),
-        tangent_parameter("geometry_coat_tangent"),
-    )
-}
+from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
@@ -167,33 +105,30 @@ def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
 OPEN_PBR_SURFACE = Translation(
     "open_pbr_surface",
     "OpenPBR Surface",
-    ("ND_open_pbr_surface_surfaceshader",),
-    _PARAMETERS,
+    "ND_open_pbr_surface_surfaceshader",
+    "open_pbr_surface",
     _layers,
-    losses_of(
-        _PARAMETERS,
-        {
-            "base_diffuse_roughness": Loss(DIFFUSE_ROUGHNESS),
-            "specular_color": Loss(HUE_AT_GRAZING, gray=True),
-            "transmission_weight": Loss(TRANSMISSION),
-            **{
-                f"transmission_{name}": Loss(VOLUME, "transmission_weight")
-                for name in ("depth", "scatter", "scatter_anisotropy", "dispersion_scale", "dispersion_abbe_number")
-            },
-            "subsurface_weight": Loss(SUBSURFACE),
-            **{
-                f"subsurface_{name}": Loss(SUBSURFACE, "subsurface_weight")
-                for name in ("radius", "radius_scale", "scatter_anisotropy")
-            },
-            "fuzz_weight": Loss(SHEEN),
-            "coat_color": Loss(HUE_AT_GRAZING, "coat_weight", gray=True),
-            "thin_film_weight": Loss(THIN_FILM),
-            "thin_film_thickness": Loss(THIN_FILM, "thin_film_weight"),
-            "thin_film_ior": Loss(THIN_FILM, "thin_film_weight"),
-            "emission_luminance": Loss(EMISSION),
-            "emission_color": Loss(EMISSION, "emission_luminance"),
-            "geometry_tangent": Loss(TANGENT),
-            "geometry_coat_tangent": Loss(TANGENT),
+    {
+        "base_diffuse_roughness": Loss(Reason.DIFFUSE_ROUGHNESS),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "transmission_weight": Loss(Reason.TRANSMISSION),
+        **{
+            f"transmission_{name}": Loss(Reason.VOLUME, "transmission_weight")
+            for name in ("depth", "scatter", "scatter_anisotropy", "dispersion_scale", "dispersion_abbe_number")
         },
-    ),
+        "subsurface_weight": Loss(Reason.SUBSURFACE),
+        **{
+            f"subsurface_{name}": Loss(Reason.SUBSURFACE, "subsurface_weight")
+            for name in ("radius", "radius_scale", "scatter_anisotropy")
+        },
+        "fuzz_weight": Loss(Reason.SHEEN),
+        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat_weight", gray=True),
+        "thin_film_weight": Loss(Reason.THIN_FILM),
+        "thin_film_thickness": Loss(Reason.THIN_FILM, "thin_film_weight"),
+        "thin_film_ior": Loss(Reason.THIN_FILM, "thin_film_weight"),
+        "emission_luminance": Loss(Reason.EMISSION),
+        "emission_color": Loss(Reason.EMISSION, "emission_luminance"),
+        "geometry_tangent": Loss(Reason.TANGENT),
+        "geometry_coat_tangent": Loss(Reason.TANGENT),
+    },
 )

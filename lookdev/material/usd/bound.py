@@ -361,9 +361,7 @@ class _Material:
 
 
 _TANGENT_SPACE = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
-_PREVIEWS = tuple(
-    each.name for each in TRANSLATIONS.values() if any("UsdPreviewSurface" in name for name in each.identifiers)
-)
+_PREVIEWS = ("preview_surface", "materialx_preview_surface")
 _PRINCIPLED: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
 _ZERO = Term("0", 1, numbers=(0.0,))
 
