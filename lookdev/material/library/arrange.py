@@ -12,13 +12,10 @@ from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
 from lookdev.material.library.nodes import find_sites, layer_paths
-from lookdev.material.library.stack import layer_shader, require_stack
-from lookdev.material.usd import variant_sets
+from lookdev.material.library.stack import LAYER_PARTS, layer_shader, require_stack
+from lookdev.material.usd import Variants, variant_sets
 
 _TYPES = Sdf.ValueTypeNames
-_PARTS = ("", "Mask", "Enabled", "Mode")
-
-Variants = Mapping[str, str] | None
 
 
 def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: Variants = None) -> None:
@@ -34,7 +31,7 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
         step = 1 if to < number else -1
         order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
-        attributes = [stack.prim.GetAttribute(stack.input_name(other, part)) for other in order for part in _PARTS]
+        attributes = [stack.attribute(other, part) for other in order for part in LAYER_PARTS]
         if not all(stack.is_in_file(attribute) for attribute in attributes if attribute):
             raise stack.make_error("another file or a variant states its layers", "move them there")
         stack.renumber(order)

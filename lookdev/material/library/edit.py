@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -29,11 +29,11 @@ from lookdev.material.library.layout import with_layout
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
-from lookdev.material.library.stack import author_stack, enabled_layers, find_stack, require_stack, require_surface
+from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, extended_stack, require_stack
 from lookdev.material.look import Look
-from lookdev.material.usd import find_material, read_look, read_material
+from lookdev.material.usd import Variants, open_material, read_look, read_material
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
-from lookdev.stage import open_stage, usd_errors_as_faults
+from lookdev.stage import usd_errors_as_faults
 
 log = logging.getLogger("lookdev.material")
 
@@ -131,17 +131,14 @@ def add_layer(
     mask: Mask = 1.0,
     mode: Mode = "over",
     prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    variants: Variants = None,
 ) -> tuple[int, str]:
     """Add a preset, by reference, over the layers of a look, and return the number and name of the new layer.
 
     A look with a single layer gets a stack first.
     """
     with edit_material(file, prim, variants) as material:
-        if find_stack(material) is None:
-            author_stack(material, require_surface(material)[1].path)
-        stack = require_stack(material)
-        number = max(stack.layers, default=0) + 1
+        stack, number = extended_stack(material)
         # The shader of a preset that is a look has the name Base, as the base of any look.
         name = Sdf.Path(preset.prim).name
         prim_name = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
@@ -155,9 +152,7 @@ def add_layer(
     return number, path.name
 
 
-def remove_layer(
-    file: Path, layer: str, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> tuple[int, str, bool]:
+def remove_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> tuple[int, str, bool]:
     """Remove a layer from a stack; return its number, its name, and whether it was removed.
 
     Layers above it get new numbers, and nodes that only this layer used are removed. A layer that another file defines
@@ -166,9 +161,7 @@ def remove_layer(
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         number, name = stack.find(layer)
-        attributes = [
-            stack.prim.GetAttribute(stack.input_name(number, part)) for part in ("", "Mask", "Enabled", "Mode")
-        ]
+        attributes = [stack.attribute(number, part) for part in LAYER_PARTS]
         removable = all(stack.is_in_file(attribute) for attribute in attributes if attribute)
         if removable:
             used = find_upstream(material, attributes)
@@ -179,9 +172,7 @@ def remove_layer(
     return number, name, removable
 
 
-def set_mask(
-    file: Path, layer: str, mask: Mask, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> tuple[int, str]:
+def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None, variants: Variants = None) -> tuple[int, str]:
     """Replace the mask of a layer; return its number and name.
 
     Nodes that only the old mask used are removed. Names of an expression that get no source keep their source in the
@@ -248,9 +239,7 @@ def _input_states(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 
 
 @contextmanager
-def edit_material(
-    file: Path, prim: str | None, variants: Mapping[str, str] | None = None
-) -> Iterator[UsdShade.Material]:
+def edit_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
     """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
     check_suffix(file)
     if file.is_symlink():
@@ -259,14 +248,10 @@ def edit_material(
         raise LookError.at(file, "", "no such file", "'lookdev materials new' makes one")
     with atomic_path(file) as temporary, report_faults_for(file, temporary):
         shutil.copy(file, temporary)
-        stage, network = open_stage(temporary), Network(temporary)
-        path = find_material(network, stage, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        material = UsdShade.Material(stage.GetPrimAtPath(path))
-        before = None if is_binary(file) else stage.GetRootLayer().ExportToString()
-        yield material
-        _check_variants(material)
+        with open_material(temporary, prim, variants) as material:
+            before = None if is_binary(file) else material.GetPrim().GetStage().GetRootLayer().ExportToString()
+            yield material
+            _check_variants(material)
         if before is not None:
             _restore_layout(file, temporary, before)
 

@@ -14,13 +14,12 @@ from pxr import Sdf, Usd, UsdShade, UsdUtils
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError
 from lookdev.material.library import read_preset
-from lookdev.material.library.arrange import Variants, redirect_connections
+from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
 from lookdev.material.library.nodes import find_sites, find_upstream, free_path, relative_path
-from lookdev.material.library.stack import author_stack, find_stack, layer_shader, require_surface
-from lookdev.material.usd import find_material
+from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
+from lookdev.material.usd import Variants, open_material
 from lookdev.material.usd.network import Network, Source
-from lookdev.stage import open_stage, usd_errors_as_faults
 
 _TYPES = Sdf.ValueTypeNames
 _ROOT = Sdf.Path("/LookdevLayer")
@@ -32,12 +31,8 @@ _DOC = "A layer of a look, as the Designer copies and pastes it."
 
 def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> str:
     """Return the USD text of a layer; LookError where it does not exist or has nodes outside of the material."""
-    stage, network = open_stage(file), Network(file)
-    with usd_errors_as_faults(file):
-        path = find_material(network, stage, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        fragment = _extract_fragment(UsdShade.Material(stage.GetPrimAtPath(path)), layer, by_value=True)
+    with open_material(file, prim, variants) as material:
+        fragment = _extract_fragment(material, layer, by_value=True)
         folder = file.resolve().parent
 
         def make_absolute(asset: str) -> str:
@@ -85,12 +80,12 @@ def save_preset(
         raise LookError.at(target, "", "cannot be the name of a preset", "for instance red_rubber")
     if target.exists() or target.is_symlink():
         raise LookError.at(target, "", "exists already", "choose another name")
-    source, network = open_stage(file), Network(file)
-    with usd_errors_as_faults(file), atomic_path(target) as temporary, report_faults_for(target, temporary):
-        path = find_material(network, source, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        shader = layer_shader(UsdShade.Material(source.GetPrimAtPath(path)), layer)[1]
+    with (
+        open_material(file, prim, variants) as material,
+        atomic_path(target) as temporary,
+        report_faults_for(target, temporary),
+    ):
+        shader = layer_shader(material, layer)[1]
         stage = Usd.Stage.CreateNew(str(temporary))
         shader_copy = UsdShade.Shader.Define(stage, f"/{name}")
         stage.SetDefaultPrim(shader_copy.GetPrim())
@@ -98,7 +93,7 @@ def save_preset(
         shader_copy.GetPrim().SetCustomDataByKey("category", category)
         shader_copy.CreateIdAttr(shader.GetShaderId())
         for shader_input in shader.GetInputs():
-            holder = network.follow(shader_input.GetAttr())
+            holder = Network(file).follow(shader_input.GetAttr())
             if isinstance(holder, Source):
                 message = f"has a {holder.shader.GetShaderId()}, and a preset only constants"
                 raise LookError.at(file, shader_input.GetAttr().GetPath(), message, "make it a constant")
@@ -187,11 +182,7 @@ def _replace_interface(
 def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
     """Copy the nodes of a fragment into a material, and add its layer on top."""
     stage = material.GetPrim().GetStage()
-    if find_stack(material) is None:
-        author_stack(material, require_surface(material)[1].path)
-    stack = find_stack(material)
-    assert stack is not None, "author_stack defines it"
-    number = max(stack.layers, default=0) + 1
+    stack, number = extended_stack(material)
     root, new_paths = stage.GetRootLayer(), {_ROOT: material.GetPath()}
     Sdf.CreatePrimInLayer(root, stack.scope)
     for child in fragment.GetPrimAtPath(_ROOT).nameChildren:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from pxr import Usd, UsdShade
@@ -14,16 +13,12 @@ from lookdev.material.library.edit import INPUT_TYPES, edit_material, replace_so
 from lookdev.material.library.masks import Mask
 from lookdev.material.library.nodes import find_sites
 from lookdev.material.library.stack import layer_shader
+from lookdev.material.usd import Variants
 from lookdev.material.usd.network import is_set, shader_id
 
 
 def set_source(
-    file: Path,
-    layer: str,
-    name: str,
-    source: Mask,
-    prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    file: Path, layer: str, name: str, source: Mask, prim: str | None = None, variants: Variants = None
 ) -> None:
     """Set the source of a parameter to an image, a primvar or an expression, with nodes beside the layer's shader.
 
@@ -41,9 +36,7 @@ def set_source(
         replace_source(material, attribute, path.GetParentPath(), node_name, source, kind)
 
 
-def unset_parameter(
-    file: Path, layer: str, name: str, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> None:
+def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, variants: Variants = None) -> None:
     """Reset a parameter of a layer to the model's default, in every variant.
 
     Opinions of other files, such as presets, are blocked. Nodes that only the parameter used are removed.

@@ -23,7 +23,7 @@ from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Input, Layer, Primvar, Texture
-from lookdev.material.textures import image_slopes, image_texels
+from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import Values, presence
 
@@ -36,7 +36,7 @@ _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "rou
 _LARGEST_F0 = 0.9  # an index of refraction of 38
 
 
-class _Grid:
+class _Grid(ImagePoints):
     """The unit square of st as a `lookdev.material.values.Surface` of (32, 32) points; primvars have their fallbacks.
 
     Each point has another view, from the distribution of views over the image of a sphere.
@@ -46,12 +46,6 @@ class _Grid:
 
     def uv(self, name: str) -> Floats:
         return self.st
-
-    def texels(self, texture: Texture) -> Floats:
-        return image_texels(texture, self.st)
-
-    def slopes(self, height: Texture) -> Floats:
-        return image_slopes(height, self.st)
 
     def primvar(self, primvar: Primvar) -> Floats:
         return np.asarray(primvar.fallback, np.float64)

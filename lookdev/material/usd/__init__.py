@@ -6,8 +6,10 @@ one result, so the name of the connected output does not matter.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -21,6 +23,9 @@ from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source,
 from lookdev.material.variants import expand_wildcards
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
+Variants: TypeAlias = Mapping[str, str] | None
+"""The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
+
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 MODES: tuple[Mode, ...] = ("over", "transmit")
 """The modes of the layers of a stack."""
@@ -29,7 +34,7 @@ MODES: tuple[Mode, ...] = ("over", "transmit")
 def read_look(
     file: Path,
     prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    variants: Variants = None,
     name: str | None = None,
     *,
     open_images: bool = True,
@@ -75,6 +80,17 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     return network.faults
 
 
+@contextmanager
+def open_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
+    """Yield a material of a file with variants selected; LookError where there is none, or USD reports errors."""
+    stage, network = open_stage(file), Network(file)
+    with usd_errors_as_faults(file):
+        path = find_material(network, stage, prim, variants or {})
+        if path is None:
+            raise LookError(network.faults)
+        yield UsdShade.Material(stage.GetPrimAtPath(path))
+
+
 def materials(stage: Usd.Stage) -> list[Sdf.Path]:
     """Return the paths of all materials of a stage."""
     return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
@@ -107,13 +123,6 @@ def variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
 def _add_unknown_set_fault(network: Network, path: Sdf.Path, name: str, set_names: Collection[str]) -> None:
     hint = nearest_hint(name, sorted(set_names)) if set_names else "it has none"
     network.add_fault(path, f"has no variant set '{name}'", hint)
-
-
-def has_look(file: Path, prim: str) -> bool:
-    """Return whether `prim` is a material with a connected outputs:lookdev:surface; raises as `open_stage`."""
-    stage = open_stage(file)
-    material = UsdShade.Material(stage.GetPrimAtPath(prim))
-    return bool(material) and bool(material.GetPrim().GetAttribute(TERMINAL).HasAuthoredConnections())
 
 
 def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
@@ -246,19 +255,12 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
             network.add_fault(attributes[layer], f"there is no layer{number - 1}", "number the layers without gaps")
         enabled = attributes.get(f"{layer}Enabled")
         if enabled is None or network.read_constant(enabled, Sdf.ValueTypeNames.Bool) is not False:
-            mode = _read_mode(network, attributes.get(f"{layer}Mode"))
+            mode = network.read_choice(attributes.get(f"{layer}Mode"), MODES)
             mask = _read_mask(network, attributes.get(f"{layer}Mask"))
             if layer in attributes:
                 add(attributes[layer], mask, mode)
     _check_stack(network, layers)
     return tuple(layer for _, layer in layers)
-
-
-def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
-    token = None if attribute is None else network.read_constant(attribute, Sdf.ValueTypeNames.Token)
-    if token is not None and token not in MODES:
-        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), MODES))
-    return "transmit" if token == "transmit" else "over"
 
 
 def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) -> None:

@@ -18,7 +18,7 @@ from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Loo
 from lookdev.material.look import Source as FormulaSource
 from lookdev.material.textures import image_header, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders
-from lookdev.material.usd import check_composition, find_material, read_look_at, read_material
+from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, node_category
@@ -93,9 +93,7 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
     return looks
 
 
-def read_any_look(
-    file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, name: str | None = None
-) -> BoundLook:
+def read_any_look(file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None) -> BoundLook:
     """Read a material of a file, of `lookdev` or of another model; parameters as `read_look`.
 
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.

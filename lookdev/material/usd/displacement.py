@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Literal, get_args
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import nearest_hint
@@ -45,24 +45,12 @@ def read_displacement(network: Network, material: UsdShade.Material) -> Displace
         network.add_fault(
             f"{source.path}.inputs:height", "is neither set nor connected", "give it a value, or connect it"
         )
-    scale, midlevel = (_read_number(network, inputs[name]) for name in ("scale", "midlevel"))
-    units = _read_units(network, inputs["units"])
+    scale, midlevel = network.read_float(inputs["scale"], 1.0), network.read_float(inputs["midlevel"], 0.0)
+    units = network.read_choice(inputs["units"], get_args(Units))
     if not isinstance(height, float | Texture | Primvar | Formula):
         return None
     if depends_on_view(height):
         hint = "a surface has one shape for all views; parameters and masks can depend on the view"
         network.add_fault(f"{source.path}.inputs:height", "depends on the view", hint)
         return None
-    return Displacement(height, 1.0 if scale is None else scale, midlevel or 0.0, units)
-
-
-def _read_number(network: Network, attribute: Usd.Attribute) -> float | None:
-    value = network.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
-    return value if isinstance(value, float) else None
-
-
-def _read_units(network: Network, attribute: Usd.Attribute) -> Units:
-    token = network.read_constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
-    if token is not None and token not in get_args(Units):
-        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), get_args(Units)))
-    return "world" if token == "world" else "object"
+    return Displacement(height, scale, midlevel, units)

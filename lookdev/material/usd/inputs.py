@@ -226,9 +226,9 @@ def _read_bump(network: Network, source: Source) -> Bump | None:
     shader = source.shader
     network.check_inputs(shader, ("height", "scale"))
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
-    factor = network.read_constant(scale, _TYPES["float"]) if scale else None
+    factor = network.read_float(scale, 1.0)
     height = _read_height(network, source, attribute)
-    return Bump(height, factor if isinstance(factor, float) else 1.0) if height else None
+    return Bump(height, factor) if height else None
 
 
 def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:

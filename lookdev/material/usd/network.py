@@ -142,6 +142,18 @@ class Network:
             return None
         return None if holder is None else self.read_value(attribute, holder, expected)
 
+    def read_float(self, attribute: Usd.Attribute | None, default: float) -> float:
+        """Return a constant float; the default where it is unset or, with a fault added, wrong."""
+        value = self.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+        return value if isinstance(value, float) else default
+
+    def read_choice(self, attribute: Usd.Attribute | None, choices: Sequence[V]) -> V:
+        """Return a constant token among `choices`; the first where it is unset or, with a fault added, wrong."""
+        token = self.read_constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
+        if token is not None and token not in choices:
+            self.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), [*map(str, choices)]))
+        return next((choice for choice in choices if choice == token), choices[0])
+
     def read_node_value(self, shader: UsdShade.Shader, name: str, kind: type[V]) -> V | None:
         """Return a constant input of one of USD's own nodes, or its default; None, with a fault added, where wrong."""
         definition = _sdr_node(shader).GetShaderInput(name)

@@ -42,17 +42,10 @@ _FORMULAS = {
     "power": _Formula("{in1} ^ {in2}", _FACTORS),
     "min": _Formula("min({in1}, {in2})", _PAIR),
     "max": _Formula("max({in1}, {in2})", _PAIR),
+    **{name: _Formula(f"{name}({{in}})", _IN) for name in ("floor", "ceil", "round", "fract", "sqrt", "exp")},
+    **{name: _Formula(f"{name}({{in}})", _IN) for name in ("sin", "cos", "tan")},
     "absval": _Formula("abs({in})", _IN),
-    "floor": _Formula("floor({in})", _IN),
-    "ceil": _Formula("ceil({in})", _IN),
-    "round": _Formula("round({in})", _IN),
-    "fract": _Formula("fract({in})", _IN),
-    "sqrt": _Formula("sqrt({in})", _IN),
-    "exp": _Formula("exp({in})", _IN),
     "ln": _Formula("log({in})", {"in": 1.0}),
-    "sin": _Formula("sin({in})", _IN),
-    "cos": _Formula("cos({in})", _IN),
-    "tan": _Formula("tan({in})", _IN),
     "atan2": _Formula("atan2({iny}, {inx})", {"iny": 0.0, "inx": 1.0}),
     "invert": _Formula("{amount} - {in}", {"in": 0.0, "amount": 1.0}, ("in", "amount")),
     "clamp": _Formula("clamp({in}, {low}, {high})", {"in": 0.0, "low": 0.0, "high": 1.0}),
@@ -66,9 +59,10 @@ _FORMULAS = {
     "screen": _Formula("mix({bg}, 1 - (1 - {fg}) * (1 - {bg}), {mix})", _BLEND, ("mix",)),
     "inside": _Formula("{in} * {mask}", {"in": 0.0, "mask": 1.0}, ("in", "mask")),
     "outside": _Formula("{in} * (1 - {mask})", {"in": 0.0, "mask": 0.0}, ("in", "mask")),
-    "ifgreater": _Formula("{value1} > {value2} ? {in1} : {in2}", _CHOICE),
-    "ifgreatereq": _Formula("{value1} >= {value2} ? {in1} : {in2}", _CHOICE),
-    "ifequal": _Formula("{value1} == {value2} ? {in1} : {in2}", _CHOICE),
+    **{
+        name: _Formula(f"{{value1}} {sign} {{value2}} ? {{in1}} : {{in2}}", _CHOICE)
+        for name, sign in (("ifgreater", ">"), ("ifgreatereq", ">="), ("ifequal", "=="))
+    },
 }
 
 
@@ -136,22 +130,14 @@ def _read_switch(node: Node) -> Term:
 
 def _read_range(node: Node) -> Term:
     (gamma,), (is_clamped,) = node.read_numbers("gamma", 1.0), node.read_numbers("doclamp", 0.0)
-    value = node.read_any_term("in", 0.0)
-    low, high, out_low, out_high = (
-        node.read_any_term(name, default) for name, default in _RANGE.items() if name != "in"
-    )
+    terms = {name: node.read_any_term(name, default) for name, default in _RANGE.items()}
     if gamma == 1.0:
-        terms = {"in": value, "inlow": low, "inhigh": high, "outlow": out_low, "outhigh": out_high}
         value = node.terms.apply(_FORMULAS["remap"].text, terms, ("in",))
     else:
         text = "{outlow} + ({outhigh} - {outlow}) * fit({in}, {inlow}, {inhigh}, 0, 1) ^ {power}"
-        terms = {"in": value, "inlow": low, "inhigh": high, "outlow": out_low, "outhigh": out_high}
         value = node.terms.apply(text, {**terms, "power": constant(1.0 / gamma if gamma else 0.0)})
-    return (
-        node.terms.apply("clamp({a}, {low}, {high})", {"a": value, "low": out_low, "high": out_high})
-        if is_clamped
-        else value
-    )
+    bounds = {"a": value, "low": terms["outlow"], "high": terms["outhigh"]}
+    return node.terms.apply("clamp({a}, {low}, {high})", bounds) if is_clamped else value
 
 
 _LUMA = (0.2722287, 0.6740818, 0.0536895)  # of ACEScg: MaterialX's default
@@ -202,26 +188,14 @@ def _read_normalize(node: Node) -> Term:
     return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 
 
-def _ramp_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
+def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> Callable[[Node], Term]:
     def read(node: Node) -> Term:
         coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
-        ends = {"low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
-        return node.terms.apply("mix({low}, {high}, clamp({coordinate}, 0, 1))", {"coordinate": coordinate, **ends})
-
-    return read
-
-
-def _split_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
-    def read(node: Node) -> Term:
-        coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
-        ends = {
-            "low": node.read_any_term(low, 0.0),
-            "high": node.read_any_term(high, 0.0),
-            "center": node.read_term("center", 1, 0.5),
-        }
-        return node.terms.apply(
-            "mix({low}, {high}, boxstep({coordinate}, {center}))", {"coordinate": coordinate, **ends}
-        )
+        terms = {"t": coordinate, "low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
+        if is_split:
+            terms["center"] = node.read_term("center", 1, 0.5)
+        weight = "boxstep({t}, {center})" if is_split else "clamp({t}, 0, 1)"
+        return node.terms.apply(f"mix({{low}}, {{high}}, {weight})", terms)
 
     return read
 
@@ -282,29 +256,27 @@ def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
 
 NODES: dict[str, Callable[[Node], Term]] = {
     **{name: _formula_reader(entry) for name, entry in _FORMULAS.items()},
-    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("", "_int", "_normal", "_point", "_vector")},
-    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("_string", "_matrix")},
+    **{
+        f"UsdPrimvarReader{kind}": sampling.read_primvar
+        for kind in ("", "_int", "_normal", "_point", "_vector", "_string", "_matrix")
+    },
+    **dict.fromkeys(("combine2", "combine3", "combine4"), _read_combine),
+    **dict.fromkeys(("separate2", "separate3", "separate4"), _read_separate),
+    **dict.fromkeys(("gltf_image", "gltf_colorimage", "gltf_normalmap"), sampling.read_gltf_image),
+    **dict.fromkeys(("noise2d", "cellnoise2d"), _read_noise),
     "UsdTransform2d": sampling.read_transform2d,
     "UsdUVTexture": sampling.read_uv_texture,
     "bump": _read_bump,
-    "cellnoise2d": _read_noise,
-    "combine2": _read_combine,
-    "combine3": _read_combine,
-    "combine4": _read_combine,
     "constant": _read_constant,
     "convert": _read_convert,
     "dot": _read_dot,
     "dotproduct": _read_dot_product,
     "extract": _read_extract,
     "geompropvalue": sampling.read_primvar,
-    "gltf_colorimage": sampling.read_gltf_image,
-    "gltf_image": sampling.read_gltf_image,
-    "gltf_normalmap": sampling.read_gltf_image,
     "heighttonormal": _read_height_to_normal,
     "image": sampling.read_image,
     "luminance": _read_luminance,
     "magnitude": _read_magnitude,
-    "noise2d": _read_noise,
     "normalize": _read_normalize,
     "normalmap": _read_normal_map,
     "place2d": sampling.read_place2d,
@@ -313,11 +285,8 @@ NODES: dict[str, Callable[[Node], Term]] = {
     "range": _read_range,
     "rotate2d": sampling.read_rotate2d,
     "saturate": _read_saturate,
-    "separate2": _read_separate,
-    "separate3": _read_separate,
-    "separate4": _read_separate,
-    "splitlr": _split_reader("valuel", "valuer", 0),
-    "splittb": _split_reader("valueb", "valuet", 1),
+    "splitlr": _ramp_reader("valuel", "valuer", 0, is_split=True),
+    "splittb": _ramp_reader("valueb", "valuet", 1, is_split=True),
     "swizzle": _read_swizzle,
     "switch": _read_switch,
     "texcoord": sampling.read_texcoord,
