@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+import numpy as np
+
+from lookdev.arrays import Floats
 from lookdev.brdf import Mode
 from lookdev.material.expression import Expression, Kind
 
@@ -21,6 +25,18 @@ Transform = tuple[float, float, float, float, float, float]
 """A 2 x 3 matrix M, row major, applied to texture coordinates: ``st' = M[:, :2] @ st + M[:, 2]``."""
 
 IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def to_transform(matrix: Floats) -> Transform:
+    """Return the first two rows of a matrix (..., 3) as a `Transform`."""
+    a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
+    return a, b, c, d, e, f
+
+
+def transform2d(scale: Iterable[float], degrees: float, translation: Iterable[float]) -> Floats:
+    """Return UsdTransform2d as a matrix (3, 3): ``in * scale * rotate + translation``, counter-clockwise."""
+    (x, y), (dx, dy), c, s = scale, translation, cos(radians(degrees)), sin(radians(degrees))
+    return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)

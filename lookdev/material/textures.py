@@ -120,6 +120,21 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
     return tiles
 
 
+def check_images(texture: Texture) -> None:
+    """Read the headers of all images of a texture; raises as `image_header` and `udim_tiles`."""
+    for tile in udim_tiles(texture).values() or [texture]:
+        image_header(tile.file)
+
+
+def lacks_negatives(texture: Texture) -> bool:
+    """Return whether a normal map has no negative component: its image holds 0 to 1, and is not scaled to -1 to 1.
+
+    A map with flipped or weakened axes is centred too, up to half a step of 8 bits. Raises as `check_images`.
+    """
+    centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
+    return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).unsigned
+
+
 def linear_texture(texture: Texture) -> Path:
     """Return the image of a texture as a linear float EXR (R, G, B, A), converted once into the cache.
 

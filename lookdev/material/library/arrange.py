@@ -11,7 +11,7 @@ from lookdev.brdf import Mode
 from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
-from lookdev.material.library.nodes import find_sites, layer_paths
+from lookdev.material.library.nodes import find_sites, layer_paths, moved_path
 from lookdev.material.library.stack import LAYER_PARTS, layer_shader, require_stack
 from lookdev.material.usd import Variants, variant_sets
 
@@ -67,9 +67,8 @@ def redirect_connections(
             continue
         for target in spec.connectionPathList.GetAddedOrExplicitItems():
             absolute = target.MakeAbsolutePath(path.GetPrimPath()).StripAllVariantSelections()
-            old = next((old_path for old_path in new_paths if absolute.GetPrimPath().HasPrefix(old_path)), None)
-            if old is not None:
-                spec.connectionPathList.ReplaceItemEdits(target, absolute.ReplacePrefix(old, new_paths[old]))
+            if (moved := moved_path(absolute, new_paths)) is not None:
+                spec.connectionPathList.ReplaceItemEdits(target, moved)
 
 
 def enable_layer(file: Path, layer: str, enabled: bool, prim: str | None = None, variants: Variants = None) -> None:

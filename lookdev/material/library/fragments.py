@@ -16,7 +16,7 @@ from lookdev.errors import LookError
 from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
-from lookdev.material.library.nodes import find_sites, find_upstream, free_path, relative_path
+from lookdev.material.library.nodes import find_sites, find_upstream, free_path, moved_path, relative_path
 from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
 from lookdev.material.usd import Variants, open_material
 from lookdev.material.usd.network import Network, Source
@@ -137,18 +137,14 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     for part, attribute in authored.items():
         spec, holder = Sdf.AttributeSpec(stack_spec, f"inputs:layer1{part}", _KINDS[part]), network.follow(attribute)
         if isinstance(holder, Source):
-            target = holder.path.AppendProperty(f"outputs:{holder.output}")
-            spec.connectionPathList.explicitItems = [target.ReplacePrefix(*_enclosing_path(holder.path, new_paths))]
+            target = moved_path(holder.path.AppendProperty(f"outputs:{holder.output}"), new_paths)
+            if target is None:
+                hint = "move it into the material to copy the layer"
+                raise LookError.at("", holder.path, "is outside of the material", hint)
+            spec.connectionPathList.explicitItems = [target]
         elif holder and holder.HasAuthoredValue():
             spec.default = holder.Get()
     return fragment
-
-
-def _enclosing_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> tuple[Sdf.Path, Sdf.Path]:
-    for old, new in new_paths.items():
-        if path.HasPrefix(old):
-            return old, new
-    raise LookError.at("", path, "is outside of the material", "move it into the material to copy the layer")
 
 
 def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
@@ -167,9 +163,7 @@ def _replace_interface(
         spec = fragment.GetAttributeAtPath(path) if path.IsPropertyPath() else None
         targets = spec.connectionPathList.GetAddedOrExplicitItems() if spec else ()
         if spec and any(target.GetPrimPath() == _ROOT for target in targets):
-            old = next(origin for new, origin in origins.items() if path.HasPrefix(new))
-            new = next(new for new in origins if path.HasPrefix(new))
-            holder = network.follow(stage.GetAttributeAtPath(path.ReplacePrefix(new, old)))
+            holder = network.follow(stage.GetAttributeAtPath(moved_path(path, origins)))
             if isinstance(holder, Source):
                 raise LookError.at("", holder.path, "feeds the interface", "copy its source instead")
             spec.connectionPathList.ClearEdits()
@@ -198,11 +192,7 @@ def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
             continue
         attribute = stack.create_input(number, part, kind)
         if targets := spec.connectionPathList.GetAddedOrExplicitItems():
-            attribute.SetConnections([_new_target(target, new_paths) for target in targets])
+            attribute.SetConnections([moved_path(target, new_paths) or target for target in targets])
         elif spec.HasDefaultValue():
             attribute.Set(spec.default)
     return number
-
-
-def _new_target(target: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> Sdf.Path:
-    return next((target.ReplacePrefix(old, new) for old, new in new_paths.items() if target.HasPrefix(old)), target)

@@ -6,7 +6,7 @@ The sites of a prim are the paths of its specs in a layer: its path, and paths i
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
@@ -38,6 +38,11 @@ def relative_path(file: Path, folder: Path) -> str:
     """Return the path of a file relative to a folder; with ``./``, USD does not use its search path."""
     path = Path(os.path.relpath(file, folder)).as_posix()
     return path if path.startswith("../") else f"./{path}"
+
+
+def moved_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> Sdf.Path | None:
+    """Return the new path of a prim or property in or below one of the moved prims; None elsewhere."""
+    return next((path.ReplacePrefix(old, new) for old, new in new_paths.items() if path.HasPrefix(old)), None)
 
 
 def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:

@@ -56,24 +56,24 @@ class Stack:
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
-        return f"inputs:layer{number}{part}"
+        return f"inputs:layer{number}{part}" if number else f"inputs:base{part}"
 
     def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def attribute(self, number: int, part: str) -> Usd.Attribute:
-        """Return an input of a layer, which may not exist."""
+        """Return an input of a layer, or of the base, number 0; it may not exist."""
         return self.prim.GetAttribute(self.input_name(number, part))
 
     def shader(self, number: int) -> UsdShade.Shader | None:
         """Return the shader of a layer, or of the base, number 0; None where none is connected."""
-        source = self.network.follow(self.attribute(number, "") if number else self.prim.GetAttribute("inputs:base"))
+        source = self.network.follow(self.attribute(number, ""))
         return source.shader if isinstance(source, Source) else None
 
     def is_enabled(self, number: int) -> bool:
         """Return whether a layer, or the base, is not switched off."""
         enabled = self.attribute(number, "Enabled")
-        return not (number and enabled) or self.network.read_constant(enabled, _TYPES.Bool) is not False
+        return not enabled or self.network.read_constant(enabled, _TYPES.Bool) is not False
 
     def is_in_file(self, attribute: Usd.Attribute) -> bool:
         """Return whether all opinions of an input are in the edited file, on the stack itself."""

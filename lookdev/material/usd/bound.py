@@ -16,7 +16,7 @@ from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.look import Source as FormulaSource
-from lookdev.material.textures import image_header, udim_tiles
+from lookdev.material.textures import lacks_negatives, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders
 from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
@@ -303,10 +303,9 @@ class _Material:
             self.network.add_fault(
                 attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'"
             )
-        centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
         try:
-            file = next(iter(udim_tiles(texture).values()), texture).file
-            if not centred and image_header(file).unsigned:
+            if lacks_negatives(texture):
+                file = next(iter(udim_tiles(texture).values()), texture).file
                 message = f"{file.name} holds 0 to 1, so no normal has a negative component"
                 self.network.add_fault(
                     attribute, message, "it is carried as it stands; set scale and bias of the texture"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, inf, radians, sin
+from math import inf
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
 from lookdev.errors import ModelError, TextureError, nearest_hint
 from lookdev.material.definitions import USD_TYPES
@@ -27,9 +26,11 @@ from lookdev.material.look import (
     Transform,
     View,
     Wrap,
+    to_transform,
+    transform2d,
 )
 from lookdev.material.look import Source as FormulaInput
-from lookdev.material.textures import image_header, resolve_texture, udim_tiles
+from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
 from lookdev.material.usd.images import asset_file, image_path
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
 
@@ -212,10 +213,7 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
     if texture.colorspace == "sRGB":
         message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
-    # A normal map with flipped or weakened axes is centred too, up to half a step of 8 bits.
-    centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
-    file = next(iter(udim_tiles(texture).values()), texture).file
-    if not centred and image_header(file).unsigned:
+    if lacks_negatives(texture):
         message = "the image holds 0 to 1, so no normal has a negative component"
         network.add_fault(
             f"{source.path}.inputs:bias", message, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
@@ -283,8 +281,7 @@ def _read_texture(
     try:
         if not network.opens_images:
             return texture
-        for tile in udim_tiles(texture).values() or [texture]:
-            image_header(tile.file)
+        check_images(texture)
         return resolve_texture(texture)
     except TextureError as error:
         network.add_fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
@@ -326,18 +323,11 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> t
         network.check_node(path, source)
         if identifier == "UsdPrimvarReader_float2":
             name = _read_varname(network, source.shader)
-            a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
-            return (name, (a, b, c, d, e, f)) if name else None
+            return (name, to_transform(matrix)) if name else None
         scale = network.read_node_value(source.shader, "scale", Gf.Vec2f)
         rotation = network.read_node_value(source.shader, "rotation", float)
         translation = network.read_node_value(source.shader, "translation", Gf.Vec2f)
         if scale is None or rotation is None or translation is None:
             return None
-        matrix = matrix @ _transform2d(scale, rotation, translation)
+        matrix = matrix @ transform2d(scale, rotation, translation)
         path = f"{source.path}.inputs:in"
-
-
-def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> Floats:
-    """Return UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    (x, y), (dx, dy), c, s = scale, translation, cos(radians(rotation)), sin(radians(rotation))
-    return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])

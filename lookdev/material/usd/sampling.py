@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, radians, sin
 from pathlib import Path
 from typing import Literal
 
@@ -16,8 +15,8 @@ from pxr import Sdf
 
 from lookdev.arrays import Floats
 from lookdev.errors import Fault, TextureError
-from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap
-from lookdev.material.textures import image_header, resolve_texture, udim_tiles
+from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
+from lookdev.material.textures import check_images, resolve_texture
 from lookdev.material.usd.images import image_path
 from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
@@ -152,9 +151,9 @@ def read_primvar(node: Node) -> Term:
 
 def read_transform2d(node: Node) -> Term:
     """Read UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    (x, y), (dx, dy) = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
-    c, s = _cos_sin(node.read_numbers("rotation", 0.0)[0])
-    return _transform_coordinates(node, "in", np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]]))
+    scale, translation = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
+    (rotation,) = node.read_numbers("rotation", 0.0)
+    return _transform_coordinates(node, "in", transform2d(scale, rotation, translation))
 
 
 def read_place2d(node: Node) -> Term:
@@ -173,8 +172,8 @@ def read_place2d(node: Node) -> Term:
 
 def read_rotate2d(node: Node) -> Term:
     """Read rotate2d, in clockwise degrees."""
-    c, s = _cos_sin(-node.read_numbers("amount", 0.0)[0])
-    return _transform_coordinates(node, "in", np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    (amount,) = node.read_numbers("amount", 0.0)
+    return _transform_coordinates(node, "in", transform2d((1.0, 1.0), -amount, (0.0, 0.0)))
 
 
 def read_coordinates(node: Node, name: str) -> Term:
@@ -185,10 +184,6 @@ def read_coordinates(node: Node, name: str) -> Term:
 
 def _uv_term(node: Node, name: str) -> Term:
     return node.terms.leaf_term(Coordinates(name), 2, name)
-
-
-def _cos_sin(degrees: float) -> tuple[float, float]:
-    return cos(radians(degrees)), sin(radians(degrees))
 
 
 def _check_nonzero(node: Node, scale: Floats) -> Floats:
@@ -203,11 +198,7 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
     def shift(translation: Floats) -> Floats:
         return np.array([[1.0, 0.0, translation[0]], [0.0, 1.0, translation[1]], [0.0, 0.0, 1.0]])
 
-    c, s = _cos_sin(-degrees)
-    rotation, scaling = (
-        np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
-        np.diag([1.0 / scale[0], 1.0 / scale[1], 1.0]),
-    )
+    rotation, scaling = transform2d((1.0, 1.0), -degrees, (0.0, 0.0)), np.diag([1.0 / scale[0], 1.0 / scale[1], 1.0])
     if order == "1":
         return np.asarray(shift(pivot) @ scaling @ rotation @ shift(-pivot - offset))
     return np.asarray(shift(pivot - offset) @ rotation @ scaling @ shift(-pivot))
@@ -221,7 +212,7 @@ def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
         term = _uv_term(node, "st")
     if isinstance(term.leaf, Coordinates):
         product = _to_square_matrix(term.leaf.transform)
-        leaf = Coordinates(term.leaf.st, _to_transform(matrix @ product))
+        leaf = Coordinates(term.leaf.st, to_transform(matrix @ product))
         return node.terms.leaf_term(leaf, 2, term.leaf.st)
     (a, b, c), (d, e, f) = matrix[0].tolist(), matrix[1].tolist()
     x, y = (node.terms.channel(term, index) for index in (0, 1))
@@ -236,11 +227,6 @@ def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
 
 def _to_square_matrix(transform: Transform) -> Floats:
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
-
-
-def _to_transform(matrix: Floats) -> Transform:
-    a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
-    return a, b, c, d, e, f
 
 
 def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
@@ -281,7 +267,13 @@ def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: 
     is_color = "color" in node.identifier
     space = _read_file_colorspace(node) if is_color else ""
     texture = Texture(
-        file, "rgb", space or "raw", wraps[0], wraps[1], st, _to_transform(matrix @ _to_square_matrix(transform))
+        file,
+        "rgb",
+        space or "raw",
+        wraps[0],
+        wraps[1],
+        st,
+        to_transform(matrix @ _to_square_matrix(transform)),
     )
     return _texel_term(node, texture, width)
 
@@ -319,9 +311,7 @@ def _read_file(node: Node, fallback: str, width: int) -> Path | Term:
     try:
         file = image_path(network, attribute, asset)
         if network.opens_images:
-            texture = Texture(file, "rgb", "auto")
-            for tile in udim_tiles(texture).values() or [texture]:
-                image_header(tile.file)
+            check_images(Texture(file, "rgb", "auto"))
         return file
     except TextureError as error:
         if node.attribute(fallback):

@@ -15,7 +15,7 @@ import numpy as np
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.expression.shaping import CONSTANTS, LARGEST
 from lookdev.material.expression.syntax import LONGEST
-from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture
+from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture, to_transform
 
 Leaf = Texture | Primvar | Coordinates | Bump
 
@@ -172,7 +172,7 @@ class Terms:
         if isinstance(leaf, Coordinates):
             matrix = np.reshape(leaf.transform, (2, 3)) * scale[:2, np.newaxis]
             matrix[:, 2] += bias[:2]
-            return replace(self.leaf_term(Coordinates(leaf.st, _to_transform(matrix.ravel())), 2, hint), tangent=False)
+            return replace(self.leaf_term(Coordinates(leaf.st, to_transform(matrix)), 2, hint), tangent=False)
         full_scale, full_bias = np.ones(4), np.zeros(4)
         full_scale[: scale.size], full_bias[: bias.size] = scale, bias
         scaled = np.array(leaf.scale) * full_scale
@@ -243,8 +243,3 @@ def _to_color(numbers: Sequence[float]) -> Color:
 def _to_scale(values: Iterable[float]) -> tuple[float, float, float, float]:
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d
-
-
-def _to_transform(values: Iterable[float]) -> tuple[float, float, float, float, float, float]:
-    a, b, c, d, e, f = (float(value) for value in values)
-    return a, b, c, d, e, f

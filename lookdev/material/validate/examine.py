@@ -17,12 +17,13 @@ from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, shorten
 from lookdev.material.definitions import DEFINITIONS
+from lookdev.material.library.stack import find_stack
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
-from lookdev.material.validate.unused import LayerInputs, unread_shaders
+from lookdev.material.validate.unused import disabled_switches, unread_shaders, unseen_layers
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
 MOST_COMBINATIONS = 64
@@ -184,15 +185,15 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         )
         return
     yield from usd_findings
-    layer_inputs = LayerInputs(file, UsdShade.Material(prim))
-    for where, message, hint in (*layer_inputs.notes(layers), *unread_shaders(prim)):
+    stack = find_stack(UsdShade.Material(prim))
+    for where, message, hint in (*(unseen_layers(stack, layers) if stack else ()), *unread_shaders(prim)):
         yield Finding("note", *_split_path(where), message, hint)
-    if layer_inputs.disabled:
+    if stack and (switches := disabled_switches(stack)):
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
         session = stage.GetSessionLayer()
         session_text = session.ExportToString()
         with Usd.EditContext(stage, session):
-            for attribute in layer_inputs.disabled:
+            for attribute in switches:
                 attribute.SetConnections([])
                 attribute.Set(True)
         for finding in _read_material(file, stage, path)[0]:
