@@ -43,14 +43,12 @@ def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tupl
         full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
     ]
     if not matches:
-        valid_names = [*names, *(full_name.removeprefix(f"{layer.name}.") for full_name, (layer, _) in names.items())]
-        raise ModelError(
-            f"look '{look.name}' has no '{parameter}' ({nearest_hint(parameter, list(dict.fromkeys(valid_names)))})"
-        )
+        short_names = [full_name.removeprefix(f"{layer.name}.") for full_name, (layer, _) in names.items()]
+        hint = nearest_hint(parameter, list(dict.fromkeys([*names, *short_names])))
+        raise ModelError(f"look '{look.name}' has no '{parameter}' ({hint})")
     if len(matches) > 1:
-        raise ModelError(
-            f"several layers of look '{look.name}' have '{parameter}': one of {', '.join(matches)} would be right"
-        )
+        hint = f"one of {', '.join(matches)} would be right"
+        raise ModelError(f"several layers of look '{look.name}' have '{parameter}': {hint}")
     return names, matches[0]
 
 
@@ -183,9 +181,8 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: 
     elif isinstance(value, str) and parameter.kind in ("float", "color"):
         new = _checked_formula(full_name, parameter, value, _input_of(layer, name))
     elif parameter.file or (parameter.kind == "token" and not alone):
-        raise ModelError(
-            f"{full_name} is a {'file' if parameter.file else 'choice that layers share'}, which cannot vary"
-        )
+        kind = "file" if parameter.file else "choice that layers share"
+        raise ModelError(f"{full_name} is a {kind}, which cannot vary")
     else:
         new = _checked_constant(full_name, parameter, value)
     return _with_input(layer, name, new)

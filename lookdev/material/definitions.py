@@ -118,9 +118,8 @@ def _layers_phrase(titles: list[str]) -> str:
 
 
 def _shader_text(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
-    return _SHADER.format(
-        name=name, doc=_quote(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
-    )
+    text, file = "\n".join(inputs), DEFINITIONS.name
+    return _SHADER.format(name=name, doc=_quote(doc), role=role, file=file, inputs=text, output=output)
 
 
 def _parameter_text(parameter: Parameter) -> str:

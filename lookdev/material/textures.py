@@ -80,11 +80,8 @@ def image_header(file: Path) -> ImageHeader:
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
     eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
     # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
-    profile, exif = (
-        spec.get_string_attribute("ICCProfile:profile_description"),
-        spec.get_int_attribute("Exif:ColorSpace"),
-    )
-    tagged = profile.startswith("sRGB") or exif == 1
+    profile = spec.get_string_attribute("ICCProfile:profile_description")
+    tagged = profile.startswith("sRGB") or spec.get_int_attribute("Exif:ColorSpace") == 1
     return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t), tagged)
 
 
@@ -287,9 +284,8 @@ def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Flo
     pixels = _linear_pixels(prepare(texture))
     height, width = pixels.shape[:2]
     columns = _bilinear_taps(image_st[..., 0], width, texture.wrap_s)
-    rows = _bilinear_taps(
-        1.0 - image_st[..., 1], height, texture.wrap_t
-    )  # row 0 is the top of the image, t 0 the bottom
+    # Row 0 is the top of the image, t 0 the bottom.
+    rows = _bilinear_taps(1.0 - image_st[..., 1], height, texture.wrap_t)
     for row, row_weight in rows:
         for column, column_weight in columns:
             value += (row_weight * column_weight)[..., np.newaxis] * pixels[row, column]

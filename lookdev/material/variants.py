@@ -41,8 +41,7 @@ def expand_wildcards(
             for variant in set_variants
         ]
         if len(selections) > MOST_COMBINATIONS:
-            message = (
-                f"'*' stands for {len(selections)} combinations of variants, at most {MOST_COMBINATIONS} would be right"
-            )
+            count = f"{len(selections)} combinations of variants"
+            message = f"'*' stands for {count}, at most {MOST_COMBINATIONS} would be right"
             raise LookError.at(file, prim, message, "name a variant of some of the sets")
     return tuple(selections)

@@ -82,9 +82,8 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
     if not presets and category is not None and categories:
         raise LookError.at("library", "", f"no preset of category '{category}'", nearest_hint(category, categories))
     if not presets:
-        raise LookError(
-            faults or [Fault("library", "", f"no preset in {_join_folders(folders)}", "put *.usda files there")]
-        )
+        message = f"no preset in {_join_folders(folders)}"
+        raise LookError(faults or [Fault("library", "", message, "put *.usda files there")])
     return Library(tuple(sorted(presets, key=lambda preset: (preset.category, preset.name))), tuple(faults))
 
 
@@ -143,9 +142,8 @@ def library_text(library: Library) -> str:
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    lines = ("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(map(str.rstrip, lines))
 
 
 def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:

@@ -11,7 +11,7 @@ from lookdev.brdf import Mode
 from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
-from lookdev.material.library.nodes import find_sites, layer_paths, moved_path
+from lookdev.material.library.nodes import find_sites, is_defined, layer_paths, moved_path
 from lookdev.material.library.stack import LAYER_PARTS, layer_shader, require_stack
 from lookdev.material.usd import Variants, variant_sets
 
@@ -24,10 +24,8 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
         stack = require_stack(material)
         number, name = stack.find(layer)
         if to not in stack.layers:
-            message = f"'{name}' cannot be layer {to}"
-            raise stack.make_error(
-                message, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
-            )
+            hint = f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
+            raise stack.make_error(f"'{name}' cannot be layer {to}", hint)
         step = 1 if to < number else -1
         order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
@@ -48,7 +46,7 @@ def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, var
         used_paths = {path.StripAllVariantSelections() for path in layer_paths(root)}
         if new != path and (new in used_paths or material.GetPrim().GetStage().GetPrimAtPath(new)):
             raise LookError.at(file, path, f"'{name}' is there already", "choose another name")
-        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path)):
+        if not is_defined(root, find_sites(root, path)):
             raise LookError.at(file, path, "is defined by another file", "rename it there")
         for site in find_sites(root, path):
             edit = Sdf.BatchNamespaceEdit()

@@ -98,9 +98,8 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
     if not inside:
         return attribute
     source = Network(Path()).follow(attribute)
-    names = (
-        [shader_input.GetBaseName() for shader_input in source.shader.GetInputs()] if isinstance(source, Source) else []
-    )
+    node_inputs = source.shader.GetInputs() if isinstance(source, Source) else []
+    names = [node_input.GetBaseName() for node_input in node_inputs]
     if not isinstance(source, Source) or inside[0] not in names:
         where = str(attribute.GetPath())
         message = f"no expression with an input '{inside[0]}' has its value"

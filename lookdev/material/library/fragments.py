@@ -16,7 +16,7 @@ from lookdev.errors import LookError
 from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
-from lookdev.material.library.nodes import find_sites, find_upstream, free_path, moved_path, relative_path
+from lookdev.material.library.nodes import find_sites, find_upstream, free_path, is_defined, moved_path, relative_path
 from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
 from lookdev.material.usd import Variants, open_material
 from lookdev.material.usd.network import Network, Source
@@ -116,10 +116,8 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
     nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
-    is_plain = all(
-        find_sites(root, path) == [path] and root.GetPrimAtPath(path).specifier == Sdf.SpecifierDef
-        for path in top_paths
-    )
+    sites = {path: find_sites(root, path) for path in top_paths}
+    is_plain = all(sites[path] == [path] and is_defined(root, [path]) for path in top_paths)
     source, fragment = root if is_plain else stage.Flatten(), Sdf.Layer.CreateAnonymous(".usda")
     top = Sdf.PrimSpec(fragment, _ROOT.name, Sdf.SpecifierDef, "Material")
     fragment.defaultPrim, top.documentation = _ROOT.name, _DOC

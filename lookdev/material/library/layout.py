@@ -178,13 +178,9 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
         lead, header = header + statement.lead, ""
         if previous is not None and (previous.meta or previous.body or current.meta or current.body):
             head = statement.head if key == statement.key else current.head
-            meta, body = (
-                _merge(statement.meta, previous.meta, current.meta),
-                _merge(statement.body, previous.body, current.body),
-            )
-            merged[key] = replace(
-                statement, lead=lead, head=head, meta=meta, body=body, gaps={**current.gaps, **statement.gaps}
-            )
+            gaps, meta = current.gaps | statement.gaps, _merge(statement.meta, previous.meta, current.meta)
+            body = _merge(statement.body, previous.body, current.body)
+            merged[key] = replace(statement, lead=lead, head=head, meta=meta, body=body, gaps=gaps)
         else:
             same = previous is not None and previous.head == current.head
             merged[key] = replace(statement, lead=lead) if same else replace(statement, lead=lead, head=current.head)

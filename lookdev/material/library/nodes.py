@@ -79,7 +79,7 @@ def prune(
             path
             for path in remaining
             if not any(target.HasPrefix(path) and not user.HasPrefix(path) for user, target in connected)
-            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path))
+            and is_defined(root, find_sites(root, path))
         ]
         if not unused:
             return
@@ -104,6 +104,11 @@ def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
 def find_sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
     """Return the sites of a prim in a layer."""
     return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
+
+
+def is_defined(layer: Sdf.Layer, sites: Iterable[Sdf.Path]) -> bool:
+    """Return whether a layer defines a prim at one of its sites, and not only overrides it."""
+    return any(layer.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites)
 
 
 def remove_prims(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:

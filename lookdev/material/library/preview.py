@@ -127,10 +127,8 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
         or any(layer_above.mode == "transmit" for layer_above, _ in layers[decisive + 1 :])
     )
     value = layer.inputs.get(parameter)
-    is_constant_or_source = isinstance(value, Texture | Primvar) or (
-        isinstance(value, float | tuple) and name != "opacity"
-    )
-    if not is_constant_or_source or is_changed or weights[decisive] <= 0.5:
+    is_source = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
+    if not is_source or is_changed or weights[decisive] <= 0.5:
         return []
     connections: list[Sdf.Path] = shader.GetInput(parameter).GetAttr().GetConnections()
     return connections

@@ -46,9 +46,8 @@ class Stack:
             raise self.make_error(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
         if not numbers:
             valid_names = [label for number, name in self.layers.items() for label in (name, str(number))]
-            raise self.make_error(
-                f"no layer '{layer}'", nearest_hint(layer, valid_names) if valid_names else "it has only a base"
-            )
+            hint = nearest_hint(layer, valid_names) if valid_names else "it has only a base"
+            raise self.make_error(f"no layer '{layer}'", hint)
         return numbers[0], self.layers[numbers[0]]
 
     def make_error(self, message: str, hint: str) -> LookError:

@@ -219,9 +219,8 @@ class _Writer:
     def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
         if primvar not in self._written:
             reader = "UsdPrimvarReader_float" if kind == "float" else "UsdPrimvarReader_float3"
-            self._written[primvar] = self._define_node(
-                primvar.name, reader, varname=primvar.name, fallback=primvar.fallback
-            )
+            inputs = {"varname": primvar.name, "fallback": primvar.fallback}
+            self._written[primvar] = self._define_node(primvar.name, reader, **inputs)
         result = Sdf.ValueTypeNames.Float if kind == "float" else Sdf.ValueTypeNames.Float3
         return self._written[primvar].CreateOutput("result", result)
 

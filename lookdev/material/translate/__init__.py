@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from lookdev.brdf import Parameter, StackLayer, model_named
 from lookdev.brdf.parameters import add_followers
-from lookdev.brdf.vectors import Parameters, are_equal
+from lookdev.brdf.vectors import are_equal
 from lookdev.material.look import Input, Layer, Look, Primvar
 from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
@@ -58,15 +58,13 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
         for layer_above in others
         if not are_equal(layer_above.mask, 0.0)
     ]
-    return [
-        replace(part, parameters=_complete_parameters(part), name=f"{layer.name} {part.name}".strip())
-        for part in masked
-    ]
+    return [_complete_part(layer, part) for part in masked]
 
 
-def _complete_parameters(layer: StackLayer) -> Parameters:
-    model = model_named(layer.model)
-    return model.complete({}) | add_followers(model.parameters, layer.parameters)
+def _complete_part(layer: StackLayer, part: StackLayer) -> StackLayer:
+    model = model_named(part.model)
+    parameters = model.complete({}) | add_followers(model.parameters, part.parameters)
+    return replace(part, parameters=parameters, name=f"{layer.name} {part.name}".strip())
 
 
 def foreign_shaders() -> dict[str, str]:

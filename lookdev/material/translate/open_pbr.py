@@ -74,10 +74,8 @@ def _ior(p: Parameters) -> Real:
 
 def _coated_roughness(p: Parameters) -> Real:
     """Return the roughness of the base as it appears through the coat."""
-    base_roughness2, coat_roughness2 = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
-    both = np.sqrt(
-        np.sqrt(np.minimum(2.0 * coat_roughness2 * coat_roughness2 + base_roughness2 * base_roughness2, 1.0))
-    )
+    base_alpha, coat_alpha = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
+    both = np.sqrt(np.sqrt(np.minimum(2.0 * coat_alpha * coat_alpha + base_alpha * base_alpha, 1.0)))
     return mix(p["specular_roughness"], both, p["coat_weight"])
 
 

@@ -88,6 +88,6 @@ STANDARD_SURFACE = Translation(
     },
 )
 STANDARD_SURFACE_100 = replace(
-    STANDARD_SURFACE, name="standard_surface_100", identifier="ND_standard_surface_surfaceshader_100"
+    STANDARD_SURFACE, name="standard_surface_100", identifier=f"{STANDARD_SURFACE.identifier}_100"
 )
 """Version 1.0.0, whose defaults differ."""

@@ -214,9 +214,8 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
         layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *layer_shaders()))
         return (layer,) if layer else ()
     if not attribute or source is not None:
-        network.add_fault(
-            terminal, "is not connected", f"connect it to a LookdevLayers, {_layer_shader_names()} shader"
-        )
+        hint = f"connect it to a LookdevLayers, {_layer_shader_names()} shader"
+        network.add_fault(terminal, "is not connected", hint)
     return ()
 
 
@@ -248,9 +247,8 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
     for number in numbers:
         layer = f"layer{number}"
         if layer not in attributes:
-            network.add_fault(
-                f"{stack.GetPath()}.inputs:{layer}", "is not connected, but has a mask, a mode or a switch"
-            )
+            where = f"{stack.GetPath()}.inputs:{layer}"
+            network.add_fault(where, "is not connected, but has a mask, a mode or a switch")
         elif number > 1 and number - 1 not in numbers:
             network.add_fault(attributes[layer], f"there is no layer{number - 1}", "number the layers without gaps")
         enabled = attributes.get(f"{layer}Enabled")
@@ -309,11 +307,8 @@ def _read_layer(
 ) -> Layer | None:
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:
-        network.add_fault(
-            attribute,
-            f"<{source.path}> has the unknown info:id '{identifier}'",
-            nearest_hint(identifier, valid_identifiers),
-        )
+        message = f"<{source.path}> has the unknown info:id '{identifier}'"
+        network.add_fault(attribute, message, nearest_hint(identifier, valid_identifiers))
         return None
     if source.output != "layer":
         network.add_fault(attribute, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:layer")

@@ -146,6 +146,7 @@ class _Material:
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
         self.network = Network(file)
+        self.add_fault = self.network.add_fault
         self.reader = Reader(self.network, NODES)
 
     @property
@@ -155,7 +156,7 @@ class _Material:
 
     def grey_look(self, reason: str) -> Look:
         """Return a grey look for a material that cannot be read, and add the reason as a fault."""
-        self.network.add_fault(self.path, reason, "its parts are grey")
+        self.add_fault(self.path, reason, "its parts are grey")
         return Look(self.path.rpartition("/")[2], (GREY,), f"{self.network.file}<{self.path}>")
 
     def read(self, prim: Usd.Prim) -> Look:
@@ -166,12 +167,12 @@ class _Material:
         terminals = [name for name in _SURFACES if _is_connected(prim, name)]
         for name in _VOLUMES:
             if _is_connected(prim, name):
-                self.network.add_fault(prim.GetAttribute(name), "volumes are not supported", "only surfaces are shown")
+                self.add_fault(prim.GetAttribute(name), "volumes are not supported", "only surfaces are shown")
         for name in terminals:
             try:
                 layers = self._read_surface(prim.GetAttribute(name), 0)
             except NotCarriedError as error:
-                self.network.add_fault(prim.GetAttribute(name), str(error) or "cannot be read")
+                self.add_fault(prim.GetAttribute(name), str(error) or "cannot be read")
                 continue
             displacement = self._read_displacement(prim)
             return Look(prim.GetName(), tuple(layers), f"{self.network.file}<{self.path}>", displacement)
@@ -238,10 +239,10 @@ class _Material:
                     inputs[name] = value
             elif self._has_value(attribute):
                 message = f"is not carried: {shader_id(source.shader)} is read without it"
-                self.network.add_fault(attribute, message, close_hint(name, list(parameters)))
+                self.add_fault(attribute, message, close_hint(name, list(parameters)))
         if model in TRANSLATIONS:
             for name, reason in TRANSLATIONS[model].losses(inputs):
-                self.network.add_fault(f"{source.path}.inputs:{name}", reason)
+                self.add_fault(f"{source.path}.inputs:{name}", reason)
         return Layer(source.shader.GetPrim().GetName(), model, {**defaults, **inputs})
 
     def _read_input(self, source: Source, attribute: Usd.Attribute, parameter: Parameter) -> Input | None:
@@ -258,9 +259,7 @@ class _Material:
         except NotCarriedError as error:
             default = parameter.default
             default_text = ", ".join(f"{number:g}" for number in default) if isinstance(default, tuple) else default
-            self.network.add_fault(
-                attribute, f"is not carried{f': {error}' if str(error) else ''}", f"{default_text} is taken"
-            )
+            self.add_fault(attribute, error.fault, f"{default_text} is taken")
             return None
 
     def _read_token(self, attribute: Usd.Attribute, parameter: Parameter) -> str | None:
@@ -285,31 +284,24 @@ class _Material:
         if clipped != numbers:
             clipped_text = ", ".join(f"{number:g}" for number in clipped)
             number_text = ", ".join(f"{number:g}" for number in numbers)
-            self.network.add_fault(
-                attribute, f"{number_text} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken"
-            )
+            self.add_fault(attribute, f"{number_text} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken")
         return (clipped[0], clipped[1], clipped[2]) if isinstance(value, tuple) else clipped[0]
 
     def _check_normal(self, source: Source, attribute: Usd.Attribute, term: Term) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
         if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
-            raise NotCarriedError(
-                "is a normal in world space; only one of a normalmap or a bump, in tangent space, is supported"
-            )
+            hint = "only one of a normalmap or a bump, in tangent space, is supported"
+            raise NotCarriedError(f"is a normal in world space; {hint}")
         if not isinstance(texture := term.leaf, Texture):
             return
         if texture.colorspace not in ("raw", "auto"):
             message = f"{texture.file.name} is decoded as {texture.colorspace}, but a normal map is data"
-            self.network.add_fault(
-                attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'"
-            )
+            self.add_fault(attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'")
         try:
             if lacks_negatives(texture):
                 file = next(iter(udim_tiles(texture).values()), texture).file
                 message = f"{file.name} holds 0 to 1, so no normal has a negative component"
-                self.network.add_fault(
-                    attribute, message, "it is carried as it stands; set scale and bias of the texture"
-                )
+                self.add_fault(attribute, message, "it is carried as it stands; set scale and bias of the texture")
         except TextureError as error:
             raise NotCarriedError(str(error)) from error
 
@@ -320,9 +312,7 @@ class _Material:
         if prim and not any(_is_connected(prim, name) for name in _DISPLACEMENTS):
             holder = self.network.follow(attribute)
             if isinstance(holder, Source) or (holder is not None and holder.Get()):
-                self.network.add_fault(
-                    attribute, "has no effect: outputs:displacement of the material is not connected"
-                )
+                self.add_fault(attribute, "has no effect: outputs:displacement of the material is not connected")
 
     def _has_value(self, attribute: Usd.Attribute) -> bool:
         """Return whether an input has a value, directly or through inputs of the material."""
@@ -351,9 +341,7 @@ class _Material:
                 height = self.reader.terms.apply("{a} * {b}", {"a": height, "b": scale}, ("a", "b"))
             return None if height is None or height.numbers == (0.0,) else Displacement(_mask_source(height))
         except NotCarriedError as error:
-            self.network.add_fault(
-                terminal, f"is not carried{f': {error}' if str(error) else ''}", "nothing is displaced"
-            )
+            self.add_fault(terminal, error.fault, "nothing is displaced")
             return None
 
 

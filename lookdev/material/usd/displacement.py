@@ -33,18 +33,15 @@ def read_displacement(network: Network, material: UsdShade.Material) -> Displace
             network.add_fault(terminal, "is not connected", f"connect it to a {SHADER} shader")
         return None
     if (identifier := shader_id(source.shader)) != SHADER:
-        network.add_fault(
-            terminal, f"<{source.path}> has the unknown info:id '{identifier}'", nearest_hint(identifier, [SHADER])
-        )
+        message = f"<{source.path}> has the unknown info:id '{identifier}'"
+        network.add_fault(terminal, message, nearest_hint(identifier, [SHADER]))
         return None
     network.check_inputs(source.shader, _INPUTS)
     inputs = {name: source.shader.GetPrim().GetAttribute(f"inputs:{name}") for name in _INPUTS}
     fault_count = len(network.faults)
     height = read_input(network, inputs["height"], _HEIGHT) if inputs["height"] else None
     if height is None and len(network.faults) == fault_count:
-        network.add_fault(
-            f"{source.path}.inputs:height", "is neither set nor connected", "give it a value, or connect it"
-        )
+        network.add_unset_fault(f"{source.path}.inputs:height")
     scale, midlevel = network.read_float(inputs["scale"], 1.0), network.read_float(inputs["midlevel"], 0.0)
     units = network.read_choice(inputs["units"], get_args(Units))
     if not isinstance(height, float | Texture | Primvar | Formula):

@@ -87,9 +87,8 @@ def _check_range(
     low, high = parameter.hard
     # USD stores float32, and rounds a constant at an end of the range to it.
     ends = {np.float32(end): end for end in parameter.hard}
-    numbers = tuple(
-        ends.get(np.float32(number), number) for number in ((value,) if isinstance(value, float) else value)
-    )
+    channels = (value,) if isinstance(value, float) else tuple(value)
+    numbers = tuple(ends.get(np.float32(number), number) for number in channels)
     if parameter.kind == "normal" and not any(numbers):
         network.add_fault(where, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
         return None
@@ -135,9 +134,8 @@ def _read_formula(
     key = source.path, kind
     formula = network.formulas.get(key)
     if len(enclosing) + network.depths.get(id(formula), 1) > _MAX_DEPTH:
-        network.add_fault(
-            attribute, f"more than {_MAX_DEPTH} expressions read one another", "join some of them into one"
-        )
+        message = f"more than {_MAX_DEPTH} expressions read one another"
+        network.add_fault(attribute, message, "join some of them into one")
         return None
     if key not in network.formulas:
         formula = network.formulas[key] = _read_new_formula(network, kind, source, enclosing)
@@ -205,7 +203,7 @@ def _read_formula_input(
     fault_count = len(network.faults)
     value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), enclosing)
     if value is None and len(network.faults) == fault_count and not isinstance(network.follow(attribute), Source):
-        network.add_fault(where, "is neither set nor connected", "give it a value, or connect it")
+        network.add_unset_fault(where)
     return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
 
@@ -215,9 +213,8 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
     if lacks_negatives(texture):
         message = "the image holds 0 to 1, so no normal has a negative component"
-        network.add_fault(
-            f"{source.path}.inputs:bias", message, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
-        )
+        hint = "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
+        network.add_fault(f"{source.path}.inputs:bias", message, hint)
 
 
 def _read_bump(network: Network, source: Source) -> Bump | None:
@@ -266,9 +263,8 @@ def _read_texture(
     network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
     coordinates = _read_coordinates(network, shader, "st")
-    colorspace, wrap_s, wrap_t = (
-        network.read_node_value(shader, name, str) for name in ("sourceColorSpace", "wrapS", "wrapT")
-    )
+    colorspace = network.read_node_value(shader, "sourceColorSpace", str)
+    wrap_s, wrap_t = (network.read_node_value(shader, name, str) for name in ("wrapS", "wrapT"))
     scale, bias = (network.read_node_value(shader, name, Gf.Vec4f) for name in ("scale", "bias"))
     channel = next((candidate for candidate in channels if candidate == source.output), None)
     if channel is None or file is None or coordinates is None or colorspace is None or scale is None or bias is None:

@@ -67,6 +67,10 @@ class Network:
         path = where.GetPath() if isinstance(where, Usd.Object | Usd.SchemaBase) else where
         self._faults.append(Fault(str(self.file), shorten(str(path)), shorten(message), hint))
 
+    def add_unset_fault(self, where: str) -> None:
+        """Add the fault of an input without a value."""
+        self.add_fault(where, "is neither set nor connected", "give it a value, or connect it")
+
     def add_external_fault(self, fault: Fault) -> None:
         """Add a fault of another file."""
         self._faults.append(fault)
@@ -98,9 +102,8 @@ class Network:
                 return Source(UsdShade.Shader(prim), name)
             attribute = prim.GetAttribute(target.name) if prim and not prim.IsA(UsdShade.Shader) else None
             if not attribute:
-                self.add_fault(
-                    path, f"is connected to <{target}>, which is neither an output of a shader nor an interface input"
-                )
+                message = "which is neither an output of a shader nor an interface input"
+                self.add_fault(path, f"is connected to <{target}>, {message}")
                 return None
             seen.add(path)
         return attribute
@@ -179,9 +182,8 @@ class Network:
         """Add a fault for every input of a shader that is not among `valid_names`."""
         unknown = [shader_input for shader_input in shader.GetInputs() if shader_input.GetBaseName() not in valid_names]
         for shader_input in unknown[:_MOST_UNKNOWN]:
-            self.add_fault(
-                shader_input.GetAttr(), "unknown input", nearest_hint(shader_input.GetBaseName(), valid_names)
-            )
+            hint = nearest_hint(shader_input.GetBaseName(), valid_names)
+            self.add_fault(shader_input.GetAttr(), "unknown input", hint)
         if more := len(unknown[_MOST_UNKNOWN:]):
             self.add_fault(shader.GetPath(), f"{more} more unknown inputs", f"known: {', '.join(valid_names)}")
 

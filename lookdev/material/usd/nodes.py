@@ -209,9 +209,8 @@ def _read_noise(node: Node) -> Term:
         return node.terms.apply("cellnoise({x}, {y})", {"x": x, "y": y})
     amplitude, pivot = node.read_any_term("amplitude", 1.0), node.read_any_term("pivot", 0.0)
     value = node.terms.apply("2 * noise({x}, {y}) - 1", {"x": x, "y": y})
-    scaled = node.terms.apply(
-        "{value} * {amplitude} + {pivot}", {"value": value, "amplitude": amplitude, "pivot": pivot}
-    )
+    terms = {"value": value, "amplitude": amplitude, "pivot": pivot}
+    scaled = node.terms.apply("{value} * {amplitude} + {pivot}", terms)
     return convert_channels(scaled, node.width)
 
 
@@ -225,9 +224,8 @@ def _read_normal_map(node: Node) -> Term:
 
 
 def _read_bump(node: Node) -> Term:
-    return _scale_bump(
-        node, _height_bump(node, node.read_term("height", 1, 0.0), 1.0), node.read_any_term("scale", 1.0)
-    )
+    bump = _height_bump(node, node.read_term("height", 1, 0.0), 1.0)
+    return _scale_bump(node, bump, node.read_any_term("scale", 1.0))
 
 
 def _read_height_to_normal(node: Node) -> Term:
@@ -249,9 +247,8 @@ def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
         return bump
     if scale.numbers is None or len(set(scale.numbers)) != 1:
         raise NotCarriedError("the scale of a bump is not one constant")
-    return replace(
-        node.terms.leaf_term(replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0]), 3, node.name), tangent=True
-    )
+    scaled = replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0])
+    return replace(node.terms.leaf_term(scaled, 3, node.name), tangent=True)
 
 
 NODES: dict[str, Callable[[Node], Term]] = {

@@ -69,17 +69,13 @@ def _select_output(node: Node, rgba: Term) -> Term:
 
 def read_image(node: Node) -> Term:
     """Read MaterialX's image."""
-    return _read_image_node(
-        node, np.eye(3), [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
-    )
+    return _read_image_node(node, np.eye(3), _read_address_modes(node))
 
 
 def read_tiled_image(node: Node) -> Term:
     """Read tiledimage: NG_tiledimage of the MaterialX library."""
-    tiling, offset = (
-        np.array(node.read_numbers("uvtiling", 1.0, 1.0)),
-        np.array(node.read_numbers("uvoffset", 0.0, 0.0)),
-    )
+    tiling = np.array(node.read_numbers("uvtiling", 1.0, 1.0))
+    offset = np.array(node.read_numbers("uvoffset", 0.0, 0.0))
     size, tile = (np.array(node.read_numbers(name, 1.0, 1.0)) for name in ("realworldimagesize", "realworldtilesize"))
     if not np.all(size):
         raise NotCarriedError("has a realworldimagesize of 0")
@@ -96,8 +92,7 @@ def read_gltf_image(node: Node) -> Term:
     order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
     pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
     matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -turn, np.array([-x, y]), order)
-    wraps = [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
-    texels = _read_image_node(node, matrix, wraps, 4 if color else 0)
+    texels = _read_image_node(node, matrix, _read_address_modes(node), 4 if color else 0)
     if color:
         for name in ("color", "geomcolor"):
             factor = node.read_term(name, 4, 1.0, 1.0, 1.0, 1.0)
@@ -238,7 +233,7 @@ def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
             node.add_fault(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
             term = constant(0.0, 0.0)
     except NotCarriedError as error:
-        node.add_fault(name, f"is not carried{f': {error}' if str(error) else ''}", _DEFAULT_UV_HINT)
+        node.add_fault(name, error.fault, _DEFAULT_UV_HINT)
         term = _uv_term(node, "st")
     if term.numbers is not None:
         s, t = term.numbers
@@ -249,8 +244,9 @@ def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
     return term.leaf.st, term.leaf.transform
 
 
-def _read_address_mode(node: Node, name: str) -> _WrapMode:
-    return _ADDRESS_MODES[node.read_text(name, "periodic", list(_ADDRESS_MODES))]
+def _read_address_modes(node: Node) -> list[_WrapMode]:
+    modes = [node.read_text(f"{axis}addressmode", "periodic", list(_ADDRESS_MODES)) for axis in "uv"]
+    return [_ADDRESS_MODES[mode] for mode in modes]
 
 
 def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> Term:

@@ -26,6 +26,11 @@ _SIMPLE = re.compile(r"[A-Za-z0-9_.]+")
 class NotCarriedError(Exception):
     """A value cannot be carried over. The message is the reason; it is empty where the network has the fault."""
 
+    @property
+    def fault(self) -> str:
+        """What is wrong with the input that has the value."""
+        return f"is not carried: {self}" if str(self) else "is not carried"
+
 
 @dataclass(frozen=True)
 class Term:
@@ -83,10 +88,8 @@ def constant(*numbers: float) -> Term:
     clipped = tuple(min(max(float(number), -LARGEST), LARGEST) for number in numbers)
     if len(clipped) == 4:
         return replace(constant(*clipped[:3]), alpha=constant(clipped[3]))
-    text = (
-        _format_number(clipped[0]) if len(clipped) == 1 else f"[{', '.join(map(_format_number, _to_color(clipped)))}]"
-    )
-    return Term(text, len(clipped), numbers=clipped)
+    texts = [_format_number(number) for number in (clipped if len(clipped) == 1 else _to_color(clipped))]
+    return Term(texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]", len(clipped), numbers=clipped)
 
 
 def convert_channels(term: Term, width: int) -> Term:
@@ -133,10 +136,8 @@ class Terms:
         """
         if any(operand.alpha for operand in operands.values()):
             colors = {name: replace(operand, alpha=None) for name, operand in operands.items()}
-            alphas = {
-                name: operand.alpha or (operand if operand.width == 1 else constant(1.0))
-                for name, operand in operands.items()
-            }
+            opaque = constant(1.0)
+            alphas = {name: term.alpha or (term if term.width == 1 else opaque) for name, term in operands.items()}
             return replace(self.apply(template, colors, linear), alpha=self.apply(template, alphas, linear))
         if any(isinstance(operand.leaf, Bump) for operand in operands.values()):
             raise NotCarriedError("a bump has no value to compute with")

@@ -66,14 +66,10 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
                 looks.append(combinations)
             if not looks:
                 findings += _examine_layers(file, stage)
-            stage_findings = (
-                [] if any(finding.what == _TOO_LARGE for finding in findings) else _usd_findings(stage, findings)
-            )
-            findings += [
-                finding
-                for finding in stage_findings
-                if not prim or finding.prim == prim or finding.prim.startswith(f"{prim}/")
-            ]
+            if all(finding.what != _TOO_LARGE for finding in findings):
+                inside = f"{prim}/" if prim else ""
+                stage_findings = _usd_findings(stage, findings)
+                findings += [finding for finding in stage_findings if f"{finding.prim}/".startswith(inside)]
     except LookError as error:
         findings += map(_from_fault, error.faults)
     ordered = sorted(dict.fromkeys(findings), key=lambda finding: SEVERITIES.index(finding.severity))
@@ -95,9 +91,8 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
     if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
         combinations = islice(_single_variants(stage, path, fixed), _MOST_VARIANTS)
         message = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
-        findings.append(
-            Finding("note", prim, "", message, "each variant was, with the other sets as the file has them")
-        )
+        hint = "each variant was, with the other sets as the file has them"
+        findings.append(Finding("note", prim, "", message, hint))
     looks: dict[str, tuple[Finding, ...]] = {}
     foreign: set[str] = set()
     for selection in combinations:
@@ -112,9 +107,8 @@ def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
     layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
-        return [
-            Finding("error", "", "", "holds no material and no layer", lights_hint(stage) or "define a Material prim")
-        ]
+        hint = lights_hint(stage) or "define a Material prim"
+        return [Finding("error", "", "", "holds no material and no layer", hint)]
     return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
 
 
@@ -180,9 +174,8 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
     if is_foreign(prim):  # read leniently: the material renders in spite of errors that USD finds
-        yield from (
-            replace(finding, severity="warning") if finding.severity == "error" else finding for finding in usd_findings
-        )
+        for finding in usd_findings:
+            yield replace(finding, severity="warning") if finding.severity == "error" else finding
         return
     yield from usd_findings
     stack = find_stack(UsdShade.Material(prim))
