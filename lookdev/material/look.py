@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import cos, radians, sin
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from lookdev.brdf import Mode
 from lookdev.material.expression import Expression, Kind
 
 Wrap = Literal["black", "clamp", "repeat", "mirror"]
+WRAPS: dict[str, Wrap] = {wrap: wrap for wrap in get_args(Wrap)}
+"""The wrap modes by their names."""
+
 Channel = Literal["r", "g", "b", "a", "rgb"]
 Color = tuple[float, float, float]
 

@@ -23,7 +23,7 @@ from lookdev.brdf import Array
 from lookdev.cache import Content, cached_files, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
-from lookdev.material.look import Bump, Texture, Wrap
+from lookdev.material.look import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
@@ -33,13 +33,7 @@ UDIM = "<UDIM>"
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
-_WRAPS: dict[str, Wrap] = {
-    "black": "black",
-    "clamp": "clamp",
-    "repeat": "repeat",
-    "periodic": "repeat",  # OpenImageIO's and RenderMan's word
-    "mirror": "mirror",
-}
+_WRAPS: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}  # with OpenImageIO's and RenderMan's word
 _UNSIGNED = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
 _STRIP_ROWS = 64
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}

@@ -19,7 +19,7 @@ from pathlib import Path
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, Model
-from lookdev.brdf.measured import MEASURED, load_grid
+from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError
@@ -51,26 +51,14 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
 
 
 def measured_look(file: Path, measurement: Path) -> str:
-    """Write a new look whose base is a file of measured reflectance; otherwise as `new_look`.
-
-    Raises ModelError for a faulty measurement.
-    """
-    load_grid(str(measurement))
-
-    def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
-        shader = UsdShade.Shader.Define(stage, path)
-        shader.CreateIdAttr(MEASURED.identifier)
-        shader.CreateInput("file", _TYPES.Asset).Set(relative_asset(measurement, stage))
-        shader.CreateOutput("layer", _TYPES.Token)
-        return path
-
-    return _write_new_look(file, None, define)
+    """Write a new look whose base is a file of measured reflectance, by a relative path; else as `model_look`."""
+    return model_look(file, MEASURED, {"file": str(measurement)}, is_relative=True)
 
 
-def model_look(file: Path, model: Model, values: Parameters) -> str:
+def model_look(file: Path, model: Model, values: Parameters, *, is_relative: bool = False) -> str:
     """Write a new look whose base is a model with some constants by name; otherwise as `new_look`.
 
-    Raises ModelError for faulty constants.
+    Paths of files are absolute, unless `is_relative`. Raises ModelError for faulty constants.
     """
     model.complete(values)
 
@@ -80,7 +68,8 @@ def model_look(file: Path, model: Model, values: Parameters) -> str:
         for name, value in values.items():
             kind = model.parameters[name].kind
             if model.parameters[name].file and value not in model.parameters[name].choices:
-                shader.CreateInput(name, _TYPES.Asset).Set(str(Path(value).absolute()))
+                asset = relative_asset(Path(value), stage) if is_relative else str(Path(value).absolute())
+                shader.CreateInput(name, _TYPES.Asset).Set(asset)
                 continue
             usd_value = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
             shader.CreateInput(name, INPUT_TYPES[kind]).Set(usd_value if kind != "float" else float(value))

@@ -17,28 +17,9 @@ from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
 from lookdev.material.translate.preview_surface import MATERIALX_PREVIEW_SURFACE, PREVIEW_SURFACE
 from lookdev.material.translate.standard_surface import STANDARD_SURFACE, STANDARD_SURFACE_100
-from lookdev.material.translate.translation import Translation
 
-__all__ = [
-    "TRANSLATIONS",
-    "Translation",
-    "display_color_look",
-    "foreign_shaders",
-    "layer_parameters",
-    "translate_layer",
-]
-
-TRANSLATIONS: dict[str, Translation] = {
-    translation.name: translation
-    for translation in (
-        PREVIEW_SURFACE,
-        MATERIALX_PREVIEW_SURFACE,
-        STANDARD_SURFACE,
-        STANDARD_SURFACE_100,
-        OPEN_PBR_SURFACE,
-        GLTF_PBR,
-    )
-}
+_SURFACES = (PREVIEW_SURFACE, MATERIALX_PREVIEW_SURFACE, STANDARD_SURFACE, STANDARD_SURFACE_100)
+TRANSLATIONS = {translation.name: translation for translation in (*_SURFACES, OPEN_PBR_SURFACE, GLTF_PBR)}
 """All translations by name."""
 
 

@@ -9,30 +9,22 @@ import numpy as np
 
 from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, Real, mix, scale
-from lookdev.material.translate.lobes import (
-    Interface,
-    color_under_sheen,
-    f0_of_ior,
-    max_channel,
-    mix_with_metal,
-    surface,
-    varnish,
-)
+from lookdev.material.translate import lobes
 from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
     color, metallic, base_roughness = p["base_color"], p["metallic"], p["roughness"]
     presence = _presence(p)
-    f0 = scale(np.minimum(scale(p["specular_color"], f0_of_ior(p["ior"])), 1.0), p["specular"])
-    emerging, interface = mix_with_metal(
-        color, Interface(f0, p["specular"], base_roughness), Interface(color, 1.0, base_roughness), metallic
+    f0 = scale(np.minimum(scale(p["specular_color"], lobes.f0_of_ior(p["ior"])), 1.0), p["specular"])
+    emerging, interface = lobes.mix_with_metal(
+        color, lobes.Interface(f0, p["specular"], base_roughness), lobes.Interface(color, 1.0, base_roughness), metallic
     )
-    weight = max_channel(p["sheen_color"])
+    weight = lobes.max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
-    emerging = color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
+    emerging = lobes.color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
     roughness, anisotropic = _disney_roughness(p)
-    layers = surface(
+    layers = lobes.surface(
         emerging,
         interface,
         p["normal"],
@@ -44,7 +36,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
         ior=p["ior"],
     )
     mask = p["clearcoat"] * presence
-    return [*layers, varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
+    return [*layers, lobes.varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
 
 
 def _presence(p: Parameters) -> Real:

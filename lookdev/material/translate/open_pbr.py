@@ -11,16 +11,7 @@ import numpy as np
 
 from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix, mix_color, scale
-from lookdev.material.translate.lobes import (
-    WHITE,
-    Interface,
-    color_under_sheen,
-    disney_anisotropy,
-    f0_of_ior,
-    mix_with_metal,
-    surface,
-    varnish,
-)
+from lookdev.material.translate import lobes
 from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
@@ -28,13 +19,13 @@ def _layers(p: Parameters) -> list[StackLayer]:
     metalness, coat_weight, base_roughness = p["base_metalness"], p["coat_weight"], _coated_roughness(p)
     weight = np.minimum(p["specular_weight"], 1.0)
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
-    dielectric = Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
-    metal = Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
-    emerging, interface = mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
+    dielectric = lobes.Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
+    metal = lobes.Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
+    emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
-    emerging = color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
+    emerging = lobes.color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
     roughness, anisotropic = _disney_roughness(base_roughness, p["specular_roughness_anisotropy"])
-    layers = surface(
+    layers = lobes.surface(
         emerging,
         interface.tint_by(tint),
         p["geometry_normal"],
@@ -48,7 +39,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     )
     roughness, anisotropic = _disney_roughness(p["coat_roughness"], p["coat_roughness_anisotropy"])
     mask = coat_weight * presence
-    return [*layers, varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
+    return [*layers, lobes.varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
 
 
 def _diffuse(p: Parameters) -> Array:
@@ -67,7 +58,7 @@ def _ior(p: Parameters) -> Real:
     """Return the effective index of refraction of the dielectric, with the specular weight and under the coat."""
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
     coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
-    f0 = p["specular_weight"] * f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
+    f0 = p["specular_weight"] * lobes.f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
     root: Real = np.sqrt(np.clip(f0, 0.0, 0.99999))
     return (1.0 + root) / (1.0 - root)
 
@@ -81,12 +72,13 @@ def _coated_roughness(p: Parameters) -> Real:
 
 def _tint(p: Parameters) -> Array:
     """Return the factor (..., 3) on the base's colour: the coat's colour, and the loss by reflection between both."""
-    internal = 1.0 - (1.0 - f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
+    internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
     dielectric = mix_color(p["base_color"], p["subsurface_color"], p["subsurface_weight"])
     base = mix_color(dielectric, scale(p["base_color"], np.minimum(p["specular_weight"], 1.0)), p["base_metalness"])
     internal = np.expand_dims(np.clip(internal, 0.0, 0.999), -1)
-    darkening = mix_color(WHITE, (1.0 - internal) / (1.0 - base * internal), p["coat_weight"] * p["coat_darkening"])
-    return darkening * mix_color(WHITE, p["coat_color"], p["coat_weight"])
+    weight = p["coat_weight"] * p["coat_darkening"]
+    darkening = mix_color(lobes.WHITE, (1.0 - internal) / (1.0 - base * internal), weight)
+    return darkening * mix_color(lobes.WHITE, p["coat_color"], p["coat_weight"])
 
 
 def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
@@ -97,7 +89,7 @@ def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
     across = 1.0 - anisotropy
     along2 = 2.0 / (1.0 + across * across)
     # The fourth root of the alphas' product, whose ratio is at most ten.
-    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), disney_anisotropy(anisotropy)
+    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), lobes.disney_anisotropy(anisotropy)
 
 
 OPEN_PBR_SURFACE = Translation(

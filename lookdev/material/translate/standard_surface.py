@@ -11,50 +11,41 @@ import numpy as np
 
 from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, are_equal, mean, mix, mix_color, scale
-from lookdev.material.translate.lobes import (
-    WHITE,
-    Interface,
-    color_under_sheen,
-    disney_anisotropy,
-    load_fit,
-    mix_with_metal,
-    surface,
-    varnish,
-)
+from lookdev.material.translate import lobes
 from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
     metalness, coat_weight, normal = p["metalness"], p["coat"], p["normal"]
     presence = mean(p["opacity"])
-    tint = mix_color(WHITE, p["coat_color"], coat_weight)
+    tint = mix_color(lobes.WHITE, p["coat_color"], coat_weight)
     roughness = mix(p["specular_roughness"], 1.0, coat_weight * p["coat_affect_roughness"] * p["coat_roughness"])
-    dielectric = Interface.from_ior(p["specular_IOR"], roughness, p["specular_color"], p["specular"])
-    metal = Interface(scale(p["base_color"], p["base"]), 1.0, roughness)
-    emerging, interface = mix_with_metal(_diffuse(p), dielectric, metal, metalness)
+    dielectric = lobes.Interface.from_ior(p["specular_IOR"], roughness, p["specular_color"], p["specular"])
+    metal = lobes.Interface(scale(p["base_color"], p["base"]), 1.0, roughness)
+    emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness)
     thin = p["thin_walled"] == "1"
-    layers = surface(
+    layers = lobes.surface(
         emerging * tint,
         interface.tint_by(tint),
         normal,
         presence=presence,
         coat_presence=presence,
-        anisotropic=disney_anisotropy(p["specular_anisotropy"]),
+        anisotropic=lobes.disney_anisotropy(p["specular_anisotropy"]),
         back=p["subsurface"] if thin else 0.0,
         clear=p["transmission"] * (1.0 - metalness),
         ior=1.0 if thin else p["specular_IOR"],
     )
-    anisotropic, mask = disney_anisotropy(p["coat_anisotropy"]), coat_weight * presence
-    return [*layers, varnish("coat", p["coat_IOR"], p["coat_roughness"], p["coat_normal"], mask, anisotropic)]
+    anisotropic, mask = lobes.disney_anisotropy(p["coat_anisotropy"]), coat_weight * presence
+    return [*layers, lobes.varnish("coat", p["coat_IOR"], p["coat_roughness"], p["coat_normal"], mask, anisotropic)]
 
 
 def _diffuse(p: Parameters) -> Array:
     """Return the diffuse colour, (..., 3), under the specular lobe."""
     gamma = np.expand_dims(1.0 + p["coat"] * p["coat_affect_color"], -1)
-    rough = 1.0 if are_equal(p["diffuse_roughness"], 0.0) else load_fit("rough")(p["diffuse_roughness"])
+    rough = 1.0 if are_equal(p["diffuse_roughness"], 0.0) else lobes.load_fit("rough")(p["diffuse_roughness"])
     diffuse = scale(np.power(p["base_color"], gamma), p["base"] * rough)
     color = mix_color(diffuse, np.power(p["subsurface_color"], gamma), p["subsurface"])
-    color = color_under_sheen(color, p["sheen"], p["sheen_color"], "sheen", p["sheen_roughness"])
+    color = lobes.color_under_sheen(color, p["sheen"], p["sheen_color"], "sheen", p["sheen_roughness"])
     return mix_color(color, p["transmission_color"], p["transmission"])
 
 
@@ -83,7 +74,7 @@ STANDARD_SURFACE = Translation(
         "thin_film_IOR": Loss(Reason.THIN_FILM, "thin_film_thickness"),
         "emission": Loss(Reason.EMISSION),
         "emission_color": Loss(Reason.EMISSION, "emission"),
-        "opacity": Loss("the surface is there in part, by the mean of the colour", gray=True),
+        "opacity": Loss("the lobes.surface is there in part, by the mean of the colour", gray=True),
         "tangent": Loss(Reason.TANGENT),
     },
 )

@@ -15,7 +15,7 @@ from pxr import Sdf
 
 from lookdev.arrays import Floats
 from lookdev.errors import Fault, TextureError
-from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
+from lookdev.material.look import WRAPS, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
 from lookdev.material.textures import check_images, resolve_texture
 from lookdev.material.usd.images import image_path
 from lookdev.material.usd.reader import Node
@@ -24,16 +24,9 @@ from lookdev.stage.colorspaces import colorspace_of
 
 _WrapMode = Wrap | Literal["useMetadata"]
 
-_USD_WRAPS: dict[str, _WrapMode] = {
-    "black": "black",
-    "clamp": "clamp",
-    "repeat": "repeat",
-    "mirror": "mirror",
-    "useMetadata": "useMetadata",
-}
+_USD_WRAPS: dict[str, _WrapMode] = {"useMetadata": "useMetadata", **WRAPS}
 _ADDRESS_MODES: dict[str, _WrapMode] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
-_CHANNELS: dict[str, Channel] = {"r": "r", "g": "g", "b": "b", "a": "a"}
 _DEFAULT_UV_HINT = "the UV set st is taken"
 
 
@@ -60,7 +53,7 @@ def read_uv_texture(node: Node) -> Term:
 
 def _select_output(node: Node, rgba: Term) -> Term:
     """Return the channels of a texture that the connected output of the node has."""
-    if node.output in _CHANNELS:
+    if node.output in ("r", "g", "b", "a"):
         return node.terms.channel(rgba, "rgba".index(node.output))
     if node.output in ("rgb", "rgba"):
         return convert_channels(rgba, len(node.output))

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
+from typing import TypeAlias
 
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
@@ -25,6 +26,9 @@ from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import disabled_switches, unread_shaders, unseen_layers
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
+
+Selection: TypeAlias = Mapping[str, str]
+"""A variant of each of some sets."""
 
 MOST_COMBINATIONS = 64
 """The most combinations of variants to examine; beyond, each variant is examined once, with the file's selections."""
@@ -148,9 +152,7 @@ def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, s
         yield from _select_variants(stage, path, name, selection)
 
 
-def _select_variants(
-    stage: Usd.Stage, path: Sdf.Path, name: str, selection: Mapping[str, str]
-) -> Iterator[Mapping[str, str]]:
+def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
     """Select each variant of a set in turn, and yield the extended selection; also "", where the file selects none."""
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
@@ -237,10 +239,8 @@ def _usd_findings(target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[
         prim, name = next((_split_path(str(site.GetPath())) for site in where if site), ("", ""))
         # The reader already reports a missing file, with the input or the reference that names it.
         file_name = Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in message else message
-        if any(
-            (name and (finding.prim, finding.input) == (prim, name)) or file_name in finding.what
-            for finding in reported
-        ):
+        places = {(finding.prim, finding.input) for finding in reported}
+        if (name and (prim, name) in places) or any(file_name in finding.what for finding in reported):
             continue
         severity = _SEVERITIES.get(error.GetName()) or _USD_SEVERITIES[error.GetType().name]
         yield Finding(severity, "" if prim == "/" else prim, name, message)

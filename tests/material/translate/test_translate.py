@@ -26,7 +26,6 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 from lookdev.material.translate import (
     TRANSLATIONS,
-    Translation,
     display_color_look,
     foreign_shaders,
     layer_parameters,
@@ -34,6 +33,7 @@ from lookdev.material.translate import (
 )
 from lookdev.material.translate.fitting import FUNCTIONS
 from lookdev.material.translate.lobes import load_fit
+from lookdev.material.translate.translation import Translation
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.scene import Sampling
 
