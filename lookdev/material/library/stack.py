@@ -71,8 +71,7 @@ class Stack:
 
     def is_enabled(self, number: int) -> bool:
         """Return whether a layer, or the base, is not switched off."""
-        enabled = self.attribute(number, "Enabled")
-        return not enabled or self.network.read_constant(enabled, _TYPES.Bool) is not False
+        return self.network.read_constant(self.attribute(number, "Enabled"), _TYPES.Bool) is not False
 
     def is_in_file(self, attribute: Usd.Attribute) -> bool:
         """Return whether all opinions of an input are in the edited file, on the stack itself."""
@@ -138,8 +137,7 @@ def read_outline(file: Path, prim: str | None = None, variants: Variants = None)
             return Outline((Entry(0, require_surface(material).path.name),), sets)
         entries = [Entry(0, stack.base)]
         for number, name in stack.layers.items():
-            mode = stack.attribute(number, "Mode")
-            transmits = bool(mode) and stack.network.read_constant(mode, _TYPES.Token) == "transmit"
+            transmits = stack.network.read_constant(stack.attribute(number, "Mode"), _TYPES.Token) == "transmit"
             entries.append(Entry(number, name, stack.is_enabled(number), "transmit" if transmits else "over"))
         return Outline(tuple(entries), sets)
 

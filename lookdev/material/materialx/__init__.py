@@ -36,6 +36,7 @@ _LOSS_REASONS = {
     "subsurfaceDistance": "subsurface is a shape of the diffuse lobe: light leaves where it entered",
 }
 _IDENTITY = Transform2d()
+_TYPES = Sdf.ValueTypeNames
 
 
 @dataclass(frozen=True)
@@ -170,17 +171,15 @@ class _Writer:
         customs = {"file": self._source.name, "material": material.name}
         self._material.GetPrim().SetCustomDataByKey("lookdev:materialx", customs)
         layer = self._define_node("Layer", "LookdevDisney")
-        output = layer.CreateOutput("layer", Sdf.ValueTypeNames.Token)
-        self._material.CreateOutput("lookdev:surface", Sdf.ValueTypeNames.Token).ConnectToSource(output)
+        output = layer.CreateOutput("layer", _TYPES.Token)
+        self._material.CreateOutput("lookdev:surface", _TYPES.Token).ConnectToSource(output)
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
-            layer_input = layer.CreateInput(name, Sdf.ValueTypeNames.Find(USD_TYPES[kind]))
-            if isinstance(value, Sampled):
-                layer_input.ConnectToSource(self._write_image(value))
-            elif isinstance(value, Primvar):
-                layer_input.ConnectToSource(self._write_primvar(value, kind))
-            else:
-                layer_input.Set(value)
+            layer_input = layer.CreateInput(name, _TYPES.Find(USD_TYPES[kind]))
+            if isinstance(value, Sampled | Primvar):
+                is_image = isinstance(value, Sampled)
+                value = self._write_image(value) if is_image else self._write_primvar(value, kind)
+            _set_input(layer_input, value)
 
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
         """Define a node; its inputs have the types of USD's definition of it."""
@@ -190,11 +189,7 @@ class _Writer:
         definition = Sdr.Registry().GetShaderNodeByIdentifier(shader_id)
         for name, value in inputs.items():
             kind = definition.GetShaderInput(name).GetTypeAsSdfType().GetSdfType()
-            node_input = shader.CreateInput(name, kind)
-            if isinstance(value, UsdShade.Output):
-                node_input.ConnectToSource(value)
-            else:
-                node_input.Set(value)
+            _set_input(shader.CreateInput(name, kind), value)
         return shader
 
     def _write_image(self, sampled: Sampled) -> UsdShade.Output:
@@ -203,29 +198,34 @@ class _Writer:
             inputs = {"file": self._relative_asset(image.file), "sourceColorSpace": image.colorspace}
             inputs |= {"wrapS": image.wrap_s, "wrapT": image.wrap_t, "st": self._write_coordinates(image)}
             self._written[image] = self._define_node(image.name, "UsdUVTexture", **inputs)
-        kind = Sdf.ValueTypeNames.Float3 if sampled.channel == "rgb" else Sdf.ValueTypeNames.Float
+        kind = _TYPES.Float3 if sampled.channel == "rgb" else _TYPES.Float
         return self._written[image].CreateOutput(sampled.channel, kind)
 
     def _write_coordinates(self, image: Image) -> UsdShade.Output:
         if image.st not in self._written:
             self._written[image.st] = self._define_node(image.st, "UsdPrimvarReader_float2", varname=image.st)
-        output = self._written[image.st].CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        output = self._written[image.st].CreateOutput("result", _TYPES.Float2)
         for transform in image.transforms:
             changed = {name: value for name, value in vars(transform).items() if value != getattr(_IDENTITY, name)}
             placed = self._define_node(f"{image.name}_place", "UsdTransform2d", **{"in": output}, **changed)
-            output = placed.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+            output = placed.CreateOutput("result", _TYPES.Float2)
         return output
 
     def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
+        result = "float" if kind == "float" else "float3"
         if primvar not in self._written:
-            reader = "UsdPrimvarReader_float" if kind == "float" else "UsdPrimvarReader_float3"
             inputs = {"varname": primvar.name, "fallback": primvar.fallback}
-            self._written[primvar] = self._define_node(primvar.name, reader, **inputs)
-        result = Sdf.ValueTypeNames.Float if kind == "float" else Sdf.ValueTypeNames.Float3
-        return self._written[primvar].CreateOutput("result", result)
+            self._written[primvar] = self._define_node(primvar.name, f"UsdPrimvarReader_{result}", **inputs)
+        return self._written[primvar].CreateOutput("result", _TYPES.Find(result))
 
     def _relative_asset(self, file: str) -> Sdf.AssetPath:
         """Return the path of an image; a path relative to the document becomes relative to the written file."""
-        if PurePosixPath(file).is_absolute():
-            return Sdf.AssetPath(file)
-        return Sdf.AssetPath(relative_path(self._source.parent / file, self._target.parent))
+        is_absolute = PurePosixPath(file).is_absolute()
+        return Sdf.AssetPath(file if is_absolute else relative_path(self._source.parent / file, self._target.parent))
+
+
+def _set_input(node_input: UsdShade.Input, value: object) -> None:
+    if isinstance(value, UsdShade.Output):
+        node_input.ConnectToSource(value)
+    else:
+        node_input.Set(value)

@@ -20,9 +20,6 @@ Pair = tuple[float, float]
 TYPES = {"float": "float", "color": "color3"}
 """MaterialX's type of a parameter, by its kind."""
 
-_VALUE_INPUTS = {"constant": "value"}
-"""The input that has the value of a node, by the category of nodes that pass one on."""
-
 _WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _SPLITTERS = ("extract", "swizzle", "separate3", "separate4")
 _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
@@ -96,10 +93,9 @@ def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -
         node = source.element
         if node.getCategory() == "geompropvalue":
             return _read_primvar(network, node, parameter)
-        name = _VALUE_INPUTS.get(node.getCategory(), "")
-        if (value_port := node.getInput(name)) is None:
+        if node.getCategory() != "constant" or (value_port := node.getInput("value")) is None:
             break
-        network.mark_carried(node, name)
+        network.mark_carried(node, "value")
         source = network.source_of(value_port)
     if not source.is_computed:
         return _read_constant(network, source.element, parameter)
@@ -148,12 +144,9 @@ def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
         if not source.is_computed or source.channels:
             return None
         node, names = source.element, _split_channel(network, splitter, outer.output)
-    channel: Channel | None = "r"
-    if splitter or names:
-        channel = _CHANNELS.get(names) if node.getType() in _SPLIT_TYPES else None
-    elif node.getType() != "float":
-        channel = None
-    image = _read_image(network, node) if channel else None
+    is_split = bool(splitter or names)
+    channel, types = (_CHANNELS.get(names), _SPLIT_TYPES) if is_split else ("r", ("float",))
+    image = _read_image(network, node) if channel and node.getType() in types else None
     if channel is None or image is None:
         return None
     if splitter:

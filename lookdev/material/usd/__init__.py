@@ -251,8 +251,7 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
             network.add_fault(where, "is not connected, but has a mask, a mode or a switch")
         elif number > 1 and number - 1 not in numbers:
             network.add_fault(attributes[layer], f"there is no layer{number - 1}", "number the layers without gaps")
-        enabled = attributes.get(f"{layer}Enabled")
-        if enabled is None or network.read_constant(enabled, Sdf.ValueTypeNames.Bool) is not False:
+        if network.read_constant(attributes.get(f"{layer}Enabled"), Sdf.ValueTypeNames.Bool) is not False:
             mode = network.read_choice(attributes.get(f"{layer}Mode"), MODES)
             mask = _read_mask(network, attributes.get(f"{layer}Mask"))
             if layer in attributes:

@@ -216,8 +216,7 @@ class _Material:
         """Return the layers of a mix of two surface shaders, one over the other by a mask."""
         beneath = self._read_surface(self._input_attribute(source, "bg"), depth + 1)
         above = self._read_surface(self._input_attribute(source, "fg"), depth + 1)
-        attribute = source.shader.GetPrim().GetAttribute("inputs:mix")
-        mask = (self.reader.read_term(attribute, 1) if attribute else None) or _ZERO
+        mask = self.reader.read_term(source.shader.GetPrim().GetAttribute("inputs:mix"), 1) or _ZERO
         if len(above) > 1:  # a mixture cannot lie over others as one layer, so it lies beneath
             beneath, above = above, beneath
             mask = self.reader.terms.apply("1 - {mask}", {"mask": mask}, ("mask",))
@@ -334,9 +333,9 @@ class _Material:
             attribute = source.shader.GetPrim().GetAttribute("inputs:displacement")
             if attribute and attribute.GetTypeName() != Sdf.ValueTypeNames.Float:
                 raise NotCarriedError("displaces by vectors; only heights along the normal are supported")
-            height = self.reader.read_term(attribute, 1) if attribute else None
+            height = self.reader.read_term(attribute, 1)
             factor = source.shader.GetPrim().GetAttribute("inputs:scale")
-            scale = self.reader.read_term(factor, 1) if factor and kind == "displacement" else None
+            scale = self.reader.read_term(factor, 1) if kind == "displacement" else None
             if height is not None and scale is not None:
                 height = self.reader.terms.apply("{a} * {b}", {"a": height, "b": scale}, ("a", "b"))
             return None if height is None or height.numbers == (0.0,) else Displacement(_mask_source(height))

@@ -147,7 +147,7 @@ def _read_formula(
 def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]) -> Formula | None:
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
-    text = network.read_constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
+    text = network.read_constant(attribute, Sdf.ValueTypeNames.String)
     if not isinstance(text, str) or not text:
         if not attribute or text == "":
             network.add_fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')

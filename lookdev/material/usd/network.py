@@ -135,9 +135,9 @@ class Network:
             return None
         return value
 
-    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
+    def read_constant(self, attribute: Usd.Attribute | None, expected: Sdf.ValueTypeName) -> object:
         """Return the value of an input that must be constant; None where unset or, with a fault added, wrong."""
-        if not self.check_type(attribute, attribute, expected):
+        if not attribute or not self.check_type(attribute, attribute, expected):
             return None
         holder = self.follow(attribute)
         if isinstance(holder, Source):
@@ -147,12 +147,12 @@ class Network:
 
     def read_float(self, attribute: Usd.Attribute | None, default: float) -> float:
         """Return a constant float; the default where it is unset or, with a fault added, wrong."""
-        value = self.read_constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+        value = self.read_constant(attribute, Sdf.ValueTypeNames.Float)
         return value if isinstance(value, float) else default
 
     def read_choice(self, attribute: Usd.Attribute | None, choices: Sequence[V]) -> V:
         """Return a constant token among `choices`; the first where it is unset or, with a fault added, wrong."""
-        token = self.read_constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
+        token = self.read_constant(attribute, Sdf.ValueTypeNames.Token)
         if token is not None and token not in choices:
             self.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), [*map(str, choices)]))
         return next((choice for choice in choices if choice == token), choices[0])
@@ -162,7 +162,7 @@ class Network:
         definition = _sdr_node(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         fault_count = len(self._faults)
-        value = self.read_constant(attribute, definition.GetTypeAsSdfType().GetSdfType()) if attribute else None
+        value = self.read_constant(attribute, definition.GetTypeAsSdfType().GetSdfType())
         if value is None:
             return definition.GetDefaultValueAsSdfType() if len(self._faults) == fault_count else None
         options = [option for option, _ in definition.GetOptions()]

@@ -74,10 +74,6 @@ def _formula_reader(entry: _Formula) -> Callable[[Node], Term]:
     return read
 
 
-def _read_constant(node: Node) -> Term:
-    return node.read_any_term("value", *[0.0] * node.width)
-
-
 def _read_dot(node: Node) -> Term:
     node.ignore("note")
     return node.read_any_term("in", 0.0)
@@ -92,16 +88,13 @@ def _read_extract(node: Node) -> Term:
     return node.terms.channel(node.read_any_term("in", 0.0), int(node.read_numbers("index", 0.0)[0]))
 
 
-def _read_separate(node: Node) -> Term:
-    return _select_channels(node, node.read_any_term("in", 0.0), node.output.removeprefix("out"))
+def _read_channels(node: Node) -> Term:
+    """Read separate2 to separate4, by the output, or swizzle, by the letters of its input ``channels``.
 
-
-def _read_swizzle(node: Node) -> Term:
-    return _select_channels(node, node.read_any_term("in", 0.0), node.read_text("channels", ""))
-
-
-def _select_channels(node: Node, term: Term, letters: str) -> Term:
-    """Return the channels that the letters ``rgba`` or ``xyzw`` name; the digits 0 and 1 are constants."""
+    Letters are ``rgba`` or ``xyzw``; the digits 0 and 1 are constants.
+    """
+    term = node.read_any_term("in", 0.0)
+    letters = node.output.removeprefix("out") if "separate" in node.identifier else node.read_text("channels", "")
     if not 1 <= len(letters) <= 4 or not set(letters) <= set("rgbaxyzw01"):
         raise NotCarriedError(f"'{letters:.40}' are not channels")
     if letters in ("rgb", "xyz", "xy") and len(letters) == term.width:
@@ -258,13 +251,13 @@ NODES: dict[str, Callable[[Node], Term]] = {
         for kind in ("", "_int", "_normal", "_point", "_vector", "_string", "_matrix")
     },
     **dict.fromkeys(("combine2", "combine3", "combine4"), _read_combine),
-    **dict.fromkeys(("separate2", "separate3", "separate4"), _read_separate),
+    **dict.fromkeys(("separate2", "separate3", "separate4", "swizzle"), _read_channels),
     **dict.fromkeys(("gltf_image", "gltf_colorimage", "gltf_normalmap"), sampling.read_gltf_image),
     **dict.fromkeys(("noise2d", "cellnoise2d"), _read_noise),
     "UsdTransform2d": sampling.read_transform2d,
     "UsdUVTexture": sampling.read_uv_texture,
     "bump": _read_bump,
-    "constant": _read_constant,
+    "constant": lambda node: node.read_any_term("value", *[0.0] * node.width),
     "convert": _read_convert,
     "dot": _read_dot,
     "dotproduct": _read_dot_product,
@@ -284,7 +277,6 @@ NODES: dict[str, Callable[[Node], Term]] = {
     "saturate": _read_saturate,
     "splitlr": _ramp_reader("valuel", "valuer", 0, is_split=True),
     "splittb": _ramp_reader("valueb", "valuet", 1, is_split=True),
-    "swizzle": _read_swizzle,
     "switch": _read_switch,
     "texcoord": sampling.read_texcoord,
     "tiledimage": sampling.read_tiled_image,

@@ -14,7 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
 from lookdev.material.look import Color
-from lookdev.material.usd.network import Network, Source, shader_id
+from lookdev.material.usd.network import Network, Source, is_set, shader_id
 from lookdev.material.usd.terms import NotCarriedError, Term, Terms, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
@@ -45,11 +45,13 @@ class Reader:
         self._terms_by_output: dict[tuple[Sdf.Path, str], Term | None] = {}
         self._open_nodes: list[tuple[Sdf.Path, str]] = []
 
-    def read_term(self, attribute: Usd.Attribute, width: int) -> Term | None:
-        """Return the value of an input, converted to `width` channels; None where the input is not set.
+    def read_term(self, attribute: Usd.Attribute | None, width: int) -> Term | None:
+        """Return the value of an input, converted to `width` channels; None where the input is missing or not set.
 
         Raises NotCarriedError where the value cannot be carried over.
         """
+        if not attribute:
+            return None
         holder = self.network.follow(attribute)
         if holder is None:
             raise NotCarriedError
@@ -175,9 +177,7 @@ class Node:
         """Return an input, or None where it has neither a connection nor a value; it counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
-        if attribute and (attribute.HasAuthoredConnections() or attribute.HasAuthoredValue()):
-            return attribute
-        return None
+        return attribute if attribute and is_set(attribute) else None
 
     def ignore(self, *names: str) -> None:
         """Count inputs that do not affect the result as read."""
@@ -185,8 +185,7 @@ class Node:
 
     def read_term(self, name: str, width: int, *default: float) -> Term:
         """Return the value of an input, or its default, converted to `width` channels."""
-        attribute = self.attribute(name)
-        term = self.reader.read_term(attribute, width) if attribute else None
+        term = self.reader.read_term(self.attribute(name), width)
         return convert_channels(constant(*default), width) if term is None else term
 
     def read_any_term(self, name: str, *default: float) -> Term:
@@ -205,8 +204,7 @@ class Node:
 
     def read_numbers(self, name: str, *default: float) -> tuple[float, ...]:
         """Return a constant input with the same number of channels as its default."""
-        attribute = self.attribute(name)
-        term = self.reader.read_term(attribute, len(default)) if attribute else None
+        term = self.reader.read_term(self.attribute(name), len(default))
         if term is None:
             return default
         if term.numbers is None:

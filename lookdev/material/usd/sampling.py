@@ -166,8 +166,7 @@ def read_rotate2d(node: Node) -> Term:
 
 def read_coordinates(node: Node, name: str) -> Term:
     """Return the value of an input of texture coordinates; the UV set st where it is unset."""
-    attribute = node.attribute(name)
-    return (node.reader.read_term(attribute, 2) if attribute else None) or _uv_term(node, "st")
+    return node.reader.read_term(node.attribute(name), 2) or _uv_term(node, "st")
 
 
 def _uv_term(node: Node, name: str) -> Term:
@@ -193,8 +192,7 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
 
 
 def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
-    attribute = node.attribute(name)
-    term = node.reader.read_term(attribute, 2) if attribute else None
+    term = node.reader.read_term(node.attribute(name), 2)
     if term is None:
         node.add_fault(name, "texture coordinates are not connected", _DEFAULT_UV_HINT)
         term = _uv_term(node, "st")
@@ -202,15 +200,9 @@ def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
         product = _to_square_matrix(term.leaf.transform)
         leaf = Coordinates(term.leaf.st, to_transform(matrix @ product))
         return node.terms.leaf_term(leaf, 2, term.leaf.st)
-    (a, b, c), (d, e, f) = matrix[0].tolist(), matrix[1].tolist()
-    x, y = (node.terms.channel(term, index) for index in (0, 1))
-    rows = [
-        node.terms.apply(
-            "{x} * {a} + {y} * {b} + {c}", {"x": x, "y": y, "a": constant(p), "b": constant(q), "c": constant(r)}
-        )
-        for p, q, r in ((a, b, c), (d, e, f))
-    ]
-    return node.terms.join_channels(*rows)
+    st = {name: node.terms.channel(term, index) for index, name in enumerate("xy")}
+    rows = [st | dict(zip("abc", map(constant, row), strict=True)) for row in matrix[:2].tolist()]
+    return node.terms.join_channels(*(node.terms.apply("{x} * {a} + {y} * {b} + {c}", row) for row in rows))
 
 
 def _to_square_matrix(transform: Transform) -> Floats:
