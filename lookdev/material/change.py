@@ -8,15 +8,13 @@ from typing import cast
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MASK
-from lookdev.brdf.parameters import Parameter, complete
+from lookdev.brdf.parameters import Parameter, Value, complete
 from lookdev.errors import ModelError, nearest_hint
 from lookdev.material.expression import ExpressionError, parse
 from lookdev.material.look import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.translate import layer_parameters
 
 _LIVE = "lookdev:live:"
-
-Value = float | tuple[float, float, float] | str
 
 
 def look_with_value(look: Look, parameter: str, value: Value) -> Look:
@@ -86,11 +84,7 @@ def constant_named(look: Look, parameter: str) -> Constant:
         raise ModelError(f"{full_name} is a {record.kind}; a number or a colour would be right")
     if not isinstance(source, float | int | tuple):
         found_kind = "an expression" if isinstance(source, Formula) else "a texture or primvar"
-        inputs = [
-            name
-            for name, (input_layer, input_path) in inputs_by_name.items()
-            if input_layer is layer and input_path[0] == path[0] and input_path[1:]
-        ]
+        inputs = [name for name in inputs_by_name if name.startswith(f"{layer.name}.{path[0]}.")]
         hint = f": its inputs are {', '.join(inputs)}" if inputs else ""
         raise ModelError(f"{full_name} is {found_kind}, not a constant{hint}")
     value = tuple(map(float, source)) if isinstance(source, tuple) else (float(source),)

@@ -53,21 +53,18 @@ def shader_definitions() -> str:
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
-    models = [
-        _shader_text(
-            model.identifier, model.text, [*map(_parameter_text, model.parameters.values())], "token outputs:layer"
-        )
-        for model in MODELS.values()
-    ]
+    models = []
+    for model in MODELS.values():
+        inputs = [*map(_parameter_text, model.parameters.values())]
+        models.append(_shader_text(model.identifier, model.text, inputs, "token outputs:layer"))
     layers = [_input_text("token", "base", "The layer beneath all others.")]
     for number in range(1, DEFINED_LAYERS + 1):
         layers += _layer_input_texts(f"layer{number}", "the base" if number == 1 else f"layer{number - 1}")
     stack_doc = "A stack of layers, each over what is beneath it."
+    bump_help = "How many units of st a height of 1 stands above the surface."
     bump = [
         _input_text("float", "height", "A channel of a UsdUVTexture: the height map."),
-        _input_text(
-            "float", "scale", "How many units of st a height of 1 stands above the surface.", "1.0", constant=True
-        ),
+        _input_text("float", "scale", bump_help, "1.0", constant=True),
     ]
     expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
     expression = [_input_text("string", "expression", expression_help, constant=True)]

@@ -110,12 +110,8 @@ class _Reader:
                 else:
                     statement.body = block
             elif kind == "" or (depth == 0 and kind in ("line", "comment", "close")) or (depth == 0 and text == ";"):
-                if (
-                    kind in ("line", "comment")
-                    and statement.body is None
-                    and words.strip()
-                    and self._continues_below(words)
-                ):
+                can_continue = kind in ("line", "comment") and statement.body is None and words.strip()
+                if can_continue and self._continues_below(words):
                     gap = (gap or blank) + text
                     self._index += 1
                     continue

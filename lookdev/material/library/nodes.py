@@ -66,15 +66,13 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
     return paths
 
 
-def prune(
-    material: UsdShade.Material, candidates: Iterable[Sdf.Path], connected_targets: Sequence[Sdf.Path] = ()
-) -> None:
-    """Remove the candidates that the edited file defines and nothing uses; `connected_targets` count as used."""
+def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()) -> None:
+    """Remove the candidates that the edited file defines and nothing uses; `targets` count as used."""
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)
     while True:
-        connected = [(Sdf.Path.emptyPath, path) for path in connected_targets] + list(_all_connections(stage))
+        connected = [(Sdf.Path.emptyPath, path) for path in targets] + list(_all_connections(stage))
         unused = [
             path
             for path in remaining

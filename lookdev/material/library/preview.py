@@ -172,9 +172,6 @@ def _ior_of_f0(f0: Floats) -> Floats:
 
 
 def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Floats]:
-    return {
-        **beneath,
-        "diffuseColor": beneath["diffuseColor"] * coat["diffuseColor"],
-        "clearcoat": np.asarray(1.0),
-        "clearcoatRoughness": coat["roughness"],
-    }
+    color = beneath["diffuseColor"] * coat["diffuseColor"]
+    clearcoat = {"clearcoat": np.asarray(1.0), "clearcoatRoughness": coat["roughness"]}
+    return {**beneath, "diffuseColor": color, **clearcoat}

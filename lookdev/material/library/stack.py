@@ -127,11 +127,10 @@ def read_outline(file: Path, prim: str | None = None, variants: Variants = None)
     """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
     with open_material(file, prim, variants) as material:
         variant_sets = material.GetPrim().GetVariantSets()
-        sets_by_name = {name: variant_sets.GetVariantSet(name) for name in variant_sets.GetNames()}
-        sets = {
-            name: (tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection())
-            for name, variant_set in sets_by_name.items()
-        }
+        sets: dict[str, tuple[tuple[str, ...], str]] = {}
+        for name in variant_sets.GetNames():
+            variant_set = variant_sets.GetVariantSet(name)
+            sets[name] = tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection()
         stack = find_stack(material)
         if stack is None:
             return Outline((Entry(0, require_surface(material).path.name),), sets)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -32,12 +33,7 @@ MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
 def read_look(
-    file: Path,
-    prim: str | None = None,
-    variants: Variants = None,
-    name: str | None = None,
-    *,
-    open_images: bool = True,
+    file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None, *, open_images: bool = True
 ) -> Look:
     """Read a look.
 
@@ -76,7 +72,7 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     """Return the faults of a layer that is not part of a look, such as a preset, as faults of `file`."""
     network = Network(file)
     with usd_errors_as_faults(file):
-        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(layer_shaders()))
+        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over")
     return network.faults
 
 
@@ -98,9 +94,7 @@ def materials(stage: Usd.Stage) -> list[Sdf.Path]:
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
     """Return all selections in which a variant of its set replaces each ``"*"``; raises as `read_look`."""
-    return expand_wildcards(
-        variants, lambda selection, set_name: _variant_names(file, prim, selection, set_name), str(file), prim or ""
-    )
+    return expand_wildcards(variants, partial(_variant_names, file, prim), str(file), prim or "")
 
 
 def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], set_name: str) -> list[str]:
@@ -211,7 +205,7 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
     if isinstance(source, Source):
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
-        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *layer_shaders()))
+        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers",))
         return (layer,) if layer else ()
     if not attribute or source is not None:
         hint = f"connect it to a LookdevLayers, {_layer_shader_names()} shader"
@@ -290,24 +284,20 @@ def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
     source = network.follow(attribute)
     if isinstance(source, Source):
-        return _read_layer(network, attribute, source, mask, mode, tuple(layer_shaders()))
+        return _read_layer(network, attribute, source, mask, mode)
     if source is not None:
         network.add_fault(attribute, "is not connected to a layer", f"connect it to a {_layer_shader_names()} shader")
     return None
 
 
 def _read_layer(
-    network: Network,
-    attribute: Usd.Attribute,
-    source: Source,
-    mask: Mask,
-    mode: Mode,
-    valid_identifiers: tuple[str, ...],
+    network: Network, attribute: Usd.Attribute, source: Source, mask: Mask, mode: Mode, others: tuple[str, ...] = ()
 ) -> Layer | None:
+    """Read the layer of a shader; `others` are identifiers that would be right too."""
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:
         message = f"<{source.path}> has the unknown info:id '{identifier}'"
-        network.add_fault(attribute, message, nearest_hint(identifier, valid_identifiers))
+        network.add_fault(attribute, message, nearest_hint(identifier, [*others, *layer_shaders()]))
         return None
     if source.output != "layer":
         network.add_fault(attribute, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:layer")

@@ -17,7 +17,7 @@ from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.look import Source as FormulaSource
 from lookdev.material.textures import lacks_negatives, udim_tiles
-from lookdev.material.translate import TRANSLATIONS, foreign_shaders
+from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
 from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
@@ -198,9 +198,9 @@ class _Material:
             return self._read_mix(source, depth)
         identifier = shader_id(source.shader)
         if identifier == "ND_disney_principled":
-            return [self._read_layer(source, "disney", MODELS["disney"].parameters, _PRINCIPLED)]
+            return [self._read_layer(source, "disney", _PRINCIPLED)]
         if name := foreign_shaders().get(identifier):
-            return [self._read_layer(source, name, TRANSLATIONS[name].parameters, {})]
+            return [self._read_layer(source, name, {})]
         message = f"the surface shader <{source.path}> of {identifier or 'no info:id'} is not supported"
         titles = dict.fromkeys(translation.title for translation in TRANSLATIONS.values())
         raise NotCarriedError(f"{message}; {', '.join(titles)} are")
@@ -224,10 +224,9 @@ class _Material:
             raise NotCarriedError(f"<{source.path}> mixes two mixtures, which no stack of layers does")
         return [*beneath, replace(above[0], mask=_mask_source(mask))]
 
-    def _read_layer(
-        self, source: Source, model: str, parameters: Mapping[str, Parameter], defaults: Mapping[str, Input]
-    ) -> Layer:
+    def _read_layer(self, source: Source, model: str, defaults: Mapping[str, Input]) -> Layer:
         inputs: dict[str, Input] = {}
+        parameters = layer_parameters(model)
         for shader_input in source.shader.GetInputs():
             name, attribute = shader_input.GetBaseName(), shader_input.GetAttr()
             if name == "displacement" and model in _PREVIEWS:

@@ -23,7 +23,6 @@ from lookdev.material.look import (
     Input,
     Primvar,
     Texture,
-    Transform,
     View,
     Wrap,
     to_transform,
@@ -194,7 +193,7 @@ def _read_formula_input(
     value_type = attribute.GetTypeName().type
     if value_type == Sdf.ValueTypeNames.Float2.type:
         coordinates = _read_coordinates(network, node.shader, name)
-        return ("color", Coordinates(*coordinates)) if coordinates else None
+        return ("color", coordinates) if coordinates else None
     kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(value_type)  # type: ignore[assignment]
     if kind is None:
         hint = "it must be float, color3f or, for coordinates, float2"
@@ -262,18 +261,17 @@ def _read_texture(
     shader = source.shader
     network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
-    coordinates = _read_coordinates(network, shader, "st")
+    uv = _read_coordinates(network, shader, "st")
     colorspace = network.read_node_value(shader, "sourceColorSpace", str)
     wrap_s, wrap_t = (network.read_node_value(shader, name, str) for name in ("wrapS", "wrapT"))
     scale, bias = (network.read_node_value(shader, name, Gf.Vec4f) for name in ("scale", "bias"))
     channel = next((candidate for candidate in channels if candidate == source.output), None)
-    if channel is None or file is None or coordinates is None or colorspace is None or scale is None or bias is None:
+    if channel is None or file is None or uv is None or colorspace is None or scale is None or bias is None:
         return None
     if wrap_s is None or wrap_t is None:
         return None
-    st, transform = coordinates
     wraps = cast(Wrap, wrap_s), cast(Wrap, wrap_t)  # or "useMetadata"
-    texture = Texture(file, channel, colorspace, *wraps, st, transform, tuple(scale), tuple(bias))
+    texture = Texture(file, channel, colorspace, *wraps, uv.st, uv.transform, tuple(scale), tuple(bias))
     try:
         if not network.opens_images:
             return texture
@@ -297,7 +295,7 @@ def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
     return None
 
 
-def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> tuple[str, Transform] | None:
+def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> Coordinates | None:
     """Return the UV set of an input, and the product of the transforms between the input and the UV set's reader."""
     matrix = np.eye(3)
     path, seen = f"{shader.GetPath()}.inputs:{name}", set()
@@ -319,7 +317,7 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> t
         network.check_node(path, source)
         if identifier == "UsdPrimvarReader_float2":
             name = _read_varname(network, source.shader)
-            return (name, to_transform(matrix)) if name else None
+            return Coordinates(name, to_transform(matrix)) if name else None
         scale = network.read_node_value(source.shader, "scale", Gf.Vec2f)
         rotation = network.read_node_value(source.shader, "rotation", float)
         translation = network.read_node_value(source.shader, "translation", Gf.Vec2f)

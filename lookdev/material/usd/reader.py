@@ -62,7 +62,10 @@ class Reader:
             return None
         if not isinstance(value, tuple):
             raise NotCarriedError(f"holds a value of type {holder.GetTypeName()}")
-        return self._fit_channels(attribute, constant(*self._to_linear(attribute, holder, value)), width)
+        if holder.GetTypeName().role == Sdf.ValueRoleNames.Color and len(value) >= 3:
+            space = self.colorspace(attribute, colorspace_of(holder))
+            value = (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
+        return self._fit_channels(attribute, constant(*value), width)
 
     def read_node(self, attribute: Usd.Attribute, source: Source) -> Term:
         """Return the value of an output of a node; raises NotCarriedError where it cannot be carried over."""
@@ -120,15 +123,6 @@ class Reader:
         else:
             self.network.add_fault(attribute, f"holds a value of type {holder.GetTypeName()}, which is not read")
         raise NotCarriedError
-
-    def _to_linear(
-        self, attribute: Usd.Attribute, holder: Usd.Attribute, value: tuple[float, ...]
-    ) -> tuple[float, ...]:
-        """Return a constant; a colour is converted to linear Rec.709."""
-        if holder.GetTypeName().role != Sdf.ValueRoleNames.Color or len(value) < 3:
-            return value
-        space = self.colorspace(attribute, colorspace_of(holder))
-        return (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
         """Return the `Texture.colorspace` of a colour space; for an unknown name a substitute, with a fault added."""

@@ -146,16 +146,12 @@ def read_transform2d(node: Node) -> Term:
 
 def read_place2d(node: Node) -> Term:
     """Read place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
-    pivot, scale, offset = (
-        np.array(node.read_numbers(name, default, default))
-        for name, default in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0))
-    )
+    defaults = {"pivot": 0.0, "scale": 1.0, "offset": 0.0}
+    pivot, scale, offset = (np.array(node.read_numbers(name, number, number)) for name, number in defaults.items())
     order = node.read_text("operationorder", "0", ("0", "1"))
-    return _transform_coordinates(
-        node,
-        "texcoord",
-        _placement_matrix(pivot, _check_nonzero(node, scale), node.read_numbers("rotate", 0.0)[0], offset, order),
-    )
+    scale = _check_nonzero(node, scale)
+    matrix = _placement_matrix(pivot, scale, node.read_numbers("rotate", 0.0)[0], offset, order)
+    return _transform_coordinates(node, "texcoord", matrix)
 
 
 def read_rotate2d(node: Node) -> Term:
@@ -245,17 +241,9 @@ def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: 
         return file
     st, transform = _read_image_coordinates(node, "texcoord")
     # MaterialX converts the colour space only of images that are read as colours.
-    is_color = "color" in node.identifier
-    space = _read_file_colorspace(node) if is_color else ""
-    texture = Texture(
-        file,
-        "rgb",
-        space or "raw",
-        wraps[0],
-        wraps[1],
-        st,
-        to_transform(matrix @ _to_square_matrix(transform)),
-    )
+    space = _read_file_colorspace(node) if "color" in node.identifier else ""
+    placed = to_transform(matrix @ _to_square_matrix(transform))
+    texture = Texture(file, "rgb", space or "raw", wraps[0], wraps[1], st, placed)
     return _texel_term(node, texture, width)
 
 

@@ -164,10 +164,8 @@ class Terms:
             return None
         if isinstance(leaf, Texture) and (leaf.channel == "rgb") != (width > 1):
             return None
-        at_zero, at_one = (
-            np.array(_evaluate(template, {**operands, name: constant(*(value,) * width)}).numbers)
-            for value in (0.0, 1.0)
-        )
+        ends = [constant(*(value,) * width) for value in (0.0, 1.0)]
+        at_zero, at_one = (np.array(_evaluate(template, {**operands, name: end}).numbers) for end in ends)
         scale, bias = (np.resize(numbers, 3 if width > 1 else 4) for numbers in (at_one - at_zero, at_zero))
         hint = self._names[leaf]
         if isinstance(leaf, Coordinates):
