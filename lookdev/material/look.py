@@ -21,6 +21,10 @@ Wrap = Literal["black", "clamp", "repeat", "mirror"]
 WRAPS: dict[str, Wrap] = {wrap: wrap for wrap in get_args(Wrap)}
 """The wrap modes by their names."""
 
+Units = Literal["object", "world"]
+UNITS: tuple[Units, ...] = get_args(Units)
+"""The units of heights of displacement."""
+
 Channel = Literal["r", "g", "b", "a", "rgb"]
 Color = tuple[float, float, float]
 
@@ -173,7 +177,7 @@ class Displacement:
     height: Mask
     scale: float = 1.0
     midlevel: float = 0.0
-    units: Literal["object", "world"] = "object"
+    units: Units = "object"
 
 
 @dataclass(frozen=True)

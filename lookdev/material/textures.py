@@ -150,8 +150,7 @@ def linear_texture(texture: Texture) -> Path:
             _write_exr(path, size, linear_strips(image))
 
     key = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}"
-    (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
-    return content.path
+    return _cached_exr(key, write)
 
 
 def slope_texture(height: Texture) -> Path:
@@ -194,6 +193,10 @@ def slope_texture(height: Texture) -> Path:
         _write_exr(path, texels.shape[::-1], slope_strips(texels))
 
     key = f"{linear.stem}-slope-{slope_key}-v{_SLOPE_VERSION}"
+    return _cached_exr(key, write)
+
+
+def _cached_exr(key: str, write: Callable[[Path], None]) -> Path:
     (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
     return content.path
 

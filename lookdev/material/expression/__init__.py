@@ -14,7 +14,7 @@ import numpy as np
 from lookdev.brdf.vectors import Array, Mask, Real
 from lookdev.errors import nearest_hint
 from lookdev.material.expression import syntax
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, clip_to_bound
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, clip_to_bound
 from lookdev.material.expression.syntax import ExpressionError
 
 __all__ = ["Expression", "ExpressionError", "Kind", "parse"]

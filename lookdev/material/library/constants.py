@@ -10,9 +10,10 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.brdf import MODELS, layer_shaders
+from lookdev.brdf.parameters import Value
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError, nearest_hint
-from lookdev.material.change import Constant, Value, with_constants
+from lookdev.material.change import Constant, with_constants
 from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
 from lookdev.material.library.stack import enabled_layers

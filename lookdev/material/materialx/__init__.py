@@ -176,10 +176,10 @@ class _Writer:
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
             layer_input = layer.CreateInput(name, _TYPES.Find(USD_TYPES[kind]))
-            if isinstance(value, Sampled | Primvar):
-                is_image = isinstance(value, Sampled)
-                value = self._write_image(value) if is_image else self._write_primvar(value, kind)
-            _set_input(layer_input, value)
+            if isinstance(value, Sampled):
+                _set_input(layer_input, self._write_image(value))
+            else:
+                _set_input(layer_input, self._write_primvar(value, kind) if isinstance(value, Primvar) else value)
 
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
         """Define a node; its inputs have the types of USD's definition of it."""

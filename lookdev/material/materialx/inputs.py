@@ -145,7 +145,8 @@ def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
             return None
         node, names = source.element, _split_channel(network, splitter, outer.output)
     is_split = bool(splitter or names)
-    channel, types = (_CHANNELS.get(names), _SPLIT_TYPES) if is_split else ("r", ("float",))
+    types = _SPLIT_TYPES if is_split else ("float",)
+    channel = _CHANNELS.get(names if is_split else "r")
     image = _read_image(network, node) if channel and node.getType() in types else None
     if channel is None or image is None:
         return None

@@ -29,7 +29,6 @@ def _layers(p: Parameters) -> list[StackLayer]:
         interface,
         p["normal"],
         presence=presence,
-        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         clear=p["transmission"] * (1.0 - metallic),

@@ -30,7 +30,6 @@ def _layers(p: Parameters) -> list[StackLayer]:
         interface.tint_by(tint),
         p["geometry_normal"],
         presence=presence,
-        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         back=0.5 * p["subsurface_weight"] if thin else 0.0,

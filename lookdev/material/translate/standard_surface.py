@@ -29,7 +29,6 @@ def _layers(p: Parameters) -> list[StackLayer]:
         interface.tint_by(tint),
         normal,
         presence=presence,
-        coat_presence=presence,
         anisotropic=lobes.disney_anisotropy(p["specular_anisotropy"]),
         back=p["subsurface"] if thin else 0.0,
         clear=p["transmission"] * (1.0 - metalness),

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, Mode, index_of_excluding_model, layer_shaders
+from lookdev.brdf import MASK, MODELS, Mode, Parameter, index_of_excluding_model, layer_shaders
 from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
-from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
-from lookdev.material.usd.displacement import read_displacement
+from lookdev.material.look import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 from lookdev.material.variants import expand_wildcards
@@ -28,6 +28,9 @@ Variants: TypeAlias = Mapping[str, str] | None
 """The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
+_DISPLACEMENT = "outputs:lookdev:displacement"
+_HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
+_DISPLACEMENT_INPUTS = ("height", "scale", "midlevel", "units")
 MODES: tuple[Mode, ...] = ("over", "transmit")
 """The modes of the layers of a stack."""
 
@@ -125,7 +128,7 @@ def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name
     if path is None:
         raise LookError(network.faults)
     material = UsdShade.Material(stage.GetPrimAtPath(path))
-    layers, displacement = _read_surface(network, material), read_displacement(network, material)
+    layers, displacement = _read_surface(network, material), _read_displacement(network, material)
     if network.faults:
         raise LookError(network.faults)
     return Look(name or path.name, layers, f"{network.file}<{path}>", displacement)
@@ -278,7 +281,7 @@ def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
     mask = None if attribute is None else read_input(network, attribute, MASK)
-    return mask if isinstance(mask, float | Texture | Primvar | Formula) else 1.0
+    return mask if isinstance(mask, Mask) else 1.0
 
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
@@ -318,3 +321,34 @@ def _read_layer(
         if parameter.file and not source.shader.GetPrim().HasAttribute(name):
             network.add_fault(f"{source.path}.{name}", "names no file", parameter.help)
     return Layer(source.shader.GetPrim().GetName(), model, inputs, mask, mode)
+
+
+def _read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
+    """Return the displacement of a material; None where it has none or, with a fault added, where it is wrong."""
+    terminal = material.GetPrim().GetAttribute(_DISPLACEMENT)
+    if not terminal:
+        return None
+    source = network.follow(terminal)
+    if not isinstance(source, Source):
+        if source is not None:
+            network.add_fault(terminal, "is not connected", "connect it to a LookdevDisplacement shader")
+        return None
+    if (identifier := shader_id(source.shader)) != "LookdevDisplacement":
+        message = f"<{source.path}> has the unknown info:id '{identifier}'"
+        network.add_fault(terminal, message, nearest_hint(identifier, ["LookdevDisplacement"]))
+        return None
+    network.check_inputs(source.shader, _DISPLACEMENT_INPUTS)
+    inputs = {name: source.shader.GetPrim().GetAttribute(f"inputs:{name}") for name in _DISPLACEMENT_INPUTS}
+    fault_count = len(network.faults)
+    height = read_input(network, inputs["height"], _HEIGHT) if inputs["height"] else None
+    if height is None and len(network.faults) == fault_count:
+        network.add_unset_fault(f"{source.path}.inputs:height")
+    scale, midlevel = network.read_float(inputs["scale"], 1.0), network.read_float(inputs["midlevel"], 0.0)
+    units = network.read_choice(inputs["units"], UNITS)
+    if not isinstance(height, Mask):
+        return None
+    if depends_on_view(height):
+        hint = "a surface has one shape for all views; parameters and masks can depend on the view"
+        network.add_fault(f"{source.path}.inputs:height", "depends on the view", hint)
+        return None
+    return Displacement(height, scale, midlevel, units)

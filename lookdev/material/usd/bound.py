@@ -14,7 +14,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
-from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
+from lookdev.material.look import Bump, Displacement, Input, Layer, Look, Mask, Texture
 from lookdev.material.look import Source as FormulaSource
 from lookdev.material.textures import lacks_negatives, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
@@ -356,6 +356,6 @@ def _is_connected(prim: Usd.Prim, name: str) -> bool:
 
 def _mask_source(term: Term) -> Mask:
     source = term.source()
-    if not isinstance(source, float | Texture | Primvar | Formula):
+    if not isinstance(source, Mask):
         raise NotCarriedError("is not a float")
     return source

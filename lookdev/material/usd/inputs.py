@@ -30,8 +30,7 @@ from lookdev.material.look import (
 )
 from lookdev.material.look import Source as FormulaInput
 from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
-from lookdev.material.usd.images import asset_file, image_path
-from lookdev.material.usd.network import Network, Source, is_set, shader_id
+from lookdev.material.usd.network import Network, Source, asset_file, image_path, is_set, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}

@@ -1,4 +1,4 @@
-"""Reader of a UsdShade network: it follows connections, checks types of constants, and collects all faults."""
+"""Reader of a UsdShade network: follows connections, checks types of constants, finds files, collects all faults."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
-from pxr import Gf, Sdf, Sdr, Usd, UsdShade
+from pxr import Ar, Gf, Sdf, Sdr, Usd, UsdShade
 
-from lookdev.errors import Fault, nearest_hint, shorten
+from lookdev.errors import Fault, TextureError, nearest_hint, shorten
 from lookdev.material.look import Formula
+from lookdev.material.textures import UDIM
+from lookdev.stage.packages import unpack
 
 V = TypeVar("V")
 
@@ -205,3 +207,40 @@ def authored_properties(prim: Usd.Prim) -> int:
 
 def _sdr_node(shader: UsdShade.Shader) -> Sdr.ShaderNode:
     return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))
+
+
+def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> Path:
+    """Return the image file, or the set of tiles, that the value `asset` of an input names, without opening it.
+
+    Raises
+    ------
+    TextureError
+        There is no such file.
+    """
+    if UDIM in asset.path:
+        layer = _value_layer(network, attribute)
+        tiles = [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
+        if not tiles:
+            raise TextureError(f"no tile of this set: {asset.path}")
+        if Ar.IsPackageRelativePath(tiles[0]):
+            return unpack(tiles).with_name(PurePosixPath(asset.path.rstrip("]")).name)
+        return Path(UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer))
+    return asset_file(asset, "image file")
+
+
+def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
+    """Return the file that a value names; raises TextureError where it names none or no such file exists."""
+    if not asset.path:
+        raise TextureError(f"names no {kind}")
+    if not asset.resolvedPath:
+        raise TextureError(f"no such {kind}: {asset.path}")
+    if Ar.IsPackageRelativePath(asset.resolvedPath):
+        return unpack([asset.resolvedPath])
+    return Path(asset.resolvedPath)
+
+
+def _value_layer(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
+    """Return the layer that states an attribute's value; relative paths in the value are relative to it."""
+    holder = network.follow(attribute)
+    stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
+    return next((spec.layer for spec in stack if spec.default is not None), None)

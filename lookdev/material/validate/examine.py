@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import accumulate, islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -198,12 +198,8 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
 
 
 def _is_huge(prim: Usd.Prim) -> bool:
-    count = 0
-    for descendant in Usd.PrimRange(prim):
-        count += 1 + authored_properties(descendant)
-        if count > _MOST_PROPERTIES:
-            return True
-    return False
+    counts = accumulate(1 + authored_properties(descendant) for descendant in Usd.PrimRange(prim))
+    return any(count > _MOST_PROPERTIES for count in counts)
 
 
 def _read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> tuple[tuple[Finding, ...], tuple[Layer, ...]]:
