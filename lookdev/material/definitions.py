@@ -81,13 +81,11 @@ def shader_definitions() -> str:
         _input_text("float", "midlevel", midlevel_help, "0.0", constant=True),
         _input_text("token", "units", units_help, '"object"', ("object", "world"), constant=True),
     ]
-    displacement_doc = "The surface is moved along its normal by (height - midlevel) scale."
+    moved_doc = "The surface is moved along its normal by (height - midlevel) scale."
     others = [
         _shader_text("LookdevLayers", stack_doc, layers, "token outputs:surface"),
         _shader_text("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
-        _shader_text(
-            "LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"
-        ),
+        _shader_text("LookdevDisplacement", moved_doc, displacement, "token outputs:displacement", "displacement"),
         _shader_text("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
     ]
     return _HEAD + "\n".join([*models, *others])

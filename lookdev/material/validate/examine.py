@@ -6,7 +6,7 @@ of another shading model, notes state the models that it is read as, and what is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import accumulate, islice
@@ -18,13 +18,14 @@ from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, shorten
 from lookdev.material.definitions import DEFINITIONS
-from lookdev.material.library.stack import find_stack
+from lookdev.material.library.nodes import find_upstream
+from lookdev.material.library.stack import Stack, find_stack
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
-from lookdev.material.usd.network import Network, authored_properties, shader_id
+from lookdev.material.usd.network import Network, authored_properties, is_set, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
-from lookdev.material.validate.unused import disabled_switches, unread_shaders, unseen_layers
+from lookdev.material.values import presence
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
 Selection: TypeAlias = Mapping[str, str]
@@ -51,6 +52,9 @@ _SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultP
 _MATERIALX = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED = "UnresolvableDependency"
+
+_Unused: TypeAlias = tuple[str, str, str]
+"""A prim or property without effect: its path, what is wrong, and what would be right or ""."""
 
 
 def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
@@ -181,9 +185,9 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         return
     yield from usd_findings
     stack = find_stack(UsdShade.Material(prim))
-    for where, message, hint in (*(unseen_layers(stack, layers) if stack else ()), *unread_shaders(prim)):
+    for where, message, hint in (*(_unseen_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
         yield Finding("note", *_split_path(where), message, hint)
-    if stack and (switches := disabled_switches(stack)):
+    if stack and (switches := _disabled_switches(stack)):
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
         session = stage.GetSessionLayer()
         session_text = session.ExportToString()
@@ -195,6 +199,46 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
             if finding not in reader_findings:
                 yield replace(finding, severity="warning", what=f"{finding.what} (in a layer that is not enabled)")
         session.ImportFromString(session_text)
+
+
+def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
+    """Return the inputs that disable layers."""
+    return [stack.attribute(number, "Enabled") for number in stack.layers if not stack.is_enabled(number)]
+
+
+def _unseen_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
+    """Yield the layers that are never visible, and those that hide all beneath; `layers` are the enabled layers."""
+    for attribute in _disabled_switches(stack):
+        yield str(attribute.GetPath()), "the layer is not enabled", ""
+    covers = [index for index, layer in enumerate(layers) if index and _is_everywhere(layer)]
+    numbers = [number for number in (0, *stack.layers) if stack.is_enabled(number)]
+    if len(layers) != len(numbers):  # a stack with faults
+        return
+    for index, (number, layer) in enumerate(zip(numbers, layers, strict=True)):
+        where, mask = f"{stack.prim.GetPath()}.{stack.input_name(number, '')}", stack.attribute(number, "Mask")
+        if layer.mask == 0.0:
+            yield f"{where}Mask", "the layer never shows: its mask is 0", ""
+        elif presence(layer) == 0.0:
+            yield where, f"the layer never shows: the presence of {layer.name} is 0", ""
+        elif covers and covers[-1] > index:
+            message = f"the layer never shows: {layers[covers[-1]].name} covers it wholly"
+            yield where, message, "give the layer that covers it a mask"
+        if index in covers and not (mask and is_set(mask)):
+            yield f"{where}Mask", "the mask is not connected, so the layer covers all beneath", ""
+
+
+def _unread_shaders(material: Usd.Prim) -> Iterator[_Unused]:
+    """Yield the shaders of a material that none of its outputs depends on."""
+    outputs = [output.GetAttr() for output in UsdShade.Material(material).GetOutputs()]
+    read_paths = find_upstream(UsdShade.Material(material), outputs)
+    for prim in Usd.PrimRange(material):
+        if prim.IsA(UsdShade.Shader) and prim.GetPath() not in read_paths:
+            node = shader_id(UsdShade.Shader(prim)) or "a shader"
+            yield str(prim.GetPath()), f"{node} that nothing reads", "connect it, or remove it"
+
+
+def _is_everywhere(layer: Layer) -> bool:
+    return layer.mode == "over" and layer.mask == 1.0 and presence(layer) == 1.0
 
 
 def _is_huge(prim: Usd.Prim) -> bool:
