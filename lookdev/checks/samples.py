@@ -13,9 +13,8 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
-from lookdev.material import Formula, Layer, Look, Primvar
+from lookdev.material import Formula, Layer, Look, Primvar, depends_on_view
 from lookdev.material.expression import Kind
-from lookdev.material.look import depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import Values, look_layers
 

@@ -10,8 +10,8 @@ from lookdev.arrays import Floats
 from lookdev.brdf import MASK
 from lookdev.brdf.parameters import Parameter, Value, complete
 from lookdev.errors import ModelError, nearest_hint
+from lookdev.material import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.expression import ExpressionError, parse
-from lookdev.material.look import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.translate import layer_parameters
 
 _LIVE = "lookdev:live:"

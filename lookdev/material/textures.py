@@ -23,7 +23,7 @@ from lookdev.brdf import Array
 from lookdev.cache import Content, cached_files, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
-from lookdev.material.look import WRAPS, Bump, Texture, Wrap
+from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"

@@ -20,10 +20,9 @@ from lookdev.brdf import MODELS, Bsdf, Model, complete_parameters, model_named, 
 from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import StackLayer
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
-from lookdev.material import Look, Primvar
+from lookdev.material import Look, Primvar, depends_on_view
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
-from lookdev.material.look import depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers

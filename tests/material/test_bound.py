@@ -10,7 +10,7 @@ from pxr import UsdUtils
 
 from lookdev.brdf import MODELS
 from lookdev.errors import LookError, StageError
-from lookdev.material.look import Displacement, Layer, Primvar, Texture
+from lookdev.material import Displacement, Layer, Primvar, Texture
 from lookdev.material.translate import TRANSLATIONS
 from lookdev.material.usd import read_look
 from lookdev.material.usd.bound import GREY, BoundLook, read_any_look, read_bound_looks

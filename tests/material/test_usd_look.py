@@ -13,8 +13,18 @@ from lookdev.brdf import layer_shaders
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray
-from lookdev.material import Coordinates, Formula, Primvar, Texture, View
-from lookdev.material.look import Bump, Displacement, Layer, Look, depends_on_view
+from lookdev.material import (
+    Bump,
+    Coordinates,
+    Displacement,
+    Formula,
+    Layer,
+    Look,
+    Primvar,
+    Texture,
+    View,
+    depends_on_view,
+)
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import expand_variants, read_look
 from lookdev.material.validate.examine import examine_file

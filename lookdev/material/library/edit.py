@@ -23,6 +23,7 @@ from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError
+from lookdev.material import Look
 from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
@@ -30,7 +31,6 @@ from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
 from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, extended_stack, require_stack
-from lookdev.material.look import Look
 from lookdev.material.usd import Variants, open_material, read_look, read_material
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
 from lookdev.stage import usd_errors_as_faults

@@ -11,9 +11,9 @@ from typing import Literal, TypeAlias
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.errors import LookError, nearest_hint
+from lookdev.material import VIEW
 from lookdev.material.expression import Expression, ExpressionError, Kind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
-from lookdev.material.look import VIEW
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
 """The suffixes by which the name of an image differs from an expression."""

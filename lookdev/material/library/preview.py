@@ -21,8 +21,8 @@ from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.brdf.parameters import add_followers, expand_tokens
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookError
+from lookdev.material import Input, Layer, Primvar, Texture
 from lookdev.material.library.nodes import clear_input, free_path
-from lookdev.material.look import Input, Layer, Primvar, Texture
 from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import Values, presence

@@ -17,10 +17,10 @@ from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, OutputError, nearest_hint
+from lookdev.material import Primvar
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.library import SUFFIXES
 from lookdev.material.library.nodes import relative_path
-from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
 from lookdev.material.materialx.network import DocumentNetwork
 from lookdev.mtlx import library_inputs

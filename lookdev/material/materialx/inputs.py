@@ -10,7 +10,7 @@ from typing import Literal
 import MaterialX as mx
 
 from lookdev.brdf import Parameter
-from lookdev.material.look import Channel, Color, Primvar, Wrap
+from lookdev.material import Channel, Color, Primvar, Wrap
 from lookdev.material.materialx.network import DocumentNetwork, Source
 from lookdev.stage.colorspaces import srgb_to_linear
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from lookdev.brdf import Parameter, StackLayer, model_named
 from lookdev.brdf.parameters import add_followers
 from lookdev.brdf.vectors import are_equal
-from lookdev.material.look import Input, Layer, Look, Primvar
+from lookdev.material import Input, Layer, Look, Primvar
 from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
 from lookdev.material.translate.preview_surface import MATERIALX_PREVIEW_SURFACE, PREVIEW_SURFACE

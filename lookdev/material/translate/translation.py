@@ -11,7 +11,7 @@ from typing import Any
 
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.vectors import Parameters
-from lookdev.material.look import Input
+from lookdev.material import Input
 from lookdev.mtlx import library_inputs
 
 _NORMALS = {"Tworld": (1.0, 0.0, 0.0)}

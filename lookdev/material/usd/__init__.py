@@ -18,7 +18,7 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import MASK, MODELS, Mode, Parameter, index_of_excluding_model, layer_shaders
 from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
-from lookdev.material.look import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
+from lookdev.material import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 from lookdev.material.variants import expand_wildcards

@@ -14,8 +14,8 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
-from lookdev.material.look import Bump, Displacement, Input, Layer, Look, Mask, Texture
-from lookdev.material.look import Source as FormulaSource
+from lookdev.material import Bump, Displacement, Input, Layer, Look, Mask, Texture
+from lookdev.material import Source as FormulaSource
 from lookdev.material.textures import lacks_negatives, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
 from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material

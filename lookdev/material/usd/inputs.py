@@ -11,9 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import ModelError, TextureError, nearest_hint
-from lookdev.material.definitions import USD_TYPES
-from lookdev.material.expression import ExpressionError, Kind, parse
-from lookdev.material.look import (
+from lookdev.material import (
     VIEW,
     Bump,
     Channel,
@@ -28,7 +26,9 @@ from lookdev.material.look import (
     to_transform,
     transform2d,
 )
-from lookdev.material.look import Source as FormulaInput
+from lookdev.material import Source as FormulaInput
+from lookdev.material.definitions import USD_TYPES
+from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
 from lookdev.material.usd.network import Network, Source, asset_file, image_path, is_set, shader_id
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 from pxr import Ar, Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, TextureError, nearest_hint, shorten
-from lookdev.material.look import Formula
+from lookdev.material import Formula
 from lookdev.material.textures import UDIM
 from lookdev.stage.packages import unpack
 

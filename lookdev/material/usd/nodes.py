@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from lookdev.material.look import Bump, Texture
+from lookdev.material import Bump, Texture
 from lookdev.material.usd import sampling
 from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels

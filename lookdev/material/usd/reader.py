@@ -13,7 +13,7 @@ from typing import TypeAlias
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material.look import Color
+from lookdev.material import Color
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
 from lookdev.material.usd.terms import NotCarriedError, Term, Terms, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709

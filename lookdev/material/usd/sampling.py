@@ -15,7 +15,7 @@ from pxr import Sdf
 
 from lookdev.arrays import Floats
 from lookdev.errors import Fault, TextureError
-from lookdev.material.look import WRAPS, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
+from lookdev.material import WRAPS, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
 from lookdev.material.textures import check_images, resolve_texture
 from lookdev.material.usd.network import image_path
 from lookdev.material.usd.reader import Node

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lookdev.material import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture, to_transform
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.expression.shaping import CONSTANTS, LARGEST
 from lookdev.material.expression.syntax import LONGEST
-from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture, to_transform
 
 Leaf = Texture | Primvar | Coordinates | Bump
 

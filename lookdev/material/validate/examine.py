@@ -17,10 +17,10 @@ from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, shorten
+from lookdev.material import Layer
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.library.nodes import find_upstream
 from lookdev.material.library.stack import Stack, find_stack
-from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, is_set, shader_id
