@@ -20,6 +20,9 @@ Pair = tuple[float, float]
 TYPES = {"float": "float", "color": "color3"}
 """MaterialX's type of a parameter, by its kind."""
 
+_VALUE_INPUTS = {"constant": "value"}
+"""The input that has the value of a node, by the category of nodes that pass one on."""
+
 _WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _SPLITTERS = ("extract", "swizzle", "separate3", "separate4")
 _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
@@ -93,9 +96,10 @@ def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -
         node = source.element
         if node.getCategory() == "geompropvalue":
             return _read_primvar(network, node, parameter)
-        if node.getCategory() != "constant" or (value_port := node.getInput("value")) is None:
+        name = _VALUE_INPUTS.get(node.getCategory(), "")
+        if (value_port := node.getInput(name)) is None:
             break
-        network.mark_carried(node, "value")
+        network.mark_carried(node, name)
         source = network.source_of(value_port)
     if not source.is_computed:
         return _read_constant(network, source.element, parameter)
