@@ -30,6 +30,7 @@ import difflib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 _MAX_FAULTS = 100  # in a message
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -78,6 +79,11 @@ class FaultsError(LookdevError):
         more = len(self.faults) - _MAX_FAULTS
         lines = [*map(str, self.faults[:_MAX_FAULTS]), *[f"and {more} more faults"] * (more > 0)]
         super().__init__("\n".join(lines))
+
+    @classmethod
+    def at(cls, file: object, where: object, what: str, hint: str = "") -> Self:
+        """Return the error of one fault; `file` and `where` are texts or paths."""
+        return cls([Fault(str(file), str(where), what, hint)])
 
     def __str__(self) -> str:
         return Exception.__str__(self)

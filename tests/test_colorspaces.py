@@ -5,7 +5,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.material.look import Texture
+from lookdev.material import Texture
 from lookdev.material.textures import image_header, sample_texture
 from lookdev.stage.colorspaces import colorspace_named, to_linear_rec709
 

@@ -12,9 +12,8 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
-from lookdev.material import Formula, Input, Layer, Look, Primvar
+from lookdev.material import Formula, Input, Layer, Look, Primvar, Source, depends_on_view
 from lookdev.material.expression import Kind
-from lookdev.material.look import Source, depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import Values, look_layers
 

@@ -19,8 +19,7 @@ from lookdev.errors import LookdevError, OutputError, RenderError, TextureError,
 from lookdev.export import Exported
 from lookdev.light import native_images
 from lookdev.light.native import still_domes
-from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaf_sources
+from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import JobSetups, read_setups

@@ -15,8 +15,7 @@ from lookdev.asset.silhouette import hull_points
 from lookdev.asset.usd import read_usd
 from lookdev.inspect.rigs import InspectedRig, inspect_rig
 from lookdev.light.rig import holds_only_lights, read_rig
-from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaf_sources
+from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.stage import Composition, compose
 from lookdev.text import align_columns

@@ -8,15 +8,13 @@ from typing import cast
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MASK
-from lookdev.brdf.parameters import Parameter, complete
+from lookdev.brdf.parameters import Parameter, Value, complete
 from lookdev.errors import ModelError, nearest_hint
+from lookdev.material import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.expression import ExpressionError, parse
-from lookdev.material.look import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
 from lookdev.material.translate import layer_parameters
 
 _LIVE = "lookdev:live:"
-
-Value = float | tuple[float, float, float] | str
 
 
 def look_with_value(look: Look, parameter: str, value: Value) -> Look:
@@ -43,14 +41,12 @@ def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tupl
         full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
     ]
     if not matches:
-        valid_names = [*names, *(full_name.removeprefix(f"{layer.name}.") for full_name, (layer, _) in names.items())]
-        raise ModelError(
-            f"look '{look.name}' has no '{parameter}' ({nearest_hint(parameter, list(dict.fromkeys(valid_names)))})"
-        )
+        short_names = [full_name.removeprefix(f"{layer.name}.") for full_name, (layer, _) in names.items()]
+        hint = nearest_hint(parameter, list(dict.fromkeys([*names, *short_names])))
+        raise ModelError(f"look '{look.name}' has no '{parameter}' ({hint})")
     if len(matches) > 1:
-        raise ModelError(
-            f"several layers of look '{look.name}' have '{parameter}': one of {', '.join(matches)} would be right"
-        )
+        hint = f"one of {', '.join(matches)} would be right"
+        raise ModelError(f"several layers of look '{look.name}' have '{parameter}': {hint}")
     return names, matches[0]
 
 
@@ -88,11 +84,7 @@ def constant_named(look: Look, parameter: str) -> Constant:
         raise ModelError(f"{full_name} is a {record.kind}; a number or a colour would be right")
     if not isinstance(source, float | int | tuple):
         found_kind = "an expression" if isinstance(source, Formula) else "a texture or primvar"
-        inputs = [
-            name
-            for name, (input_layer, input_path) in inputs_by_name.items()
-            if input_layer is layer and input_path[0] == path[0] and input_path[1:]
-        ]
+        inputs = [name for name in inputs_by_name if name.startswith(f"{layer.name}.{path[0]}.")]
         hint = f": its inputs are {', '.join(inputs)}" if inputs else ""
         raise ModelError(f"{full_name} is {found_kind}, not a constant{hint}")
     value = tuple(map(float, source)) if isinstance(source, tuple) else (float(source),)
@@ -183,9 +175,8 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: 
     elif isinstance(value, str) and parameter.kind in ("float", "color"):
         new = _checked_formula(full_name, parameter, value, _input_of(layer, name))
     elif parameter.file or (parameter.kind == "token" and not alone):
-        raise ModelError(
-            f"{full_name} is a {'file' if parameter.file else 'choice that layers share'}, which cannot vary"
-        )
+        kind = "file" if parameter.file else "choice that layers share"
+        raise ModelError(f"{full_name} is a {kind}, which cannot vary")
     else:
         new = _checked_constant(full_name, parameter, value)
     return _with_input(layer, name, new)

@@ -53,21 +53,18 @@ def shader_definitions() -> str:
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
-    models = [
-        _shader_text(
-            model.identifier, model.text, [*map(_parameter_text, model.parameters.values())], "token outputs:layer"
-        )
-        for model in MODELS.values()
-    ]
+    models = []
+    for model in MODELS.values():
+        inputs = [*map(_parameter_text, model.parameters.values())]
+        models.append(_shader_text(model.identifier, model.text, inputs, "token outputs:layer"))
     layers = [_input_text("token", "base", "The layer beneath all others.")]
     for number in range(1, DEFINED_LAYERS + 1):
         layers += _layer_input_texts(f"layer{number}", "the base" if number == 1 else f"layer{number - 1}")
     stack_doc = "A stack of layers, each over what is beneath it."
+    bump_help = "How many units of st a height of 1 stands above the surface."
     bump = [
         _input_text("float", "height", "A channel of a UsdUVTexture: the height map."),
-        _input_text(
-            "float", "scale", "How many units of st a height of 1 stands above the surface.", "1.0", constant=True
-        ),
+        _input_text("float", "scale", bump_help, "1.0", constant=True),
     ]
     expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
     expression = [_input_text("string", "expression", expression_help, constant=True)]
@@ -84,13 +81,11 @@ def shader_definitions() -> str:
         _input_text("float", "midlevel", midlevel_help, "0.0", constant=True),
         _input_text("token", "units", units_help, '"object"', ("object", "world"), constant=True),
     ]
-    displacement_doc = "The surface is moved along its normal by (height - midlevel) scale."
+    moved_doc = "The surface is moved along its normal by (height - midlevel) scale."
     others = [
         _shader_text("LookdevLayers", stack_doc, layers, "token outputs:surface"),
         _shader_text("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
-        _shader_text(
-            "LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"
-        ),
+        _shader_text("LookdevDisplacement", moved_doc, displacement, "token outputs:displacement", "displacement"),
         _shader_text("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
     ]
     return _HEAD + "\n".join([*models, *others])
@@ -118,9 +113,8 @@ def _layers_phrase(titles: list[str]) -> str:
 
 
 def _shader_text(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
-    return _SHADER.format(
-        name=name, doc=_quote(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
-    )
+    text, file = "\n".join(inputs), DEFINITIONS.name
+    return _SHADER.format(name=name, doc=_quote(doc), role=role, file=file, inputs=text, output=output)
 
 
 def _parameter_text(parameter: Parameter) -> str:

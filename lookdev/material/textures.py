@@ -23,7 +23,7 @@ from lookdev.brdf import Array
 from lookdev.cache import cached_file, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
-from lookdev.material.look import Bump, Texture, Wrap
+from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
@@ -33,13 +33,7 @@ UDIM = "<UDIM>"
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
-_WRAPS: dict[str, Wrap] = {
-    "black": "black",
-    "clamp": "clamp",
-    "repeat": "repeat",
-    "periodic": "repeat",  # OpenImageIO's and RenderMan's word
-    "mirror": "mirror",
-}
+_WRAPS: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}  # with OpenImageIO's and RenderMan's word
 _UNSIGNED = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
 _STRIP_ROWS = 64
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}
@@ -80,11 +74,8 @@ def image_header(file: Path) -> ImageHeader:
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
     eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
     # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
-    profile, exif = (
-        spec.get_string_attribute("ICCProfile:profile_description"),
-        spec.get_int_attribute("Exif:ColorSpace"),
-    )
-    tagged = profile.startswith("sRGB") or exif == 1
+    profile = spec.get_string_attribute("ICCProfile:profile_description")
+    tagged = profile.startswith("sRGB") or spec.get_int_attribute("Exif:ColorSpace") == 1
     return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t), tagged)
 
 
@@ -118,6 +109,21 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
     if not tiles:
         raise TextureError(f"{texture.file}: no tile of this set, such as {before}1001{after}")
     return tiles
+
+
+def check_images(texture: Texture) -> None:
+    """Read the headers of all images of a texture; raises as `image_header` and `udim_tiles`."""
+    for tile in udim_tiles(texture).values() or [texture]:
+        image_header(tile.file)
+
+
+def lacks_negatives(texture: Texture) -> bool:
+    """Return whether a normal map has no negative component: its image holds 0 to 1, and is not scaled to -1 to 1.
+
+    A map with flipped or weakened axes is centred too, up to half a step of 8 bits. Raises as `check_images`.
+    """
+    centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
+    return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).unsigned
 
 
 def linear_texture(texture: Texture) -> Path:
@@ -270,9 +276,8 @@ def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Flo
     pixels = _linear_pixels(prepare(texture))
     height, width = pixels.shape[:2]
     columns = _bilinear_taps(image_st[..., 0], width, texture.wrap_s)
-    rows = _bilinear_taps(
-        1.0 - image_st[..., 1], height, texture.wrap_t
-    )  # row 0 is the top of the image, t 0 the bottom
+    # Row 0 is the top of the image, t 0 the bottom.
+    rows = _bilinear_taps(1.0 - image_st[..., 1], height, texture.wrap_t)
     for row, row_weight in rows:
         for column, column_weight in columns:
             value += (row_weight * column_weight)[..., np.newaxis] * pixels[row, column]

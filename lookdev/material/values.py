@@ -13,8 +13,7 @@ import numpy as np
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import add_followers, complete, expand_tokens
 from lookdev.brdf.vectors import Parameters, are_equal, vector
-from lookdev.material.expression import ExpressionError, Kind, parse
-from lookdev.material.look import (
+from lookdev.material import (
     VIEW,
     Bump,
     Coordinates,
@@ -28,6 +27,7 @@ from lookdev.material.look import (
     Varying,
     View,
 )
+from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.textures import texture_value
 from lookdev.material.translate import layer_parameters, translate_layer
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from lookdev.errors import Fault, LookdevError, LookError
+from lookdev.errors import LookdevError, LookError
 
 MOST_COMBINATIONS = 1000
 """The largest number of combinations that ``"*"`` may expand to: in one look, and in all looks of a job."""
@@ -34,15 +34,14 @@ def expand_wildcards(
     while (set_name := next((name for name, choice in selections[0].items() if choice == "*"), None)) is not None:
         variants_by_selection = [choices(selection, set_name) for selection in selections]
         if not all(variants_by_selection):
-            raise LookError([Fault(file, prim, f"variant set '{set_name}' has no variants")])
+            raise LookError.at(file, prim, f"variant set '{set_name}' has no variants")
         selections = [
             {**selection, set_name: variant}
             for selection, set_variants in zip(selections, variants_by_selection, strict=True)
             for variant in set_variants
         ]
         if len(selections) > MOST_COMBINATIONS:
-            message = (
-                f"'*' stands for {len(selections)} combinations of variants, at most {MOST_COMBINATIONS} would be right"
-            )
-            raise LookError([Fault(file, prim, message, "name a variant of some of the sets")])
+            count = f"{len(selections)} combinations of variants"
+            message = f"'*' stands for {count}, at most {MOST_COMBINATIONS} would be right"
+            raise LookError.at(file, prim, message, "name a variant of some of the sets")
     return tuple(selections)

@@ -5,7 +5,7 @@ structure, and `arcs` redirects the arcs to the document in memory.
 """
 
 from lookdev.mtlx.arcs import is_document, redirect_documents
-from lookdev.mtlx.document import read_document
+from lookdev.mtlx.document import library_inputs, read_document
 from lookdev.mtlx.shade import NOTES, document_layer
 
-__all__ = ["NOTES", "document_layer", "is_document", "read_document", "redirect_documents"]
+__all__ = ["NOTES", "document_layer", "is_document", "library_inputs", "read_document", "redirect_documents"]

@@ -7,6 +7,7 @@ names. Documents are not upgraded to the version of the package: that takes minu
 from __future__ import annotations
 
 import re
+from functools import cache
 from xml.parsers import expat
 
 import MaterialX as mx
@@ -93,3 +94,11 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
         where = f"line {error.lineno}, column {error.offset + 1}"
         raise _document_error(file, where, f"is not XML: {expat.ErrorString(error.code)}") from error
     return tuple(includes)
+
+
+@cache
+def library_inputs(file: str, definition: str) -> dict[str, mx.Input]:
+    """Return the inputs of the node definition of a surface shader of the MaterialX library, by name."""
+    library = mx.createDocument()
+    mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{file}.mtlx"))
+    return {port.getName(): port for port in library.getNodeDef(definition).getActiveInputs()}

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 import posixpath
 import re
-from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from pxr import Ar, Sdf, Tf
 
 from lookdev.cache import Content
 from lookdev.errors import Fault, LookError
-from lookdev.mtlx.document import read_document
+from lookdev.mtlx.document import library_inputs, read_document
 from lookdev.text import TextError, read_bytes
 
 NOTES = "lookdev:notes"
@@ -158,7 +157,11 @@ class _Writer:
             return
         node, shader = self._pending.pop(number)
         ports = {port.getName(): port for port in node.getInputs()}
-        types = _interface_types(node.getCategory()) | {name: port.getType() for name, port in ports.items()}
+        category = node.getCategory()
+        interface = (
+            library_inputs(_INTERFACES[category], f"ND_{category}_surfaceshader") if category in _INTERFACES else {}
+        )
+        types = {name: port.getType() for name, port in (interface | ports).items()}
         for name, kind in types.items():
             inner = self._get_attribute(shader, f"inputs:{name}", kind)
             if name in ports and _is_connected(ports[name]):
@@ -338,14 +341,3 @@ class _Writer:
 
 def _is_connected(port: mx.PortElement) -> bool:
     return any(port.getAttribute(name) for name in _LINKS)
-
-
-@cache
-def _interface_types(category: str) -> dict[str, str]:
-    """Return the types of the inputs of a surface shader of the MaterialX library; {} for an unknown one."""
-    if category not in _INTERFACES:
-        return {}
-    library = mx.createDocument()
-    mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{_INTERFACES[category]}.mtlx"))
-    definition = library.getNodeDef(f"ND_{category}_surfaceshader")
-    return {port.getName(): port.getType() for port in definition.getActiveInputs()}

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
-from lookdev.material import Bump, Look, Texture
-from lookdev.material.look import leaf_sources
+from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 

@@ -21,10 +21,9 @@ from lookdev.brdf.model import StackLayer
 from lookdev.brdf.parameters import Value
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
-from lookdev.material import Look, Primvar
+from lookdev.material import Look, Primvar, depends_on_view
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
-from lookdev.material.look import depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers

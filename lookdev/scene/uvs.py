@@ -14,8 +14,7 @@ import numpy as np
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.store import asset_digest
-from lookdev.material import Bump, Coordinates, Look, Primvar, Texture
-from lookdev.material.look import leaf_sources
+from lookdev.material import Bump, Coordinates, Look, Primvar, Texture, leaf_sources
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:

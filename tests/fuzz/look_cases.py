@@ -10,8 +10,7 @@ from text_changes import text_plan
 from usd_sound import PIXELS
 from usda_lines import TYPES, animated, declaration, odd_text, retyped, spoil_layer
 
-from lookdev.material import Formula
-from lookdev.material.look import leaf_sources
+from lookdev.material import Formula, leaf_sources
 from lookdev.material.usd.bound import read_any_look
 
 _TEXT = """#usda 1.0

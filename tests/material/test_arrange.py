@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from lookdev.errors import LookdevError, LookError
+from lookdev.material import Formula, Primvar
 from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
 from lookdev.material.library.constants import set_inputs
 from lookdev.material.library.edit import set_mask
@@ -16,7 +17,6 @@ from lookdev.material.library.fragments import copy_layer, duplicate_layer, past
 from lookdev.material.library.masks import parse_mask
 from lookdev.material.library.parameters import set_source, unset_parameter
 from lookdev.material.library.stack import read_outline
-from lookdev.material.look import Formula, Primvar
 from lookdev.material.usd import read_look
 
 MATERIALS = Path(__file__).parents[2] / "materials"

@@ -11,7 +11,7 @@ from look_files import bound, fault_texts, materialx, rotate_clockwise, shader, 
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
-from lookdev.material.look import Primvar, Texture
+from lookdev.material import Primvar, Texture
 from lookdev.material.points import ImagePoints
 from lookdev.material.textures import image_texels
 from lookdev.material.usd.bound import BoundLook

@@ -11,13 +11,13 @@ from pxr import Usd
 from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookdevError, LookError, ModelError
+from lookdev.material import Coordinates, Formula, Layer, Look, Primvar, Texture, View
 from lookdev.material.change import constant_named, look_with_value, varied_names, with_constants
 from lookdev.material.expression import parse
 from lookdev.material.library import Preset, find_preset
 from lookdev.material.library.constants import check_writable, set_inputs, write_changed
 from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
-from lookdev.material.look import Coordinates, Formula, Layer, Look, Primvar, Texture, View
 from lookdev.material.usd import read_look
 
 pytestmark = pytest.mark.both_pythons

@@ -14,7 +14,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS
 from lookdev.errors import OutputError
-from lookdev.material.look import Layer, Primvar, Texture
+from lookdev.material import Layer, Primvar, Texture
 from lookdev.material.materialx import Imported, import_materialx, write_usda
 from lookdev.material.usd import read_look
 from lookdev.material.validate.examine import examine_file

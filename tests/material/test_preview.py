@@ -11,10 +11,10 @@ from pxr import Sdf, Sdr, Usd
 
 from lookdev.brdf.conductor import metal_reflectance
 from lookdev.errors import LookError
+from lookdev.material import Coordinates, Formula, Layer, Primvar, View
 from lookdev.material.expression import parse
 from lookdev.material.library.edit import write_preview
 from lookdev.material.library.preview import preview_values
-from lookdev.material.look import Coordinates, Formula, Layer, Primvar, View
 from lookdev.material.usd import read_look
 
 LOOKS = sorted((Path(__file__).parents[2] / "materials").glob("*.usda"))

@@ -18,9 +18,9 @@ from lookdev.arrays import Bytes
 from lookdev.brdf import MODELS, layer_shaders
 from lookdev.brdf.conductor import METALS, metal_reflectance
 from lookdev.job import Job, load_job
+from lookdev.material import Bump, Layer, Look, Texture
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
-from lookdev.material.look import Bump, Layer, Look, Texture
 from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.usd import expand_variants, read_look
 

@@ -11,7 +11,7 @@ from look_files import faults_of, look, rough, texture
 from pxr import Sdf
 
 from lookdev.errors import TextureError
-from lookdev.material.look import Texture
+from lookdev.material import Texture
 from lookdev.material.textures import image_header, linear_texture, sample_slopes, sample_texture, slope_texture
 from lookdev.material.usd import read_look
 from lookdev.stage.colorspaces import srgb_to_linear

@@ -13,10 +13,20 @@ from lookdev.brdf import layer_shaders
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray
-from lookdev.material import Coordinates, Formula, Primvar, Texture, View
-from lookdev.material.look import Bump, Displacement, Layer, Look, depends_on_view
+from lookdev.material import (
+    Bump,
+    Coordinates,
+    Displacement,
+    Formula,
+    Layer,
+    Look,
+    Primvar,
+    Texture,
+    View,
+    depends_on_view,
+)
 from lookdev.material.textures import sample_texture
-from lookdev.material.usd import expand_variants, has_look, read_look
+from lookdev.material.usd import expand_variants, read_look
 from lookdev.material.validate.examine import examine_file
 from lookdev.material.values import Values
 from lookdev.scene.uvs import look_uvs
@@ -191,11 +201,6 @@ def test_variant_sets_above_the_material_count(tmp_path: Path) -> None:
     sets = variants("wet", no="", yes=over("M", over("Base", "float clearcoat = 1")))
     file.write_text(f'#usda 1.0\ndef Scope "Looks" {selecting(wet="no")} {{\n{material}{sets}}}\n')
     assert inputs_of(file, wet="yes") == {"clearcoat": 1.0}  # the only material
-
-
-def test_has_look(write) -> None:
-    file = write(disney(), before='def Material "Plain" { }\ndef Scope "Scope" { }\n')
-    assert [has_look(file, path) for path in ("/M", "/Plain", "/Scope", "/Nothing")] == [True, False, False, False]
 
 
 def test_unsupported_material_names_its_terminal(write) -> None:

@@ -14,9 +14,8 @@ from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
 from lookdev.light import Dome, prepare_light
 from lookdev.light.dome.environment import make_environment
-from lookdev.material import Layer, Look, Texture
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.material.look import Bump, Coordinates, Formula, Primvar
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.kept import cached_source
 from lookdev.scene import Sampling

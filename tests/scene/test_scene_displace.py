@@ -10,9 +10,8 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.normals import area_vectors, flat_normals
 from lookdev.asset.store import make_asset
 from lookdev.errors import AssetError
-from lookdev.material import Displacement, Layer, Look, Primvar, View
+from lookdev.material import Coordinates, Displacement, Formula, Layer, Look, Primvar, View
 from lookdev.material.expression import parse
-from lookdev.material.look import Coordinates, Formula
 from lookdev.scene.displace import as_cage, displace
 
 RINGS = 256

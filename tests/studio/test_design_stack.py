@@ -11,8 +11,8 @@ import pytest
 from usd_text import job_toml
 
 from lookdev.errors import LookdevError, ModelError
+from lookdev.material import Formula, Primvar, Texture
 from lookdev.material.library import find_preset
-from lookdev.material.look import Formula, Primvar, Texture
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parse_edit

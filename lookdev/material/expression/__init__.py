@@ -13,19 +13,9 @@ import numpy as np
 
 from lookdev.brdf.vectors import Array, Mask, Real
 from lookdev.errors import nearest_hint
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, clip_to_bound
-from lookdev.material.expression.syntax import (
-    Apply,
-    Channel,
-    Choice,
-    Color,
-    ExpressionError,
-    Name,
-    Node,
-    Number,
-    parse_tree,
-    shorten_name,
-)
+from lookdev.material.expression import syntax
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, clip_to_bound
+from lookdev.material.expression.syntax import ExpressionError
 
 __all__ = ["Expression", "ExpressionError", "Kind", "parse"]
 
@@ -37,7 +27,7 @@ class Expression:
     """A parsed expression: its text, its tree, and the names of its inputs in order of appearance."""
 
     text: str
-    root: Node
+    root: syntax.Node
     names: tuple[str, ...]
 
     def check(self, types: Mapping[str, Kind]) -> Kind:
@@ -77,35 +67,35 @@ class Expression:
 
 def parse(text: str) -> Expression:
     """Parse an expression; raises as `parse_tree`."""
-    return Expression(text, *parse_tree(text))
+    return Expression(text, *syntax.parse_tree(text))
 
 
 class _Checker:
     def __init__(self, text: str, types: Mapping[str, Kind]) -> None:
         self.text, self.types = text, types
 
-    def kind(self, node: Node) -> Kind:
+    def kind(self, node: syntax.Node) -> Kind:
         """Return the type of a node."""
         match node:
-            case Name(position=position, name=name) if name not in self.types:
+            case syntax.Name(position=position, name=name) if name not in self.types:
                 hint = nearest_hint(name, [*self.types, *CONSTANTS])
                 if name in FUNCTIONS:
                     hint = f"a function: {FUNCTIONS[name].signature(name)}"
-                raise ExpressionError(self.text, position, f"unknown name '{shorten_name(name)}'", hint)
-            case Name(name=name):
+                raise ExpressionError(self.text, position, f"unknown name '{syntax.shorten_name(name)}'", hint)
+            case syntax.Name(name=name):
                 return self.types[name]
-            case Color(channels=channels):
+            case syntax.Color(channels=channels):
                 for channel in channels:
                     self._check_float(channel, "a channel of a color")
                 return "color"
-            case Channel(position=position, color=color):
+            case syntax.Channel(position=position, color=color):
                 if self.kind(color) == "float":
                     raise ExpressionError(self.text, position, "a channel of a float; only colors have channels")
                 return "float"
-            case Choice(condition=condition, yes=yes, no=no):
+            case syntax.Choice(condition=condition, yes=yes, no=no):
                 self._check_float(condition, "the condition of '?'")
                 return "color" if "color" in (self.kind(yes), self.kind(no)) else "float"
-            case Apply(name=name, function=function, arguments=arguments):
+            case syntax.Apply(name=name, function=function, arguments=arguments):
                 if function.domain == "each":
                     return "color" if "color" in [self.kind(argument) for argument in arguments] else "float"
                 for argument in arguments:
@@ -114,10 +104,10 @@ class _Checker:
                     else:
                         self._check_float(argument, f"'{name}'")
                 return "color" if function.gives == "color" else "float"
-            case Number():
+            case syntax.Number():
                 return "float"
 
-    def _check_float(self, node: Node, user: str) -> None:
+    def _check_float(self, node: syntax.Node, user: str) -> None:
         if self.kind(node) == "color":
             hint = "take luminance(color), or a channel: color[0]"
             raise ExpressionError(self.text, node.position, f"{user} needs a float, this is a color", hint)
@@ -129,41 +119,42 @@ class _Evaluation:
     def __init__(self, values: Mapping[str, Array], types: Mapping[str, Kind]) -> None:
         self.values, self.types = values, types
 
-    def value(self, node: Node) -> tuple[Array, ...]:
+    def value(self, node: syntax.Node) -> tuple[Array, ...]:
         """Return the channels of a node."""
         match node:
-            case Number(value=value):
+            case syntax.Number(value=value):
                 return (np.asarray(value),)
-            case Name(name=name):
+            case syntax.Name(name=name):
                 operand = self.values[name]
                 return tuple(operand[..., i] for i in range(3)) if self.types[name] == "color" else (operand,)
-            case Color(channels=channels):
+            case syntax.Color(channels=channels):
                 return tuple(self._float(channel) for channel in channels)
-            case Channel(color=color, index=index):
+            case syntax.Channel(color=color, index=index):
                 return (self.value(color)[index],)
-            case Choice(condition=condition, yes=yes, no=no):
+            case syntax.Choice(condition=condition, yes=yes, no=no):
                 truth = self.truth_value(condition)
                 return _map_channels(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
-            case Apply(function=function, arguments=arguments):
-                results = self._apply_function(node, function, arguments)
+            case syntax.Apply():
+                results = self._apply_function(node)
                 # Symbols are clipped once, at the end. Constants must be float32 literals in every operation.
                 return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
-    def truth_value(self, node: Node) -> Mask:
+    def truth_value(self, node: syntax.Node) -> Mask:
         """Return the truth values of a node; a number is true where it is not 0."""
-        if isinstance(node, Apply) and node.function.gives == "truth":
+        if isinstance(node, syntax.Apply) and node.function.gives == "truth":
             operand = self.truth_value if node.function.domain == "truth" else self._float
             return cast(Mask, node.function.evaluate(*(operand(argument) for argument in node.arguments)))
         truth: Mask = np.logical_not(np.equal(self._float(node), 0.0))
         return truth
 
-    def _float(self, node: Node) -> Array:
+    def _float(self, node: syntax.Node) -> Array:
         return self.value(node)[0]
 
-    def _apply_function(self, node: Node, function: Function, arguments: tuple[Node, ...]) -> tuple[Array, ...]:
+    def _apply_function(self, node: syntax.Apply) -> tuple[Array, ...]:
+        function = node.function
         if function.gives == "truth":
             return (np.where(self.truth_value(node), 1.0, 0.0),)
-        values = [self.value(argument) for argument in arguments]
+        values = [self.value(argument) for argument in node.arguments]
         if function.domain == "color":
             color = _map_channels(lambda a, _: a, values[0], (0.0, 0.0, 0.0))
             result = function.evaluate(color, *(value[0] for value in values[1:]))

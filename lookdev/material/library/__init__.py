@@ -63,7 +63,7 @@ def library_folders(library: Path | None = None) -> tuple[Path, ...]:
         raise LookError([Fault(str(folder), "", f"{origin} names no folder") for folder in missing])
     if len(missing) == len(folders):
         hint = f"name a folder of presets with --library or ${LIBRARY_VARIABLE}"
-        raise LookError([Fault("library", "", f"no folder {_join_folders(folders)}", hint)])
+        raise LookError.at("library", "", f"no folder {_join_folders(folders)}", hint)
     return tuple(folder for folder in folders if folder not in missing)
 
 
@@ -81,13 +81,10 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
     if category is not None:
         presets = [preset for preset in presets if preset.category == category]
     if not presets and category is not None and categories:
-        raise LookError(
-            [Fault("library", "", f"no preset of category '{category}'", nearest_hint(category, categories))]
-        )
+        raise LookError.at("library", "", f"no preset of category '{category}'", nearest_hint(category, categories))
     if not presets:
-        raise LookError(
-            faults or [Fault("library", "", f"no preset in {_join_folders(folders)}", "put *.usda files there")]
-        )
+        message = f"no preset in {_join_folders(folders)}"
+        raise LookError(faults or [Fault("library", "", message, "put *.usda files there")])
     return Library(tuple(sorted(presets, key=lambda preset: (preset.category, preset.name))), tuple(faults))
 
 
@@ -100,7 +97,7 @@ def find_preset(name: str, library: Path | None = None) -> Preset:
     if name.casefold() in files:
         return read_preset(files[name.casefold()])
     hint = nearest_hint(name.casefold(), sorted(files)) if files else "put *.usda files there"
-    raise LookError([Fault("library", "", f"no preset '{name}' in {_join_folders(folders)}", hint)])
+    raise LookError.at("library", "", f"no preset '{name}' in {_join_folders(folders)}", hint)
 
 
 def read_preset(file: Path) -> Preset:
@@ -115,17 +112,16 @@ def read_preset(file: Path) -> Preset:
     stage = open_stage(file)
     default_prim = stage.GetDefaultPrim()
     if not default_prim:
-        raise LookError([Fault(str(file), "", "has no default prim", "a preset is a shader: set defaultPrim to it")])
+        raise LookError.at(file, "", "has no default prim", "a preset is a shader: set defaultPrim to it")
     prim = _only_layer(default_prim) or default_prim
     shader = UsdShade.Shader(prim)
     model = (shader.GetShaderId() if shader else None) or ""
     path = str(prim.GetPath())
     if model not in layer_shaders():
         message = f"its info:id is '{model}'" if shader else f"is a {prim.GetTypeName() or 'prim without a type'}"
-        hint = f"a preset is a Shader whose info:id is {' or '.join(layer_shaders())}"
-        raise LookError([Fault(str(file), path, message, hint)])
+        raise LookError.at(file, path, message, f"a preset is a Shader whose info:id is {' or '.join(layer_shaders())}")
     if not shader.GetOutput("layer"):
-        raise LookError([Fault(str(file), path, "has no outputs:layer", "declare it: token outputs:layer")])
+        raise LookError.at(file, path, "has no outputs:layer", "declare it: token outputs:layer")
     doc = default_prim.GetDocumentation() or stage.GetRootLayer().documentation
     category = str(default_prim.GetCustomDataByKey("category") or "")
     return Preset(file.stem, file, path, layer_shaders()[model], category, " ".join(doc.split()))

@@ -8,17 +8,14 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from lookdev.brdf import Mode
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
-from lookdev.material.library.nodes import find_sites, layer_paths
-from lookdev.material.library.stack import layer_shader, require_stack
-from lookdev.material.usd import variant_sets
+from lookdev.material.library.nodes import find_sites, is_defined, layer_paths, moved_path
+from lookdev.material.library.stack import LAYER_PARTS, layer_shader, require_stack
+from lookdev.material.usd import Variants, variant_sets
 
 _TYPES = Sdf.ValueTypeNames
-_PARTS = ("", "Mask", "Enabled", "Mode")
-
-Variants = Mapping[str, str] | None
 
 
 def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: Variants = None) -> None:
@@ -27,14 +24,12 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
         stack = require_stack(material)
         number, name = stack.find(layer)
         if to not in stack.layers:
-            message = f"'{name}' cannot be layer {to}"
-            raise stack.make_error(
-                message, f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
-            )
+            hint = f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
+            raise stack.make_error(f"'{name}' cannot be layer {to}", hint)
         step = 1 if to < number else -1
         order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
-        attributes = [stack.prim.GetAttribute(stack.input_name(other, part)) for other in order for part in _PARTS]
+        attributes = [stack.attribute(other, part) for other in order for part in LAYER_PARTS]
         if not all(stack.is_in_file(attribute) for attribute in attributes if attribute):
             raise stack.make_error("another file or a variant states its layers", "move them there")
         stack.renumber(order)
@@ -47,12 +42,12 @@ def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, var
         root, new = material.GetPrim().GetStage().GetRootLayer(), path.ReplaceName(name) if _is_name(name) else path
         if not _is_name(name):
             hint = "letters, digits and '_', not a digit first"
-            raise LookError([Fault(str(file), str(path), f"'{name}' cannot be the name of a layer", hint)])
+            raise LookError.at(file, path, f"'{name}' cannot be the name of a layer", hint)
         used_paths = {path.StripAllVariantSelections() for path in layer_paths(root)}
         if new != path and (new in used_paths or material.GetPrim().GetStage().GetPrimAtPath(new)):
-            raise LookError([Fault(str(file), str(path), f"'{name}' is there already", "choose another name")])
-        if not any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path)):
-            raise LookError([Fault(str(file), str(path), "is defined by another file", "rename it there")])
+            raise LookError.at(file, path, f"'{name}' is there already", "choose another name")
+        if not is_defined(root, find_sites(root, path)):
+            raise LookError.at(file, path, "is defined by another file", "rename it there")
         for site in find_sites(root, path):
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(site, site.ReplaceName(name), Sdf.NamespaceEdit.same)
@@ -70,9 +65,8 @@ def redirect_connections(
             continue
         for target in spec.connectionPathList.GetAddedOrExplicitItems():
             absolute = target.MakeAbsolutePath(path.GetPrimPath()).StripAllVariantSelections()
-            old = next((old_path for old_path in new_paths if absolute.GetPrimPath().HasPrefix(old_path)), None)
-            if old is not None:
-                spec.connectionPathList.ReplaceItemEdits(target, absolute.ReplacePrefix(old, new_paths[old]))
+            if (moved := moved_path(absolute, new_paths)) is not None:
+                spec.connectionPathList.ReplaceItemEdits(target, moved)
 
 
 def enable_layer(file: Path, layer: str, enabled: bool, prim: str | None = None, variants: Variants = None) -> None:
@@ -97,7 +91,7 @@ def select_variant(file: Path, name: str, choice: str, prim: str | None = None) 
         if name not in sets or choice not in sets[name].GetVariantNames():
             choices = [] if name not in sets else sets[name].GetVariantNames()
             hint = nearest_hint(choice if choices else name, choices or sorted(sets)) if sets else "it has none"
-            raise LookError([Fault(str(file), str(material.GetPath()), f"has no variant {name}={choice}", hint)])
+            raise LookError.at(file, material.GetPath(), f"has no variant {name}={choice}", hint)
         with Usd.EditContext(stage, stage.GetRootLayer()):
             sets[name].SetVariantSelection(choice)
 

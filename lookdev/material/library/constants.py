@@ -10,22 +10,20 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.brdf import MODELS, layer_shaders
+from lookdev.brdf.parameters import Value
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.change import Constant, Value, with_constants
+from lookdev.errors import LookError, nearest_hint
+from lookdev.material.change import Constant, with_constants
 from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
 from lookdev.material.library.stack import enabled_layers
-from lookdev.material.usd import find_material, read_look
+from lookdev.material.usd import Variants, open_material, read_look
 from lookdev.material.usd.network import Network, Source, shader_id
-from lookdev.stage import open_stage, usd_errors_as_faults
+from lookdev.stage import usd_errors_as_faults
 
 
 def set_inputs(
-    file: Path,
-    values: Mapping[tuple[int, str], Value],
-    prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    file: Path, values: Mapping[tuple[int, str], Value], prim: str | None = None, variants: Variants = None
 ) -> None:
     """Set constants of layers, by the index of a layer in the look, base first, and the name of a parameter.
 
@@ -38,11 +36,7 @@ def set_inputs(
 
 
 def write_changed(
-    file: Path,
-    out: Path,
-    constants: Sequence[Constant],
-    prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    file: Path, out: Path, constants: Sequence[Constant], prim: str | None = None, variants: Variants = None
 ) -> None:
     """Write a copy of the look of a file with other constants, atomically; relative paths stay valid.
 
@@ -55,19 +49,24 @@ def write_changed(
         The file is not a look of layers in USD, or another input has the same source as a constant.
     """
     check_suffix(out)
-    look = read_look(file, prim, dict(variants or {}))
+    look = read_look(file, prim, variants)
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = with_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):
         # Prefer the interface input that states a constant, unless other inputs are connected to it too.
         for by_interface in (True, False):
             _copy_layer(file, temporary, out)
-            path = _set_constants(temporary, constants, prim, variants or {}, by_interface)
-            if read_look(temporary, str(path), dict(variants or {})).layers == target.layers:
+            with open_material(temporary, prim, variants) as material:
+                path = material.GetPath()
+                for constant in constants:
+                    attribute = _constant_attribute(material, constant.layer, constant.path, constant.value)
+                    set_constant(attribute, constant.value, by_interface=by_interface)
+                material.GetPrim().GetStage().GetRootLayer().Save()
+            if read_look(temporary, str(path), variants).layers == target.layers:
                 return
         names = ", ".join(constant.name for constant in constants)
         message = f"{names}: another input of the look has the same source, or a stronger layer sets it"
-        raise LookError([Fault(str(file), str(path), message, "give each input a value of its own")])
+        raise LookError.at(file, path, message, "give each input a value of its own")
 
 
 def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
@@ -75,36 +74,17 @@ def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
     with usd_errors_as_faults(file):
         layer = Sdf.Layer.FindOrOpen(str(file))
         if layer is None or not layer.Export(str(temporary)):
-            raise LookError([Fault(str(file), "", "cannot be copied as a look in USD")])
+            raise LookError.at(file, "", "cannot be copied as a look in USD")
     before, after = file.resolve().parent, out.resolve().parent
     if before != after:
         _reanchor(temporary, before, after)
 
 
-def _set_constants(
-    file: Path, constants: Sequence[Constant], prim: str | None, variants: Mapping[str, str], by_interface: bool
-) -> Sdf.Path:
-    """Set constants of the look of a file, and return the path of its material."""
-    stage, network = open_stage(file), Network(file)
-    path = find_material(network, stage, prim, variants)
-    if path is None:
-        raise LookError(network.faults)
-    material = UsdShade.Material(stage.GetPrimAtPath(path))
-    for constant in constants:
-        attribute = _constant_attribute(material, constant.layer, constant.path, constant.value)
-        set_constant(attribute, constant.value, by_interface=by_interface)
-    stage.GetRootLayer().Save()
-    return path
-
-
-def check_writable(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> None:
+def check_writable(file: Path, prim: str | None = None, variants: Variants = None) -> None:
     """Raise LookError where `write_changed` cannot write a look: its file is not a look of layers in USD."""
     check_suffix(file)
-    stage, network = open_stage(file), Network(file)
-    path = find_material(network, stage, prim, variants or {})
-    if path is None:
-        raise LookError(network.faults)
-    enabled_layers(UsdShade.Material(stage.GetPrimAtPath(path)))
+    with open_material(file, prim, variants) as material:
+        enabled_layers(material)
 
 
 def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[str], value: object) -> Usd.Attribute:
@@ -118,16 +98,14 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
         return attribute
-    network = Network(Path())
-    source = network.follow(attribute)
-    names = (
-        [shader_input.GetBaseName() for shader_input in source.shader.GetInputs()] if isinstance(source, Source) else []
-    )
+    source = Network(Path()).follow(attribute)
+    node_inputs = source.shader.GetInputs() if isinstance(source, Source) else []
+    names = [node_input.GetBaseName() for node_input in node_inputs]
     if not isinstance(source, Source) or inside[0] not in names:
         where = str(attribute.GetPath())
         message = f"no expression with an input '{inside[0]}' has its value"
         file = attribute.GetStage().GetRootLayer().realPath
-        raise LookError([Fault(file, where, message, nearest_hint(inside[0], names) if names else "")])
+        raise LookError.at(file, where, message, nearest_hint(inside[0], names) if names else "")
     kind = INPUT_TYPES["color" if isinstance(value, tuple) and len(value) == 3 else "float"]
     return source.shader.CreateInput(inside[0], kind).GetAttr()
 
@@ -144,7 +122,7 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
     holder = network.follow(attribute) if by_interface else None
     if isinstance(holder, Source):
         where, hint = str(attribute.GetPath()), "a texture or an expression has its value"
-        raise LookError([Fault(str(network.file), where, "is connected", hint)])
+        raise LookError.at(network.file, where, "is connected", hint)
     target = holder or attribute
     if target.HasAuthoredConnections():
         clear_input(target)

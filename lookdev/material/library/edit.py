@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,21 +19,21 @@ from pathlib import Path
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, Model
-from lookdev.brdf.measured import MEASURED, load_grid
+from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
+from lookdev.material import Look
 from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
-from lookdev.material.library.stack import author_stack, enabled_layers, find_stack, require_stack, require_surface
-from lookdev.material.look import Look
-from lookdev.material.usd import find_material, read_look, read_material
+from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, extended_stack, require_stack
+from lookdev.material.usd import Variants, open_material, read_look, read_material
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
-from lookdev.stage import open_stage, usd_errors_as_faults
+from lookdev.stage import usd_errors_as_faults
 
 log = logging.getLogger("lookdev.material")
 
@@ -51,26 +51,14 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
 
 
 def measured_look(file: Path, measurement: Path) -> str:
-    """Write a new look whose base is a file of measured reflectance; otherwise as `new_look`.
-
-    Raises ModelError for a faulty measurement.
-    """
-    load_grid(str(measurement))
-
-    def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
-        shader = UsdShade.Shader.Define(stage, path)
-        shader.CreateIdAttr(MEASURED.identifier)
-        shader.CreateInput("file", _TYPES.Asset).Set(relative_asset(measurement, stage))
-        shader.CreateOutput("layer", _TYPES.Token)
-        return path
-
-    return _write_new_look(file, None, define)
+    """Write a new look whose base is a file of measured reflectance, by a relative path; else as `model_look`."""
+    return model_look(file, MEASURED, {"file": str(measurement)}, is_relative=True)
 
 
-def model_look(file: Path, model: Model, values: Parameters) -> str:
+def model_look(file: Path, model: Model, values: Parameters, *, is_relative: bool = False) -> str:
     """Write a new look whose base is a model with some constants by name; otherwise as `new_look`.
 
-    Raises ModelError for faulty constants.
+    Paths of files are absolute, unless `is_relative`. Raises ModelError for faulty constants.
     """
     model.complete(values)
 
@@ -80,7 +68,8 @@ def model_look(file: Path, model: Model, values: Parameters) -> str:
         for name, value in values.items():
             kind = model.parameters[name].kind
             if model.parameters[name].file and value not in model.parameters[name].choices:
-                shader.CreateInput(name, _TYPES.Asset).Set(str(Path(value).absolute()))
+                asset = relative_asset(Path(value), stage) if is_relative else str(Path(value).absolute())
+                shader.CreateInput(name, _TYPES.Asset).Set(asset)
                 continue
             usd_value = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
             shader.CreateInput(name, INPUT_TYPES[kind]).Set(usd_value if kind != "float" else float(value))
@@ -94,12 +83,11 @@ def _write_new_look(file: Path, name: str | None, define: Callable[[Usd.Stage, S
     """Write a new look, whose base `define` defines at a path; `define` returns the path of the base."""
     check_suffix(file)
     if file.exists() or file.is_symlink():
-        hint = "choose another name, or 'lookdev materials add' a layer to it"
-        raise LookError([Fault(str(file), "", "exists already", hint)])
+        raise LookError.at(file, "", "exists already", "choose another name, or 'lookdev materials add' a layer to it")
     name = name or camel_case(file.stem)
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
-        raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
+        raise LookError.at(file, "", f"'{name}' cannot be the name of a material", hint)
     with atomic_path(file) as temporary, report_faults_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
@@ -132,17 +120,14 @@ def add_layer(
     mask: Mask = 1.0,
     mode: Mode = "over",
     prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    variants: Variants = None,
 ) -> tuple[int, str]:
     """Add a preset, by reference, over the layers of a look, and return the number and name of the new layer.
 
     A look with a single layer gets a stack first.
     """
     with edit_material(file, prim, variants) as material:
-        if find_stack(material) is None:
-            author_stack(material, require_surface(material)[1].path)
-        stack = require_stack(material)
-        number = max(stack.layers, default=0) + 1
+        stack, number = extended_stack(material)
         # The shader of a preset that is a look has the name Base, as the base of any look.
         name = Sdf.Path(preset.prim).name
         prim_name = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
@@ -156,9 +141,7 @@ def add_layer(
     return number, path.name
 
 
-def remove_layer(
-    file: Path, layer: str, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> tuple[int, str, bool]:
+def remove_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> tuple[int, str, bool]:
     """Remove a layer from a stack; return its number, its name, and whether it was removed.
 
     Layers above it get new numbers, and nodes that only this layer used are removed. A layer that another file defines
@@ -167,9 +150,7 @@ def remove_layer(
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         number, name = stack.find(layer)
-        attributes = [
-            stack.prim.GetAttribute(stack.input_name(number, part)) for part in ("", "Mask", "Enabled", "Mode")
-        ]
+        attributes = [stack.attribute(number, part) for part in LAYER_PARTS]
         removable = all(stack.is_in_file(attribute) for attribute in attributes if attribute)
         if removable:
             used = find_upstream(material, attributes)
@@ -180,9 +161,7 @@ def remove_layer(
     return number, name, removable
 
 
-def set_mask(
-    file: Path, layer: str, mask: Mask, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> tuple[int, str]:
+def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None, variants: Variants = None) -> tuple[int, str]:
     """Replace the mask of a layer; return its number and name.
 
     Nodes that only the old mask used are removed. Names of an expression that get no source keep their source in the
@@ -249,25 +228,19 @@ def _input_states(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 
 
 @contextmanager
-def edit_material(
-    file: Path, prim: str | None, variants: Mapping[str, str] | None = None
-) -> Iterator[UsdShade.Material]:
+def edit_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
     """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
     check_suffix(file)
     if file.is_symlink():
-        raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
+        raise LookError.at(file, "", "is a symbolic link", f"edit {file.resolve()} itself")
     if not file.is_file():
-        raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
+        raise LookError.at(file, "", "no such file", "'lookdev materials new' makes one")
     with atomic_path(file) as temporary, report_faults_for(file, temporary):
         shutil.copy(file, temporary)
-        stage, network = open_stage(temporary), Network(temporary)
-        path = find_material(network, stage, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        material = UsdShade.Material(stage.GetPrimAtPath(path))
-        before = None if is_binary(file) else stage.GetRootLayer().ExportToString()
-        yield material
-        _check_variants(material)
+        with open_material(temporary, prim, variants) as material:
+            before = None if is_binary(file) else material.GetPrim().GetStage().GetRootLayer().ExportToString()
+            yield material
+            _check_variants(material)
         if before is not None:
             _restore_layout(file, temporary, before)
 
@@ -290,7 +263,7 @@ def is_binary(file: Path) -> bool:
 def check_suffix(file: Path) -> None:
     """Raise LookError where a file of this name cannot hold a look."""
     if file.suffix not in SUFFIXES:
-        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
+        raise LookError.at(file, "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")
 
 
 @contextmanager

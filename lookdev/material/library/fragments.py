@@ -12,15 +12,14 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
 from lookdev.material.library import read_preset
-from lookdev.material.library.arrange import Variants, redirect_connections
+from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
-from lookdev.material.library.nodes import find_sites, find_upstream, free_path, relative_path
-from lookdev.material.library.stack import author_stack, find_stack, layer_shader, require_surface
-from lookdev.material.usd import find_material
+from lookdev.material.library.nodes import find_sites, find_upstream, free_path, is_defined, moved_path, relative_path
+from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
+from lookdev.material.usd import Variants, open_material
 from lookdev.material.usd.network import Network, Source
-from lookdev.stage import open_stage, usd_errors_as_faults
 
 _TYPES = Sdf.ValueTypeNames
 _ROOT = Sdf.Path("/LookdevLayer")
@@ -32,12 +31,8 @@ _DOC = "A layer of a look, as the Designer copies and pastes it."
 
 def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> str:
     """Return the USD text of a layer; LookError where it does not exist or has nodes outside of the material."""
-    stage, network = open_stage(file), Network(file)
-    with usd_errors_as_faults(file):
-        path = find_material(network, stage, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        fragment = _extract_fragment(UsdShade.Material(stage.GetPrimAtPath(path)), layer, by_value=True)
+    with open_material(file, prim, variants) as material:
+        fragment = _extract_fragment(material, layer, by_value=True)
         folder = file.resolve().parent
 
         def make_absolute(asset: str) -> str:
@@ -52,9 +47,9 @@ def paste_layer(file: Path, text: str, prim: str | None = None, variants: Varian
     """Add a layer from `copy_layer` over the layers of a look, and return its number."""
     fragment = Sdf.Layer.CreateAnonymous(".usda")
     hint = "copy a layer first, here or in another Designer"
-    error_without_layer = LookError([Fault("clipboard", "", "has no layer of a look as USD text", hint)])
+    error_without_layer = LookError.at("clipboard", "", "has no layer of a look as USD text", hint)
     if len(text) > _MAX_LENGTH:
-        raise LookError([Fault("clipboard", "", "has more than 1 MiB", hint)])
+        raise LookError.at("clipboard", "", "has more than 1 MiB", hint)
     try:
         is_parsed = fragment.ImportFromString(text)
     except Exception as error:  # USD raises its own for each syntax error
@@ -82,15 +77,15 @@ def save_preset(
     """
     name = camel_case(target.stem)
     if target.suffix != ".usda" or not Sdf.Path.IsValidIdentifier(name):
-        raise LookError([Fault(str(target), "", "cannot be the name of a preset", "for instance red_rubber")])
+        raise LookError.at(target, "", "cannot be the name of a preset", "for instance red_rubber")
     if target.exists() or target.is_symlink():
-        raise LookError([Fault(str(target), "", "exists already", "choose another name")])
-    source, network = open_stage(file), Network(file)
-    with usd_errors_as_faults(file), atomic_path(target) as temporary, report_faults_for(target, temporary):
-        path = find_material(network, source, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        shader = layer_shader(UsdShade.Material(source.GetPrimAtPath(path)), layer)[1]
+        raise LookError.at(target, "", "exists already", "choose another name")
+    with (
+        open_material(file, prim, variants) as material,
+        atomic_path(target) as temporary,
+        report_faults_for(target, temporary),
+    ):
+        shader = layer_shader(material, layer)[1]
         stage = Usd.Stage.CreateNew(str(temporary))
         shader_copy = UsdShade.Shader.Define(stage, f"/{name}")
         stage.SetDefaultPrim(shader_copy.GetPrim())
@@ -98,12 +93,10 @@ def save_preset(
         shader_copy.GetPrim().SetCustomDataByKey("category", category)
         shader_copy.CreateIdAttr(shader.GetShaderId())
         for shader_input in shader.GetInputs():
-            holder = network.follow(shader_input.GetAttr())
+            holder = Network(file).follow(shader_input.GetAttr())
             if isinstance(holder, Source):
                 message = f"has a {holder.shader.GetShaderId()}, and a preset only constants"
-                raise LookError(
-                    [Fault(str(file), str(shader_input.GetAttr().GetPath()), message, "make it a constant")]
-                )
+                raise LookError.at(file, shader_input.GetAttr().GetPath(), message, "make it a constant")
             if holder and holder.HasAuthoredValue():
                 value = holder.Get()
                 if isinstance(value, Sdf.AssetPath) and value.resolvedPath:
@@ -123,10 +116,8 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
     nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
-    is_plain = all(
-        find_sites(root, path) == [path] and root.GetPrimAtPath(path).specifier == Sdf.SpecifierDef
-        for path in top_paths
-    )
+    sites = {path: find_sites(root, path) for path in top_paths}
+    is_plain = all(sites[path] == [path] and is_defined(root, [path]) for path in top_paths)
     source, fragment = root if is_plain else stage.Flatten(), Sdf.Layer.CreateAnonymous(".usda")
     top = Sdf.PrimSpec(fragment, _ROOT.name, Sdf.SpecifierDef, "Material")
     fragment.defaultPrim, top.documentation = _ROOT.name, _DOC
@@ -144,18 +135,14 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     for part, attribute in authored.items():
         spec, holder = Sdf.AttributeSpec(stack_spec, f"inputs:layer1{part}", _KINDS[part]), network.follow(attribute)
         if isinstance(holder, Source):
-            target = holder.path.AppendProperty(f"outputs:{holder.output}")
-            spec.connectionPathList.explicitItems = [target.ReplacePrefix(*_enclosing_path(holder.path, new_paths))]
+            target = moved_path(holder.path.AppendProperty(f"outputs:{holder.output}"), new_paths)
+            if target is None:
+                hint = "move it into the material to copy the layer"
+                raise LookError.at("", holder.path, "is outside of the material", hint)
+            spec.connectionPathList.explicitItems = [target]
         elif holder and holder.HasAuthoredValue():
             spec.default = holder.Get()
     return fragment
-
-
-def _enclosing_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> tuple[Sdf.Path, Sdf.Path]:
-    for old, new in new_paths.items():
-        if path.HasPrefix(old):
-            return old, new
-    raise LookError([Fault("", str(path), "is outside of the material", "move it into the material to copy the layer")])
 
 
 def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
@@ -174,11 +161,9 @@ def _replace_interface(
         spec = fragment.GetAttributeAtPath(path) if path.IsPropertyPath() else None
         targets = spec.connectionPathList.GetAddedOrExplicitItems() if spec else ()
         if spec and any(target.GetPrimPath() == _ROOT for target in targets):
-            old = next(origin for new, origin in origins.items() if path.HasPrefix(new))
-            new = next(new for new in origins if path.HasPrefix(new))
-            holder = network.follow(stage.GetAttributeAtPath(path.ReplacePrefix(new, old)))
+            holder = network.follow(stage.GetAttributeAtPath(moved_path(path, origins)))
             if isinstance(holder, Source):
-                raise LookError([Fault("", str(holder.path), "feeds the interface", "copy its source instead")])
+                raise LookError.at("", holder.path, "feeds the interface", "copy its source instead")
             spec.connectionPathList.ClearEdits()
             if holder and holder.HasValue():
                 spec.default = holder.Get()
@@ -189,11 +174,7 @@ def _replace_interface(
 def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
     """Copy the nodes of a fragment into a material, and add its layer on top."""
     stage = material.GetPrim().GetStage()
-    if find_stack(material) is None:
-        author_stack(material, require_surface(material)[1].path)
-    stack = find_stack(material)
-    assert stack is not None, "author_stack defines it"
-    number = max(stack.layers, default=0) + 1
+    stack, number = extended_stack(material)
     root, new_paths = stage.GetRootLayer(), {_ROOT: material.GetPath()}
     Sdf.CreatePrimInLayer(root, stack.scope)
     for child in fragment.GetPrimAtPath(_ROOT).nameChildren:
@@ -209,11 +190,7 @@ def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
             continue
         attribute = stack.create_input(number, part, kind)
         if targets := spec.connectionPathList.GetAddedOrExplicitItems():
-            attribute.SetConnections([_new_target(target, new_paths) for target in targets])
+            attribute.SetConnections([moved_path(target, new_paths) or target for target in targets])
         elif spec.HasDefaultValue():
             attribute.Set(spec.default)
     return number
-
-
-def _new_target(target: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> Sdf.Path:
-    return next((target.ReplacePrefix(old, new) for old, new in new_paths.items() if target.HasPrefix(old)), target)

@@ -110,12 +110,8 @@ class _Reader:
                 else:
                     statement.body = block
             elif kind == "" or (depth == 0 and kind in ("line", "comment", "close")) or (depth == 0 and text == ";"):
-                if (
-                    kind in ("line", "comment")
-                    and statement.body is None
-                    and words.strip()
-                    and self._continues_below(words)
-                ):
+                can_continue = kind in ("line", "comment") and statement.body is None and words.strip()
+                if can_continue and self._continues_below(words):
                     gap = (gap or blank) + text
                     self._index += 1
                     continue
@@ -178,13 +174,9 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
         lead, header = header + statement.lead, ""
         if previous is not None and (previous.meta or previous.body or current.meta or current.body):
             head = statement.head if key == statement.key else current.head
-            meta, body = (
-                _merge(statement.meta, previous.meta, current.meta),
-                _merge(statement.body, previous.body, current.body),
-            )
-            merged[key] = replace(
-                statement, lead=lead, head=head, meta=meta, body=body, gaps={**current.gaps, **statement.gaps}
-            )
+            gaps, meta = current.gaps | statement.gaps, _merge(statement.meta, previous.meta, current.meta)
+            body = _merge(statement.body, previous.body, current.body)
+            merged[key] = replace(statement, lead=lead, head=head, meta=meta, body=body, gaps=gaps)
         else:
             same = previous is not None and previous.head == current.head
             merged[key] = replace(statement, lead=lead) if same else replace(statement, lead=lead, head=current.head)

@@ -10,10 +10,10 @@ from typing import Literal, TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
+from lookdev.material import VIEW
 from lookdev.material.expression import Expression, ExpressionError, Kind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
-from lookdev.material.look import VIEW
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
 """The suffixes by which the name of an image differs from an expression."""
@@ -83,12 +83,12 @@ def parse_mask(
     source = _parse_source(text, what, ("r", "g", "b", "a") if kind == "float" else ("rgb",), folder)
     if source is not None:
         if extra := list(inputs):
-            raise LookError([Fault("--input", extra[0], "only an expression has inputs")])
+            raise LookError.at("--input", extra[0], "only an expression has inputs")
         return source
     try:
         expression = parse(text)
     except ExpressionError as error:
-        raise LookError([Fault(what, "", f"is not {_FORMS}: {error}")]) from error
+        raise LookError.at(what, "", f"is not {_FORMS}: {error}") from error
     return Computed(expression, dict(_parse_inputs(inputs, expression, folder)))
 
 
@@ -97,11 +97,11 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         name, _, value = text.partition("=")
         if name not in expression.names:
             hint = nearest_hint(name, expression.names) if expression.names else "it has none"
-            raise LookError([Fault("--input", text, f"'{name}' is not a name in the expression", hint)])
+            raise LookError.at("--input", text, f"'{name}' is not a name in the expression", hint)
         source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"), folder)
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
-            raise LookError([Fault("--input", text, "names no source of the value", hint)])
+            raise LookError.at("--input", text, "names no source of the value", hint)
         yield name, source
 
 
@@ -110,22 +110,20 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
         if subject == "mask" and not 0.0 <= value <= 1.0:
-            raise LookError([Fault(subject, "", f"{text} is out of range", "it must be within [0, 1]")])
+            raise LookError.at(subject, "", f"{text} is out of range", "it must be within [0, 1]")
         return value
     kind, _, name = text.partition(":")
     if kind == "primvar" or (kind == "uv" and subject.startswith("--input")):
         if not Sdf.Path.IsValidNamespacedIdentifier(name):
-            raise LookError(
-                [Fault(subject, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")]
-            )
+            raise LookError.at(subject, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")
         return PrimvarName(name) if kind == "primvar" else UvName(name)
     if match := _IMAGE.fullmatch(text):
         channel = match["channel"] if match["channel"] is not None else channels[0]
         if channel not in channels:
-            raise LookError([Fault(subject, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
+            raise LookError.at(subject, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))
         file = (folder / match["file"]).absolute()
         if "<UDIM>" not in file.name and not file.is_file():
-            raise LookError([Fault(subject, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")])
+            raise LookError.at(subject, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")
         return Image(file, channel)
     return None
 
@@ -210,7 +208,7 @@ class MaskWriter:
             if source is None and state is None:
                 message = f"'{input_name}' in the expression has no source"
                 hint = f"add --input {input_name}=IMAGE, --input {input_name}=primvar:{input_name} or a value"
-                raise LookError([Fault("mask", "", message, hint)])
+                raise LookError.at("mask", "", message, hint)
             type_name = _input_type(source) if state is None or source is not None else state.type_name
             kinds[input_name] = "float" if type_name == _TYPES.Float else "color"
             attribute = node.CreateInput(input_name, type_name).GetAttr()

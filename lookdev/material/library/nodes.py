@@ -6,7 +6,7 @@ The sites of a prim are the paths of its specs in a layer: its path, and paths i
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
@@ -40,6 +40,11 @@ def relative_path(file: Path, folder: Path) -> str:
     return path if path.startswith("../") else f"./{path}"
 
 
+def moved_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> Sdf.Path | None:
+    """Return the new path of a prim or property in or below one of the moved prims; None elsewhere."""
+    return next((path.ReplacePrefix(old, new) for old, new in new_paths.items() if path.HasPrefix(old)), None)
+
+
 def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:
     """Return the paths of all specs in a layer, including those inside variants."""
     paths: list[Sdf.Path] = []
@@ -61,20 +66,18 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
     return paths
 
 
-def prune(
-    material: UsdShade.Material, candidates: Iterable[Sdf.Path], connected_targets: Sequence[Sdf.Path] = ()
-) -> None:
-    """Remove the candidates that the edited file defines and nothing uses; `connected_targets` count as used."""
+def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()) -> None:
+    """Remove the candidates that the edited file defines and nothing uses; `targets` count as used."""
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)
     while True:
-        connected = [(Sdf.Path.emptyPath, path) for path in connected_targets] + list(_all_connections(stage))
+        connected = [(Sdf.Path.emptyPath, path) for path in targets] + list(_all_connections(stage))
         unused = [
             path
             for path in remaining
             if not any(target.HasPrefix(path) and not user.HasPrefix(path) for user, target in connected)
-            and any(root.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in find_sites(root, path))
+            and is_defined(root, find_sites(root, path))
         ]
         if not unused:
             return
@@ -99,6 +102,11 @@ def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
 def find_sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
     """Return the sites of a prim in a layer."""
     return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
+
+
+def is_defined(layer: Sdf.Layer, sites: Iterable[Sdf.Path]) -> bool:
+    """Return whether a layer defines a prim at one of its sites, and not only overrides it."""
+    return any(layer.GetPrimAtPath(site).specifier == Sdf.SpecifierDef for site in sites)
 
 
 def remove_prims(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from pxr import Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter, layer_shaders
-from lookdev.errors import Fault, LookError, ModelError, nearest_hint
+from lookdev.errors import LookError, ModelError, nearest_hint
 from lookdev.material.expression import Kind
 from lookdev.material.library.edit import INPUT_TYPES, edit_material, replace_source
 from lookdev.material.library.masks import Mask
 from lookdev.material.library.nodes import find_sites
 from lookdev.material.library.stack import layer_shader
+from lookdev.material.usd import Variants
 from lookdev.material.usd.network import is_set, shader_id
 
 
 def set_source(
-    file: Path,
-    layer: str,
-    name: str,
-    source: Mask,
-    prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
+    file: Path, layer: str, name: str, source: Mask, prim: str | None = None, variants: Variants = None
 ) -> None:
     """Set the source of a parameter to an image, a primvar or an expression, with nodes beside the layer's shader.
 
@@ -41,9 +36,7 @@ def set_source(
         replace_source(material, attribute, path.GetParentPath(), node_name, source, kind)
 
 
-def unset_parameter(
-    file: Path, layer: str, name: str, prim: str | None = None, variants: Mapping[str, str] | None = None
-) -> None:
+def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, variants: Variants = None) -> None:
     """Reset a parameter of a layer to the model's default, in every variant.
 
     Opinions of other files, such as presets, are blocked. Nodes that only the parameter used are removed.
@@ -52,7 +45,7 @@ def unset_parameter(
         shader, _ = _find_parameter(material, layer, name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         if not attribute or not is_set(attribute):
-            raise LookError([Fault(str(file), str(shader.GetPath()), f"does not state '{name}'")])
+            raise LookError.at(file, shader.GetPath(), f"does not state '{name}'")
         replace_source(material, attribute, shader.GetPath().GetParentPath(), "", None)
         _remove_property(shader.GetPrim(), f"inputs:{name}")
         remaining = shader.GetPrim().GetAttribute(f"inputs:{name}")

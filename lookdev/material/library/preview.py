@@ -20,10 +20,10 @@ from lookdev.arrays import Floats
 from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.brdf.parameters import add_followers, expand_tokens
 from lookdev.brdf.vectors import Parameters
-from lookdev.errors import Fault, LookError
+from lookdev.errors import LookError
+from lookdev.material import Input, Layer, Primvar, Texture
 from lookdev.material.library.nodes import clear_input, free_path
-from lookdev.material.look import Input, Layer, Primvar, Texture
-from lookdev.material.textures import image_slopes, image_texels
+from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import Values, presence
 
@@ -36,7 +36,7 @@ _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "rou
 _LARGEST_F0 = 0.9  # an index of refraction of 38
 
 
-class _Grid:
+class _Grid(ImagePoints):
     """The unit square of st as a `lookdev.material.values.Surface` of (32, 32) points; primvars have their fallbacks.
 
     Each point has another view, from the distribution of views over the image of a sphere.
@@ -46,12 +46,6 @@ class _Grid:
 
     def uv(self, name: str) -> Floats:
         return self.st
-
-    def texels(self, texture: Texture) -> Floats:
-        return image_texels(texture, self.st)
-
-    def slopes(self, height: Texture) -> Floats:
-        return image_slopes(height, self.st)
 
     def primvar(self, primvar: Primvar) -> Floats:
         return np.asarray(primvar.fallback, np.float64)
@@ -113,9 +107,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
             return shader
         file, where = stage.GetRootLayer().realPath, str(terminal.GetPath())
         message = f"is connected to <{paths[0]}>, {identifier}"
-        raise LookError(
-            [Fault(file, where, message, "only a UsdPreviewSurface is refreshed; disconnect it to get one")]
-        )
+        raise LookError.at(file, where, message, "only a UsdPreviewSurface is refreshed; disconnect it to get one")
     shader = UsdShade.Shader.Define(stage, free_path(stage, material.GetPath(), "Preview"))
     shader.CreateIdAttr("UsdPreviewSurface")
     terminal.SetConnections([shader.CreateOutput("surface", Sdf.ValueTypeNames.Token).GetAttr().GetPath()])
@@ -135,10 +127,8 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
         or any(layer_above.mode == "transmit" for layer_above, _ in layers[decisive + 1 :])
     )
     value = layer.inputs.get(parameter)
-    is_constant_or_source = isinstance(value, Texture | Primvar) or (
-        isinstance(value, float | tuple) and name != "opacity"
-    )
-    if not is_constant_or_source or is_changed or weights[decisive] <= 0.5:
+    is_source = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
+    if not is_source or is_changed or weights[decisive] <= 0.5:
         return []
     connections: list[Sdf.Path] = shader.GetInput(parameter).GetAttr().GetConnections()
     return connections
@@ -182,9 +172,6 @@ def _ior_of_f0(f0: Floats) -> Floats:
 
 
 def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Floats]:
-    return {
-        **beneath,
-        "diffuseColor": beneath["diffuseColor"] * coat["diffuseColor"],
-        "clearcoat": np.asarray(1.0),
-        "clearcoatRoughness": coat["roughness"],
-    }
+    color = beneath["diffuseColor"] * coat["diffuseColor"]
+    clearcoat = {"clearcoat": np.asarray(1.0), "clearcoatRoughness": coat["roughness"]}
+    return {**beneath, "diffuseColor": color, **clearcoat}

@@ -9,13 +9,14 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, layer_shaders
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.nodes import find_sites, free_path, remove_prims
-from lookdev.material.usd import find_material
+from lookdev.material.usd import Variants, open_material
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
-from lookdev.stage import open_stage, usd_errors_as_faults
 
 _TYPES = Sdf.ValueTypeNames
+LAYER_PARTS = ("", "Mask", "Enabled", "Mode")
+"""The ends of the names of a layer's inputs."""
 
 
 @dataclass(frozen=True)
@@ -45,24 +46,32 @@ class Stack:
             raise self.make_error(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
         if not numbers:
             valid_names = [label for number, name in self.layers.items() for label in (name, str(number))]
-            raise self.make_error(
-                f"no layer '{layer}'", nearest_hint(layer, valid_names) if valid_names else "it has only a base"
-            )
+            hint = nearest_hint(layer, valid_names) if valid_names else "it has only a base"
+            raise self.make_error(f"no layer '{layer}'", hint)
         return numbers[0], self.layers[numbers[0]]
 
     def make_error(self, message: str, hint: str) -> LookError:
-        return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), message, hint)])
+        return LookError.at(self.network.file, self.prim.GetPath(), message, hint)
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
-        return f"inputs:layer{number}{part}"
+        return f"inputs:layer{number}{part}" if number else f"inputs:base{part}"
 
     def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def attribute(self, number: int, part: str) -> Usd.Attribute:
-        """Return an input of a layer, which may not exist."""
+        """Return an input of a layer, or of the base, number 0; it may not exist."""
         return self.prim.GetAttribute(self.input_name(number, part))
+
+    def shader(self, number: int) -> UsdShade.Shader | None:
+        """Return the shader of a layer, or of the base, number 0; None where none is connected."""
+        source = self.network.follow(self.attribute(number, ""))
+        return source.shader if isinstance(source, Source) else None
+
+    def is_enabled(self, number: int) -> bool:
+        """Return whether a layer, or the base, is not switched off."""
+        return self.network.read_constant(self.attribute(number, "Enabled"), _TYPES.Bool) is not False
 
     def is_in_file(self, attribute: Usd.Attribute) -> bool:
         """Return whether all opinions of an input are in the edited file, on the stack itself."""
@@ -114,35 +123,27 @@ class Outline:
     variants: Mapping[str, tuple[tuple[str, ...], str]]
 
 
-def read_outline(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Outline:
+def read_outline(file: Path, prim: str | None = None, variants: Variants = None) -> Outline:
     """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
-    stage, network = open_stage(file), Network(file)
-    with usd_errors_as_faults(file):
-        path = find_material(network, stage, prim, variants or {})
-        if path is None:
-            raise LookError(network.faults)
-        material = UsdShade.Material(stage.GetPrimAtPath(path))
+    with open_material(file, prim, variants) as material:
         variant_sets = material.GetPrim().GetVariantSets()
-        sets_by_name = {name: variant_sets.GetVariantSet(name) for name in variant_sets.GetNames()}
-        sets = {
-            name: (tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection())
-            for name, variant_set in sets_by_name.items()
-        }
+        sets: dict[str, tuple[tuple[str, ...], str]] = {}
+        for name in variant_sets.GetNames():
+            variant_set = variant_sets.GetVariantSet(name)
+            sets[name] = tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection()
         stack = find_stack(material)
         if stack is None:
-            return Outline((Entry(0, require_surface(material)[1].path.name),), sets)
+            return Outline((Entry(0, require_surface(material).path.name),), sets)
         entries = [Entry(0, stack.base)]
         for number, name in stack.layers.items():
-            enabled, mode = (stack.attribute(number, part) for part in ("Enabled", "Mode"))
-            is_enabled = not enabled or network.read_constant(enabled, _TYPES.Bool) is not False
-            transmits = bool(mode) and network.read_constant(mode, _TYPES.Token) == "transmit"
-            entries.append(Entry(number, name, is_enabled, "transmit" if transmits else "over"))
+            transmits = stack.network.read_constant(stack.attribute(number, "Mode"), _TYPES.Token) == "transmit"
+            entries.append(Entry(number, name, stack.is_enabled(number), "transmit" if transmits else "over"))
         return Outline(tuple(entries), sets)
 
 
 def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade.Shader]:
     """Return the number and shader of a layer, which may be the base or the only layer."""
-    network, surface = require_surface(material)
+    surface = require_surface(material)
     stack = find_stack(material)
     is_base = layer == "0" or layer.casefold() == (stack.base if stack else surface.path.name).casefold()
     if stack is None:
@@ -150,27 +151,32 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
             require_stack(material)  # raises, as the look has no stack
         return 0, surface.shader
     number = 0 if is_base else stack.find(layer)[0]
-    source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
-    if not isinstance(source, Source):
+    shader = stack.shader(number)
+    if shader is None:
         raise stack.make_error(f"layer {number} is not connected", "'lookdev materials remove' removes it")
-    return number, source.shader
+    return number, shader
 
 
-def require_surface(material: UsdShade.Material) -> tuple[Network, Source]:
-    """Return the network of a look, and the shader of its stack or only layer; raises LookError where it has none."""
-    network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
+def require_surface(material: UsdShade.Material) -> Source:
+    """Return the shader of the stack, or of the only layer, of a look; raises LookError where it has none."""
+    network = _network_of(material)
     source = network.surface_source(material)
     if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
         path = material.GetPath().AppendProperty(TERMINAL)
         network.add_fault(path, "is not connected to layers", "'lookdev materials new' makes a look")
         raise LookError(network.faults)
-    return network, source
+    return source
+
+
+def _network_of(material: UsdShade.Material) -> Network:
+    return Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
 
 
 def find_stack(material: UsdShade.Material) -> Stack | None:
-    """Return the stack of a look; None where it has a single layer without a stack."""
-    network, surface = require_surface(material)
-    if shader_id(surface.shader) in layer_shaders():
+    """Return the stack of a look; None where it has none."""
+    network = _network_of(material)
+    surface = network.surface_source(material)
+    if surface is None or shader_id(surface.shader) != "LookdevLayers":
         return None
     names: dict[int, str] = {}
     for shader_input in surface.shader.GetInputs():
@@ -186,10 +192,18 @@ def require_stack(material: UsdShade.Material) -> Stack:
     """Return the stack of a look; raises LookError where it has none."""
     stack = find_stack(material)
     if stack is None:
-        network, _ = require_surface(material)
-        network.add_fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
-        raise LookError(network.faults)
+        require_surface(material)
+        file, hint = _network_of(material).file, "'lookdev materials add' lays another over it"
+        raise LookError.at(file, material.GetPath(), "has a single layer, no stack", hint)
     return stack
+
+
+def extended_stack(material: UsdShade.Material) -> tuple[Stack, int]:
+    """Return the stack of a look, which is defined where it has none, and the number of a further layer."""
+    if find_stack(material) is None:
+        author_stack(material, require_surface(material).path)
+    stack = require_stack(material)
+    return stack, max(stack.layers, default=0) + 1
 
 
 def author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
@@ -208,15 +222,9 @@ def enabled_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, U
 
     The base has no mask; its name is empty.
     """
-    network, surface = require_surface(material)
-    stack = find_stack(material)
+    surface, stack = require_surface(material).shader, find_stack(material)
     if stack is None:
-        return [(surface.shader, surface.shader, "")]
-    layers = []
-    for number in (0, *stack.layers):
-        enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled")) if number else None
-        if not enabled or network.read_constant(enabled, _TYPES.Bool) is not False:
-            source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
-            if isinstance(source, Source):
-                layers.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))
-    return layers
+        return [(surface, surface, "")]
+    numbers = [number for number in (0, *stack.layers) if stack.is_enabled(number)]
+    shaders = {number: shader for number in numbers if (shader := stack.shader(number))}
+    return [(shader, surface, f"layer{number}Mask" if number else "") for number, shader in shaders.items()]

@@ -8,7 +8,6 @@ differences.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import count
 from pathlib import Path, PurePosixPath
 
@@ -18,12 +17,13 @@ from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, OutputError, nearest_hint
+from lookdev.material import Primvar
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.library import SUFFIXES
 from lookdev.material.library.nodes import relative_path
-from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
 from lookdev.material.materialx.network import DocumentNetwork
+from lookdev.mtlx import library_inputs
 
 NODE = "disney_principled"
 """The only surface shader that is imported."""
@@ -36,6 +36,7 @@ _LOSS_REASONS = {
     "subsurfaceDistance": "subsurface is a shape of the diffuse lobe: light leaves where it entered",
 }
 _IDENTITY = Transform2d()
+_TYPES = Sdf.ValueTypeNames
 
 
 @dataclass(frozen=True)
@@ -102,15 +103,6 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
             raise OutputError(f"{path}: USD cannot write it")
 
 
-@cache
-def _library_inputs() -> dict[str, tuple[str, str]]:
-    """Return the type and default, as text, of every input of `NODE` in the MaterialX library."""
-    library = mx.createDocument()
-    mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{NODE}.mtlx"))
-    inputs = library.getNodeDef(f"ND_{NODE}").getInputs()
-    return {port.getName(): (port.getType(), port.getValueString()) for port in inputs}
-
-
 def _read_material(
     network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, Value]]
 ) -> ImportedMaterial | None:
@@ -130,14 +122,14 @@ def _read_material(
 
 
 def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
-    library_inputs = _library_inputs()
+    definitions = library_inputs(NODE, f"ND_{NODE}")
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
     for name in names:
-        if name not in library_inputs:
-            network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(library_inputs))}")
+        if name not in definitions:
+            network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(definitions))}")
     inputs: dict[str, Value] = {}
-    for name, (kind, text) in library_inputs.items():
+    for name, definition in definitions.items():
         parameter, port = _PARAMETERS.get(name), shader.getInput(name)
         if parameter is None:
             if port:
@@ -145,13 +137,13 @@ def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
             continue
         value: Value | None = None
         if port and port.getType() != TYPES[parameter.kind]:
-            network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {kind}")
+            network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {definition.getType()}")
         elif port:
             value = read_value(network, port, parameter)
             if value is None:
-                network.add_value_loss(port, f"{text} is taken")
+                network.add_value_loss(port, f"{definition.getValueString()} is taken")
         if value is None:
-            default = parse_constant(text)
+            default = parse_constant(definition.getValueString())
             value = None if default == parameter.default else default
         if value is not None:
             inputs[name] = value
@@ -179,17 +171,15 @@ class _Writer:
         customs = {"file": self._source.name, "material": material.name}
         self._material.GetPrim().SetCustomDataByKey("lookdev:materialx", customs)
         layer = self._define_node("Layer", "LookdevDisney")
-        output = layer.CreateOutput("layer", Sdf.ValueTypeNames.Token)
-        self._material.CreateOutput("lookdev:surface", Sdf.ValueTypeNames.Token).ConnectToSource(output)
+        output = layer.CreateOutput("layer", _TYPES.Token)
+        self._material.CreateOutput("lookdev:surface", _TYPES.Token).ConnectToSource(output)
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
-            layer_input = layer.CreateInput(name, Sdf.ValueTypeNames.Find(USD_TYPES[kind]))
+            layer_input = layer.CreateInput(name, _TYPES.Find(USD_TYPES[kind]))
             if isinstance(value, Sampled):
-                layer_input.ConnectToSource(self._write_image(value))
-            elif isinstance(value, Primvar):
-                layer_input.ConnectToSource(self._write_primvar(value, kind))
+                _set_input(layer_input, self._write_image(value))
             else:
-                layer_input.Set(value)
+                _set_input(layer_input, self._write_primvar(value, kind) if isinstance(value, Primvar) else value)
 
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
         """Define a node; its inputs have the types of USD's definition of it."""
@@ -199,11 +189,7 @@ class _Writer:
         definition = Sdr.Registry().GetShaderNodeByIdentifier(shader_id)
         for name, value in inputs.items():
             kind = definition.GetShaderInput(name).GetTypeAsSdfType().GetSdfType()
-            node_input = shader.CreateInput(name, kind)
-            if isinstance(value, UsdShade.Output):
-                node_input.ConnectToSource(value)
-            else:
-                node_input.Set(value)
+            _set_input(shader.CreateInput(name, kind), value)
         return shader
 
     def _write_image(self, sampled: Sampled) -> UsdShade.Output:
@@ -212,30 +198,34 @@ class _Writer:
             inputs = {"file": self._relative_asset(image.file), "sourceColorSpace": image.colorspace}
             inputs |= {"wrapS": image.wrap_s, "wrapT": image.wrap_t, "st": self._write_coordinates(image)}
             self._written[image] = self._define_node(image.name, "UsdUVTexture", **inputs)
-        kind = Sdf.ValueTypeNames.Float3 if sampled.channel == "rgb" else Sdf.ValueTypeNames.Float
+        kind = _TYPES.Float3 if sampled.channel == "rgb" else _TYPES.Float
         return self._written[image].CreateOutput(sampled.channel, kind)
 
     def _write_coordinates(self, image: Image) -> UsdShade.Output:
         if image.st not in self._written:
             self._written[image.st] = self._define_node(image.st, "UsdPrimvarReader_float2", varname=image.st)
-        output = self._written[image.st].CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        output = self._written[image.st].CreateOutput("result", _TYPES.Float2)
         for transform in image.transforms:
             changed = {name: value for name, value in vars(transform).items() if value != getattr(_IDENTITY, name)}
             placed = self._define_node(f"{image.name}_place", "UsdTransform2d", **{"in": output}, **changed)
-            output = placed.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+            output = placed.CreateOutput("result", _TYPES.Float2)
         return output
 
     def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
+        result = "float" if kind == "float" else "float3"
         if primvar not in self._written:
-            reader = "UsdPrimvarReader_float" if kind == "float" else "UsdPrimvarReader_float3"
-            self._written[primvar] = self._define_node(
-                primvar.name, reader, varname=primvar.name, fallback=primvar.fallback
-            )
-        result = Sdf.ValueTypeNames.Float if kind == "float" else Sdf.ValueTypeNames.Float3
-        return self._written[primvar].CreateOutput("result", result)
+            inputs = {"varname": primvar.name, "fallback": primvar.fallback}
+            self._written[primvar] = self._define_node(primvar.name, f"UsdPrimvarReader_{result}", **inputs)
+        return self._written[primvar].CreateOutput("result", _TYPES.Find(result))
 
     def _relative_asset(self, file: str) -> Sdf.AssetPath:
         """Return the path of an image; a path relative to the document becomes relative to the written file."""
-        if PurePosixPath(file).is_absolute():
-            return Sdf.AssetPath(file)
-        return Sdf.AssetPath(relative_path(self._source.parent / file, self._target.parent))
+        is_absolute = PurePosixPath(file).is_absolute()
+        return Sdf.AssetPath(file if is_absolute else relative_path(self._source.parent / file, self._target.parent))
+
+
+def _set_input(node_input: UsdShade.Input, value: object) -> None:
+    if isinstance(value, UsdShade.Output):
+        node_input.ConnectToSource(value)
+    else:
+        node_input.Set(value)

@@ -10,7 +10,7 @@ from typing import Literal
 import MaterialX as mx
 
 from lookdev.brdf import Parameter
-from lookdev.material.look import Channel, Color, Primvar, Wrap
+from lookdev.material import Channel, Color, Primvar, Wrap
 from lookdev.material.materialx.network import DocumentNetwork, Source
 from lookdev.stage.colorspaces import srgb_to_linear
 
@@ -115,9 +115,8 @@ def _read_constant(network: DocumentNetwork, holder: mx.PortElement, parameter: 
     clipped = tuple(min(max(number, low), high) for number in numbers)
     if clipped != numbers:
         clipped_text = ", ".join(f"{number:g}" for number in clipped)
-        network.add_loss(
-            holder, f"{holder.getValueString()} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken"
-        )
+        message = f"{holder.getValueString()} is outside [{low:g}, {high:g}]"
+        network.add_loss(holder, message, f"{clipped_text} is taken")
     return _as_constant(clipped)
 
 
@@ -149,12 +148,10 @@ def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
         if not source.is_computed or source.channels:
             return None
         node, names = source.element, _split_channel(network, splitter, outer.output)
-    channel: Channel | None = "r"
-    if splitter or names:
-        channel = _CHANNELS.get(names) if node.getType() in _SPLIT_TYPES else None
-    elif node.getType() != "float":
-        channel = None
-    image = _read_image(network, node) if channel else None
+    is_split = bool(splitter or names)
+    types = _SPLIT_TYPES if is_split else ("float",)
+    channel = _CHANNELS.get(names if is_split else "r")
+    image = _read_image(network, node) if channel and node.getType() in types else None
     if channel is None or image is None:
         return None
     if splitter:
@@ -184,9 +181,8 @@ def _read_image(network: DocumentNetwork, node: mx.Node) -> Image | None:
     placement_inputs = ("uvtiling", "uvoffset") if tiled else ("uaddressmode", "vaddressmode")
     network.mark_carried(node, "file", "texcoord", "filtertype", *placement_inputs)
     if (filtering := _read_text(network, node, "filtertype", "linear")) != "linear":
-        network.add_loss(
-            node.getInput("filtertype"), f"'{filtering}' is not carried over", "images are looked up linearly"
-        )
+        message = f"'{filtering}' is not carried over"
+        network.add_loss(node.getInput("filtertype"), message, "images are looked up linearly")
     st, transforms = _read_coordinates(network, node)
     wraps: list[Wrap] = ["repeat", "repeat"]
     if tiled:
@@ -286,18 +282,16 @@ def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -
         return numbers
     # The message quotes the beginning only, as the value may be a megabyte long.
     message = f"'{holder.getValueString():.40}' is not a value"
-    network.add_fault(
-        holder.getNamePath(), message, f"{count} finite numbers, separated by commas, within {_LARGEST:g}"
-    )
+    hint = f"{count} finite numbers, separated by commas, within {_LARGEST:g}"
+    network.add_fault(holder.getNamePath(), message, hint)
     return ()
 
 
 def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
-        network.add_fault(
-            node.getInput(name).getNamePath(), f"unknown value '{mode:.40}'", f"one of {', '.join(_WRAPS)}"
-        )
+        where = f"{node.getNamePath()}/{name}"
+        network.add_fault(where, f"unknown value '{mode:.40}'", f"one of {', '.join(_WRAPS)}")
     return _WRAPS.get(mode, "repeat")
 
 

@@ -11,34 +11,15 @@ from dataclasses import replace
 
 from lookdev.brdf import Parameter, StackLayer, model_named
 from lookdev.brdf.parameters import add_followers
-from lookdev.brdf.vectors import Parameters, are_equal
-from lookdev.material.look import Input, Layer, Look, Primvar
+from lookdev.brdf.vectors import are_equal
+from lookdev.material import Input, Layer, Look, Primvar
 from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
 from lookdev.material.translate.preview_surface import MATERIALX_PREVIEW_SURFACE, PREVIEW_SURFACE
 from lookdev.material.translate.standard_surface import STANDARD_SURFACE, STANDARD_SURFACE_100
-from lookdev.material.translate.translation import Translation
 
-__all__ = [
-    "TRANSLATIONS",
-    "Translation",
-    "display_color_look",
-    "foreign_shaders",
-    "layer_parameters",
-    "translate_layer",
-]
-
-TRANSLATIONS: dict[str, Translation] = {
-    translation.name: translation
-    for translation in (
-        PREVIEW_SURFACE,
-        MATERIALX_PREVIEW_SURFACE,
-        STANDARD_SURFACE,
-        STANDARD_SURFACE_100,
-        OPEN_PBR_SURFACE,
-        GLTF_PBR,
-    )
-}
+_SURFACES = (PREVIEW_SURFACE, MATERIALX_PREVIEW_SURFACE, STANDARD_SURFACE, STANDARD_SURFACE_100)
+TRANSLATIONS = {translation.name: translation for translation in (*_SURFACES, OPEN_PBR_SURFACE, GLTF_PBR)}
 """All translations by name."""
 
 
@@ -58,22 +39,18 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
         for layer_above in others
         if not are_equal(layer_above.mask, 0.0)
     ]
-    return [
-        replace(part, parameters=_complete_parameters(part), name=f"{layer.name} {part.name}".strip())
-        for part in masked
-    ]
+    return [_complete_part(layer, part) for part in masked]
 
 
-def _complete_parameters(layer: StackLayer) -> Parameters:
-    model = model_named(layer.model)
-    return model.complete({}) | add_followers(model.parameters, layer.parameters)
+def _complete_part(layer: StackLayer, part: StackLayer) -> StackLayer:
+    model = model_named(part.model)
+    parameters = model.complete({}) | add_followers(model.parameters, part.parameters)
+    return replace(part, parameters=parameters, name=f"{layer.name} {part.name}".strip())
 
 
 def foreign_shaders() -> dict[str, str]:
     """Return the names of translations by the identifiers of their shader nodes."""
-    return {
-        identifier: translation.name for translation in TRANSLATIONS.values() for identifier in translation.identifiers
-    }
+    return {translation.identifier: translation.name for translation in TRANSLATIONS.values()}
 
 
 def display_color_look(name: str, *, opacity: bool = False) -> Look:

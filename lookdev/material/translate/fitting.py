@@ -41,9 +41,11 @@ def lost_energy(alpha: float) -> float:
 
 def hidden_energy(alpha: float) -> float:
     """Return the light that separable shadowing hides and correlated shadowing does not (Heitz 2014, section 5.3)."""
-    return _mean_over_views(
-        lambda view: _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
-    )
+
+    def hidden(view: Floats) -> float:
+        return _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
+
+    return _mean_over_views(hidden)
 
 
 def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
@@ -122,11 +124,8 @@ def make_table() -> dict[str, dict[str, object]]:
         target = np.array([function(float(x)) for x in _POINTS])
         fitted = fit_rational(Problem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW)
         error = np.abs(np.asarray(fitted(_POINTS)) - target).max()
-        table[name] = {
-            "numerator": fitted.numerator,
-            "denominator": fitted.denominator,
-            "residual": float(f"{error:.2g}"),
-        }
+        residual = float(f"{error:.2g}")
+        table[name] = {"numerator": fitted.numerator, "denominator": fitted.denominator, "residual": residual}
     return table
 
 

@@ -5,97 +5,37 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import numpy as np
 
-from lookdev.brdf import Parameter, StackLayer
-from lookdev.brdf.parameters import normal_parameter
+from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, Real, mix, scale
-from lookdev.material.translate.lobes import (
-    Interface,
-    color_under_sheen,
-    f0_of_ior,
-    max_channel,
-    mix_with_metal,
-    surface,
-    varnish,
-)
-from lookdev.material.translate.translation import (
-    EMISSION,
-    HUE_AT_GRAZING,
-    ROTATION,
-    SHEEN,
-    TANGENT,
-    THIN_FILM,
-    TRANSMISSION,
-    VOLUME,
-    Loss,
-    Translation,
-    losses_of,
-    tangent_parameter,
-)
-
-_PARAMETERS = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("base_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("metallic", "float", 1.0),
-        Parameter("roughness", "float", 1.0),
-        normal_parameter("normal", ""),
-        tangent_parameter("tangent"),
-        Parameter("occlusion", "float", 1.0),
-        Parameter("transmission", "float", 0.0),
-        Parameter("specular", "float", 1.0),
-        Parameter("specular_color", "color", (1.0, 1.0, 1.0), (0.0, inf)),
-        Parameter("ior", "float", 1.5, (1.0, inf)),
-        Parameter("alpha", "float", 1.0),
-        Parameter("alpha_mode", "token", "0", choices=("0", "1", "2")),
-        Parameter("alpha_cutoff", "float", 0.5),
-        Parameter("iridescence", "float", 0.0),
-        Parameter("iridescence_ior", "float", 1.3, (1.0, inf)),
-        Parameter("iridescence_thickness", "float", 100.0, (0.0, inf)),
-        Parameter("sheen_color", "color", (0.0, 0.0, 0.0)),
-        Parameter("sheen_roughness", "float", 0.0),
-        Parameter("clearcoat", "float", 0.0),
-        Parameter("clearcoat_roughness", "float", 0.0),
-        normal_parameter("clearcoat_normal", ""),
-        Parameter("emissive", "color", (0.0, 0.0, 0.0)),
-        Parameter("emissive_strength", "float", 1.0, (0.0, inf)),
-        Parameter("thickness", "float", 0.0, (0.0, inf)),
-        Parameter("attenuation_distance", "float", 0.0, (0.0, inf)),
-        Parameter("attenuation_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("anisotropy_strength", "float", 0.0),
-        Parameter("anisotropy_rotation", "float", 0.0, (0.0, 6.283185)),
-        Parameter("dispersion", "float", 0.0, (0.0, inf)),
-    )
-}
+from lookdev.material.translate import lobes
+from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
     color, metallic, base_roughness = p["base_color"], p["metallic"], p["roughness"]
     presence = _presence(p)
-    f0 = scale(np.minimum(scale(p["specular_color"], f0_of_ior(p["ior"])), 1.0), p["specular"])
-    emerging, interface = mix_with_metal(
-        color, Interface(f0, p["specular"], base_roughness), Interface(color, 1.0, base_roughness), metallic
+    f0 = scale(np.minimum(scale(p["specular_color"], lobes.f0_of_ior(p["ior"])), 1.0), p["specular"])
+    emerging, interface = lobes.mix_with_metal(
+        color, lobes.Interface(f0, p["specular"], base_roughness), lobes.Interface(color, 1.0, base_roughness), metallic
     )
-    weight = max_channel(p["sheen_color"])
+    weight = lobes.max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
-    emerging = color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
+    emerging = lobes.color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
     roughness, anisotropic = _disney_roughness(p)
-    layers = surface(
+    layers = lobes.surface(
         emerging,
         interface,
         p["normal"],
         presence=presence,
-        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         clear=p["transmission"] * (1.0 - metallic),
         ior=p["ior"],
     )
     mask = p["clearcoat"] * presence
-    return [*layers, varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
+    return [*layers, lobes.varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
 
 
 def _presence(p: Parameters) -> Real:
@@ -122,27 +62,24 @@ def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
 GLTF_PBR = Translation(
     "gltf_pbr",
     "glTF PBR",
-    ("ND_gltf_pbr_surfaceshader",),
-    _PARAMETERS,
+    "ND_gltf_pbr_surfaceshader",
+    "gltf_pbr",
     _layers,
-    losses_of(
-        _PARAMETERS,
-        {
-            "tangent": Loss(TANGENT),
-            "occlusion": Loss("the light that reaches a point is traced"),
-            "transmission": Loss(TRANSMISSION),
-            "specular_color": Loss(HUE_AT_GRAZING, gray=True),
-            "iridescence": Loss(THIN_FILM),
-            "iridescence_ior": Loss(THIN_FILM, "iridescence"),
-            "iridescence_thickness": Loss(THIN_FILM, "iridescence"),
-            "sheen_color": Loss(SHEEN),
-            "emissive": Loss(EMISSION),
-            "emissive_strength": Loss(EMISSION, "emissive"),
-            **{
-                name: Loss(VOLUME, "transmission")
-                for name in ("thickness", "attenuation_distance", "attenuation_color", "dispersion")
-            },
-            "anisotropy_rotation": Loss(ROTATION, "anisotropy_strength"),
+    {
+        "tangent": Loss(Reason.TANGENT),
+        "occlusion": Loss("the light that reaches a point is traced"),
+        "transmission": Loss(Reason.TRANSMISSION),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "iridescence": Loss(Reason.THIN_FILM),
+        "iridescence_ior": Loss(Reason.THIN_FILM, "iridescence"),
+        "iridescence_thickness": Loss(Reason.THIN_FILM, "iridescence"),
+        "sheen_color": Loss(Reason.SHEEN),
+        "emissive": Loss(Reason.EMISSION),
+        "emissive_strength": Loss(Reason.EMISSION, "emissive"),
+        **{
+            name: Loss(Reason.VOLUME, "transmission")
+            for name in ("thickness", "attenuation_distance", "attenuation_color", "dispersion")
         },
-    ),
+        "anisotropy_rotation": Loss(Reason.ROTATION, "anisotropy_strength"),
+    },
 )

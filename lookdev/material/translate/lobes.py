@@ -179,7 +179,7 @@ def surface(
     normal: Array,
     *,
     presence: Real = 1.0,
-    coat_presence: Real = 1.0,
+    coat_presence: Real | None = None,
     roughness: Real | None = None,
     anisotropic: Real = 0.0,
     back: Real = 0.0,
@@ -193,12 +193,13 @@ def surface(
     emerging : (..., 3)
         The light that leaves the ground through the coat.
     presence, coat_presence : (...)
-        The presence of the ground, and that of the coat.
+        The presence of the ground, and that of the coat, by default the same.
     roughness : (...)
         The roughness of an anisotropic lobe; by default that of `interface`.
     """
     color = scale(emerging, 1.0 / np.maximum(1.0 - interface.mean_withheld(), 0.01))
     rough = interface.roughness if roughness is None else roughness
+    coat_presence = presence if coat_presence is None else coat_presence
     return [
         ground(color, normal, presence, back=back, clear=clear, ior=ior),
         coat("specular", interface.f0, interface.f90, rough, normal, coat_presence, anisotropic),

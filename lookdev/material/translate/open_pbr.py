@@ -5,103 +5,31 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 
 import numpy as np
 
-from lookdev.brdf import Parameter, StackLayer
-from lookdev.brdf.parameters import normal_parameter
+from lookdev.brdf import StackLayer
 from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix, mix_color, scale
-from lookdev.material.translate.lobes import (
-    WHITE,
-    Interface,
-    color_under_sheen,
-    disney_anisotropy,
-    f0_of_ior,
-    mix_with_metal,
-    surface,
-    varnish,
-)
-from lookdev.material.translate.translation import (
-    DIFFUSE_ROUGHNESS,
-    EMISSION,
-    HUE_AT_GRAZING,
-    SHEEN,
-    SUBSURFACE,
-    TANGENT,
-    THIN_FILM,
-    TRANSMISSION,
-    VOLUME,
-    Loss,
-    Translation,
-    losses_of,
-    tangent_parameter,
-)
-
-_PARAMETERS = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("base_weight", "float", 1.0),
-        Parameter("base_color", "color", (0.8, 0.8, 0.8)),
-        Parameter("base_diffuse_roughness", "float", 0.0),
-        Parameter("base_metalness", "float", 0.0),
-        Parameter("specular_weight", "float", 1.0, (0.0, inf)),
-        Parameter("specular_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("specular_roughness", "float", 0.3),
-        Parameter("specular_ior", "float", 1.5, (0.0, inf)),
-        Parameter("specular_roughness_anisotropy", "float", 0.0),
-        Parameter("transmission_weight", "float", 0.0),
-        Parameter("transmission_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("transmission_depth", "float", 0.0, (0.0, inf)),
-        Parameter("transmission_scatter", "color", (0.0, 0.0, 0.0)),
-        Parameter("transmission_scatter_anisotropy", "float", 0.0, (-1.0, 1.0)),
-        Parameter("transmission_dispersion_scale", "float", 0.0),
-        Parameter("transmission_dispersion_abbe_number", "float", 20.0, (0.0, inf)),
-        Parameter("subsurface_weight", "float", 0.0),
-        Parameter("subsurface_color", "color", (0.8, 0.8, 0.8)),
-        Parameter("subsurface_radius", "float", 1.0, (0.0, inf)),
-        Parameter("subsurface_radius_scale", "color", (1.0, 0.5, 0.25)),
-        Parameter("subsurface_scatter_anisotropy", "float", 0.0, (-1.0, 1.0)),
-        Parameter("fuzz_weight", "float", 0.0),
-        Parameter("fuzz_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("fuzz_roughness", "float", 0.5),
-        Parameter("coat_weight", "float", 0.0),
-        Parameter("coat_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("coat_roughness", "float", 0.0),
-        Parameter("coat_roughness_anisotropy", "float", 0.0),
-        Parameter("coat_ior", "float", 1.6, (0.0, inf)),
-        Parameter("coat_darkening", "float", 1.0),
-        Parameter("thin_film_weight", "float", 0.0),
-        Parameter("thin_film_thickness", "float", 0.5, (0.0, inf)),
-        Parameter("thin_film_ior", "float", 1.4, (0.0, inf)),
-        Parameter("emission_luminance", "float", 0.0, (0.0, inf)),
-        Parameter("emission_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("geometry_opacity", "float", 1.0),
-        Parameter("geometry_thin_walled", "token", "0", choices=("0", "1")),
-        normal_parameter("geometry_normal", ""),
-        normal_parameter("geometry_coat_normal", ""),
-        tangent_parameter("geometry_tangent"),
-        tangent_parameter("geometry_coat_tangent"),
-    )
-}
+from lookdev.material.translate import lobes
+from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
     metalness, coat_weight, base_roughness = p["base_metalness"], p["coat_weight"], _coated_roughness(p)
     weight = np.minimum(p["specular_weight"], 1.0)
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
-    dielectric = Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
-    metal = Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
-    emerging, interface = mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
+    dielectric = lobes.Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
+    metal = lobes.Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
+    emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
-    emerging = color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
+    emerging = lobes.color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
     roughness, anisotropic = _disney_roughness(base_roughness, p["specular_roughness_anisotropy"])
-    layers = surface(
+    layers = lobes.surface(
         emerging,
         interface.tint_by(tint),
         p["geometry_normal"],
         presence=presence,
-        coat_presence=presence,
         roughness=roughness,
         anisotropic=anisotropic,
         back=0.5 * p["subsurface_weight"] if thin else 0.0,
@@ -110,7 +38,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     )
     roughness, anisotropic = _disney_roughness(p["coat_roughness"], p["coat_roughness_anisotropy"])
     mask = coat_weight * presence
-    return [*layers, varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
+    return [*layers, lobes.varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
 
 
 def _diffuse(p: Parameters) -> Array:
@@ -129,28 +57,27 @@ def _ior(p: Parameters) -> Real:
     """Return the effective index of refraction of the dielectric, with the specular weight and under the coat."""
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
     coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
-    f0 = p["specular_weight"] * f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
+    f0 = p["specular_weight"] * lobes.f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
     root: Real = np.sqrt(np.clip(f0, 0.0, 0.99999))
     return (1.0 + root) / (1.0 - root)
 
 
 def _coated_roughness(p: Parameters) -> Real:
     """Return the roughness of the base as it appears through the coat."""
-    base_roughness2, coat_roughness2 = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
-    both = np.sqrt(
-        np.sqrt(np.minimum(2.0 * coat_roughness2 * coat_roughness2 + base_roughness2 * base_roughness2, 1.0))
-    )
+    base_alpha, coat_alpha = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
+    both = np.sqrt(np.sqrt(np.minimum(2.0 * coat_alpha * coat_alpha + base_alpha * base_alpha, 1.0)))
     return mix(p["specular_roughness"], both, p["coat_weight"])
 
 
 def _tint(p: Parameters) -> Array:
     """Return the factor (..., 3) on the base's colour: the coat's colour, and the loss by reflection between both."""
-    internal = 1.0 - (1.0 - f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
+    internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
     dielectric = mix_color(p["base_color"], p["subsurface_color"], p["subsurface_weight"])
     base = mix_color(dielectric, scale(p["base_color"], np.minimum(p["specular_weight"], 1.0)), p["base_metalness"])
     internal = np.expand_dims(np.clip(internal, 0.0, 0.999), -1)
-    darkening = mix_color(WHITE, (1.0 - internal) / (1.0 - base * internal), p["coat_weight"] * p["coat_darkening"])
-    return darkening * mix_color(WHITE, p["coat_color"], p["coat_weight"])
+    weight = p["coat_weight"] * p["coat_darkening"]
+    darkening = mix_color(lobes.WHITE, (1.0 - internal) / (1.0 - base * internal), weight)
+    return darkening * mix_color(lobes.WHITE, p["coat_color"], p["coat_weight"])
 
 
 def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
@@ -161,39 +88,36 @@ def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
     across = 1.0 - anisotropy
     along2 = 2.0 / (1.0 + across * across)
     # The fourth root of the alphas' product, whose ratio is at most ten.
-    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), disney_anisotropy(anisotropy)
+    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), lobes.disney_anisotropy(anisotropy)
 
 
 OPEN_PBR_SURFACE = Translation(
     "open_pbr_surface",
     "OpenPBR Surface",
-    ("ND_open_pbr_surface_surfaceshader",),
-    _PARAMETERS,
+    "ND_open_pbr_surface_surfaceshader",
+    "open_pbr_surface",
     _layers,
-    losses_of(
-        _PARAMETERS,
-        {
-            "base_diffuse_roughness": Loss(DIFFUSE_ROUGHNESS),
-            "specular_color": Loss(HUE_AT_GRAZING, gray=True),
-            "transmission_weight": Loss(TRANSMISSION),
-            **{
-                f"transmission_{name}": Loss(VOLUME, "transmission_weight")
-                for name in ("depth", "scatter", "scatter_anisotropy", "dispersion_scale", "dispersion_abbe_number")
-            },
-            "subsurface_weight": Loss(SUBSURFACE),
-            **{
-                f"subsurface_{name}": Loss(SUBSURFACE, "subsurface_weight")
-                for name in ("radius", "radius_scale", "scatter_anisotropy")
-            },
-            "fuzz_weight": Loss(SHEEN),
-            "coat_color": Loss(HUE_AT_GRAZING, "coat_weight", gray=True),
-            "thin_film_weight": Loss(THIN_FILM),
-            "thin_film_thickness": Loss(THIN_FILM, "thin_film_weight"),
-            "thin_film_ior": Loss(THIN_FILM, "thin_film_weight"),
-            "emission_luminance": Loss(EMISSION),
-            "emission_color": Loss(EMISSION, "emission_luminance"),
-            "geometry_tangent": Loss(TANGENT),
-            "geometry_coat_tangent": Loss(TANGENT),
+    {
+        "base_diffuse_roughness": Loss(Reason.DIFFUSE_ROUGHNESS),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "transmission_weight": Loss(Reason.TRANSMISSION),
+        **{
+            f"transmission_{name}": Loss(Reason.VOLUME, "transmission_weight")
+            for name in ("depth", "scatter", "scatter_anisotropy", "dispersion_scale", "dispersion_abbe_number")
         },
-    ),
+        "subsurface_weight": Loss(Reason.SUBSURFACE),
+        **{
+            f"subsurface_{name}": Loss(Reason.SUBSURFACE, "subsurface_weight")
+            for name in ("radius", "radius_scale", "scatter_anisotropy")
+        },
+        "fuzz_weight": Loss(Reason.SHEEN),
+        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat_weight", gray=True),
+        "thin_film_weight": Loss(Reason.THIN_FILM),
+        "thin_film_thickness": Loss(Reason.THIN_FILM, "thin_film_weight"),
+        "thin_film_ior": Loss(Reason.THIN_FILM, "thin_film_weight"),
+        "emission_luminance": Loss(Reason.EMISSION),
+        "emission_color": Loss(Reason.EMISSION, "emission_luminance"),
+        "geometry_tangent": Loss(Reason.TANGENT),
+        "geometry_coat_tangent": Loss(Reason.TANGENT),
+    },
 )

@@ -6,36 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 
 from lookdev.brdf import Parameter, StackLayer
-from lookdev.brdf.parameters import normal_parameter
 from lookdev.brdf.vectors import Parameters, Real, mix_color, scale
 from lookdev.material.translate.lobes import WHITE, Interface, coat, f0_of_ior, max_channel, surface
-from lookdev.material.translate.translation import EMISSION, Loss, Translation, losses_of
-
-_PARAMETERS = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("diffuseColor", "color", (0.18, 0.18, 0.18)),
-        Parameter("emissiveColor", "color", (0.0, 0.0, 0.0), (0.0, inf)),
-        Parameter("useSpecularWorkflow", "token", "0", choices=("0", "1")),
-        Parameter("specularColor", "color", (0.0, 0.0, 0.0)),
-        Parameter("metallic", "float", 0.0),
-        Parameter("roughness", "float", 0.5),
-        Parameter("clearcoat", "float", 0.0),
-        Parameter("clearcoatRoughness", "float", 0.01),
-        Parameter("opacity", "float", 1.0),
-        Parameter("opacityMode", "token", "transparent", choices=("transparent", "presence")),
-        Parameter("opacityThreshold", "float", 0.0),
-        Parameter("ior", "float", 1.5, (0.0, inf)),
-        normal_parameter("normal", ""),
-        Parameter("displacement", "float", 0.0, (-inf, inf)),
-        Parameter("occlusion", "float", 1.0),
-    )
-}
+from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
@@ -65,23 +42,20 @@ def _presence(p: Parameters) -> tuple[Real, Real]:
     return masked, np.where(p["opacityThreshold"] > 0.0, cut, 1.0)
 
 
-PREVIEW_SURFACE = Translation(
-    "preview_surface",
+MATERIALX_PREVIEW_SURFACE = Translation(
+    "materialx_preview_surface",
     "UsdPreviewSurface",
-    ("UsdPreviewSurface",),
-    _PARAMETERS,
+    "ND_UsdPreviewSurface_surfaceshader",
+    "usd_preview_surface",
     _layers,
-    losses_of(
-        _PARAMETERS,
-        {"emissiveColor": Loss(EMISSION), "occlusion": Loss("the light that reaches a point is traced")},
-    ),
-)
-
-_AS_INTEGER = {"opacityMode": Parameter("opacityMode", "token", "0", choices=("0", "1"))}
-MATERIALX_PREVIEW_SURFACE = replace(
-    PREVIEW_SURFACE,
-    name="materialx_preview_surface",
-    identifiers=("ND_UsdPreviewSurface_surfaceshader",),
-    parameters=_PARAMETERS | _AS_INTEGER,
+    {"emissiveColor": Loss(Reason.EMISSION), "occlusion": Loss("the light that reaches a point is traced")},
 )
 """The MaterialX node of the same name."""
+
+_MODES = ("transparent", "presence")
+PREVIEW_SURFACE = replace(
+    MATERIALX_PREVIEW_SURFACE,
+    name="preview_surface",
+    identifier="UsdPreviewSurface",
+    changed={"opacityMode": Parameter("opacityMode", "token", _MODES[0], choices=_MODES)},
+)

@@ -6,33 +6,37 @@ one result, so the name of the connected output does not matter.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from math import inf
 from pathlib import Path
+from typing import TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, Mode, index_of_excluding_model, layer_shaders
+from lookdev.brdf import MASK, MODELS, Mode, Parameter, index_of_excluding_model, layer_shaders
 from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
-from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
-from lookdev.material.usd.displacement import read_displacement
+from lookdev.material import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 from lookdev.material.variants import expand_wildcards
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
+Variants: TypeAlias = Mapping[str, str] | None
+"""The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
+
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
+_DISPLACEMENT = "outputs:lookdev:displacement"
+_HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
+_DISPLACEMENT_INPUTS = ("height", "scale", "midlevel", "units")
 MODES: tuple[Mode, ...] = ("over", "transmit")
 """The modes of the layers of a stack."""
 
 
 def read_look(
-    file: Path,
-    prim: str | None = None,
-    variants: Mapping[str, str] | None = None,
-    name: str | None = None,
-    *,
-    open_images: bool = True,
+    file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None, *, open_images: bool = True
 ) -> Look:
     """Read a look.
 
@@ -71,8 +75,19 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     """Return the faults of a layer that is not part of a look, such as a preset, as faults of `file`."""
     network = Network(file)
     with usd_errors_as_faults(file):
-        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(layer_shaders()))
+        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over")
     return network.faults
+
+
+@contextmanager
+def open_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
+    """Yield a material of a file with variants selected; LookError where there is none, or USD reports errors."""
+    stage, network = open_stage(file), Network(file)
+    with usd_errors_as_faults(file):
+        path = find_material(network, stage, prim, variants or {})
+        if path is None:
+            raise LookError(network.faults)
+        yield UsdShade.Material(stage.GetPrimAtPath(path))
 
 
 def materials(stage: Usd.Stage) -> list[Sdf.Path]:
@@ -82,9 +97,7 @@ def materials(stage: Usd.Stage) -> list[Sdf.Path]:
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
     """Return all selections in which a variant of its set replaces each ``"*"``; raises as `read_look`."""
-    return expand_wildcards(
-        variants, lambda selection, set_name: _variant_names(file, prim, selection, set_name), str(file), prim or ""
-    )
+    return expand_wildcards(variants, partial(_variant_names, file, prim), str(file), prim or "")
 
 
 def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], set_name: str) -> list[str]:
@@ -109,20 +122,13 @@ def _add_unknown_set_fault(network: Network, path: Sdf.Path, name: str, set_name
     network.add_fault(path, f"has no variant set '{name}'", hint)
 
 
-def has_look(file: Path, prim: str) -> bool:
-    """Return whether `prim` is a material with a connected outputs:lookdev:surface; raises as `open_stage`."""
-    stage = open_stage(file)
-    material = UsdShade.Material(stage.GetPrimAtPath(prim))
-    return bool(material) and bool(material.GetPrim().GetAttribute(TERMINAL).HasAuthoredConnections())
-
-
 def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
     """Read the look at a path from `find_material`; raises LookError with all faults of the network."""
     check_composition(network, stage, path)
     if path is None:
         raise LookError(network.faults)
     material = UsdShade.Material(stage.GetPrimAtPath(path))
-    layers, displacement = _read_surface(network, material), read_displacement(network, material)
+    layers, displacement = _read_surface(network, material), _read_displacement(network, material)
     if network.faults:
         raise LookError(network.faults)
     return Look(name or path.name, layers, f"{network.file}<{path}>", displacement)
@@ -202,12 +208,11 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
     if isinstance(source, Source):
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
-        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *layer_shaders()))
+        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers",))
         return (layer,) if layer else ()
     if not attribute or source is not None:
-        network.add_fault(
-            terminal, "is not connected", f"connect it to a LookdevLayers, {_layer_shader_names()} shader"
-        )
+        hint = f"connect it to a LookdevLayers, {_layer_shader_names()} shader"
+        network.add_fault(terminal, "is not connected", hint)
     return ()
 
 
@@ -239,26 +244,17 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
     for number in numbers:
         layer = f"layer{number}"
         if layer not in attributes:
-            network.add_fault(
-                f"{stack.GetPath()}.inputs:{layer}", "is not connected, but has a mask, a mode or a switch"
-            )
+            where = f"{stack.GetPath()}.inputs:{layer}"
+            network.add_fault(where, "is not connected, but has a mask, a mode or a switch")
         elif number > 1 and number - 1 not in numbers:
             network.add_fault(attributes[layer], f"there is no layer{number - 1}", "number the layers without gaps")
-        enabled = attributes.get(f"{layer}Enabled")
-        if enabled is None or network.read_constant(enabled, Sdf.ValueTypeNames.Bool) is not False:
-            mode = _read_mode(network, attributes.get(f"{layer}Mode"))
+        if network.read_constant(attributes.get(f"{layer}Enabled"), Sdf.ValueTypeNames.Bool) is not False:
+            mode = network.read_choice(attributes.get(f"{layer}Mode"), MODES)
             mask = _read_mask(network, attributes.get(f"{layer}Mask"))
             if layer in attributes:
                 add(attributes[layer], mask, mode)
     _check_stack(network, layers)
     return tuple(layer for _, layer in layers)
-
-
-def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
-    token = None if attribute is None else network.read_constant(attribute, Sdf.ValueTypeNames.Token)
-    if token is not None and token not in MODES:
-        network.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), MODES))
-    return "transmit" if token == "transmit" else "over"
 
 
 def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) -> None:
@@ -285,33 +281,26 @@ def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
     mask = None if attribute is None else read_input(network, attribute, MASK)
-    return mask if isinstance(mask, float | Texture | Primvar | Formula) else 1.0
+    return mask if isinstance(mask, Mask) else 1.0
 
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
     source = network.follow(attribute)
     if isinstance(source, Source):
-        return _read_layer(network, attribute, source, mask, mode, tuple(layer_shaders()))
+        return _read_layer(network, attribute, source, mask, mode)
     if source is not None:
         network.add_fault(attribute, "is not connected to a layer", f"connect it to a {_layer_shader_names()} shader")
     return None
 
 
 def _read_layer(
-    network: Network,
-    attribute: Usd.Attribute,
-    source: Source,
-    mask: Mask,
-    mode: Mode,
-    valid_identifiers: tuple[str, ...],
+    network: Network, attribute: Usd.Attribute, source: Source, mask: Mask, mode: Mode, others: tuple[str, ...] = ()
 ) -> Layer | None:
+    """Read the layer of a shader; `others` are identifiers that would be right too."""
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:
-        network.add_fault(
-            attribute,
-            f"<{source.path}> has the unknown info:id '{identifier}'",
-            nearest_hint(identifier, valid_identifiers),
-        )
+        message = f"<{source.path}> has the unknown info:id '{identifier}'"
+        network.add_fault(attribute, message, nearest_hint(identifier, [*others, *layer_shaders()]))
         return None
     if source.output != "layer":
         network.add_fault(attribute, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:layer")
@@ -332,3 +321,34 @@ def _read_layer(
         if parameter.file and not source.shader.GetPrim().HasAttribute(name):
             network.add_fault(f"{source.path}.{name}", "names no file", parameter.help)
     return Layer(source.shader.GetPrim().GetName(), model, inputs, mask, mode)
+
+
+def _read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
+    """Return the displacement of a material; None where it has none or, with a fault added, where it is wrong."""
+    terminal = material.GetPrim().GetAttribute(_DISPLACEMENT)
+    if not terminal:
+        return None
+    source = network.follow(terminal)
+    if not isinstance(source, Source):
+        if source is not None:
+            network.add_fault(terminal, "is not connected", "connect it to a LookdevDisplacement shader")
+        return None
+    if (identifier := shader_id(source.shader)) != "LookdevDisplacement":
+        message = f"<{source.path}> has the unknown info:id '{identifier}'"
+        network.add_fault(terminal, message, nearest_hint(identifier, ["LookdevDisplacement"]))
+        return None
+    network.check_inputs(source.shader, _DISPLACEMENT_INPUTS)
+    inputs = {name: source.shader.GetPrim().GetAttribute(f"inputs:{name}") for name in _DISPLACEMENT_INPUTS}
+    fault_count = len(network.faults)
+    height = read_input(network, inputs["height"], _HEIGHT) if inputs["height"] else None
+    if height is None and len(network.faults) == fault_count:
+        network.add_unset_fault(f"{source.path}.inputs:height")
+    scale, midlevel = network.read_float(inputs["scale"], 1.0), network.read_float(inputs["midlevel"], 0.0)
+    units = network.read_choice(inputs["units"], UNITS)
+    if not isinstance(height, Mask):
+        return None
+    if depends_on_view(height):
+        hint = "a surface has one shape for all views; parameters and masks can depend on the view"
+        network.add_fault(f"{source.path}.inputs:height", "depends on the view", hint)
+        return None
+    return Displacement(height, scale, midlevel, units)

@@ -14,11 +14,11 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
-from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
-from lookdev.material.look import Source as FormulaSource
-from lookdev.material.textures import image_header, udim_tiles
-from lookdev.material.translate import TRANSLATIONS, foreign_shaders
-from lookdev.material.usd import check_composition, find_material, read_look_at, read_material
+from lookdev.material import Bump, Displacement, Input, Layer, Look, Mask, Texture
+from lookdev.material import Source as FormulaSource
+from lookdev.material.textures import lacks_negatives, udim_tiles
+from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
+from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, node_category
@@ -93,9 +93,7 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
     return looks
 
 
-def read_any_look(
-    file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, name: str | None = None
-) -> BoundLook:
+def read_any_look(file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None) -> BoundLook:
     """Read a material of a file, of `lookdev` or of another model; parameters as `read_look`.
 
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
@@ -148,6 +146,7 @@ class _Material:
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
         self.network = Network(file)
+        self.add_fault = self.network.add_fault
         self.reader = Reader(self.network, NODES)
 
     @property
@@ -157,7 +156,7 @@ class _Material:
 
     def grey_look(self, reason: str) -> Look:
         """Return a grey look for a material that cannot be read, and add the reason as a fault."""
-        self.network.add_fault(self.path, reason, "its parts are grey")
+        self.add_fault(self.path, reason, "its parts are grey")
         return Look(self.path.rpartition("/")[2], (GREY,), f"{self.network.file}<{self.path}>")
 
     def read(self, prim: Usd.Prim) -> Look:
@@ -168,12 +167,12 @@ class _Material:
         terminals = [name for name in _SURFACES if _is_connected(prim, name)]
         for name in _VOLUMES:
             if _is_connected(prim, name):
-                self.network.add_fault(prim.GetAttribute(name), "volumes are not supported", "only surfaces are shown")
+                self.add_fault(prim.GetAttribute(name), "volumes are not supported", "only surfaces are shown")
         for name in terminals:
             try:
                 layers = self._read_surface(prim.GetAttribute(name), 0)
             except NotCarriedError as error:
-                self.network.add_fault(prim.GetAttribute(name), str(error) or "cannot be read")
+                self.add_fault(prim.GetAttribute(name), str(error) or "cannot be read")
                 continue
             displacement = self._read_displacement(prim)
             return Look(prim.GetName(), tuple(layers), f"{self.network.file}<{self.path}>", displacement)
@@ -199,9 +198,9 @@ class _Material:
             return self._read_mix(source, depth)
         identifier = shader_id(source.shader)
         if identifier == "ND_disney_principled":
-            return [self._read_layer(source, "disney", MODELS["disney"].parameters, _PRINCIPLED)]
+            return [self._read_layer(source, "disney", _PRINCIPLED)]
         if name := foreign_shaders().get(identifier):
-            return [self._read_layer(source, name, TRANSLATIONS[name].parameters, {})]
+            return [self._read_layer(source, name, {})]
         message = f"the surface shader <{source.path}> of {identifier or 'no info:id'} is not supported"
         titles = dict.fromkeys(translation.title for translation in TRANSLATIONS.values())
         raise NotCarriedError(f"{message}; {', '.join(titles)} are")
@@ -217,8 +216,7 @@ class _Material:
         """Return the layers of a mix of two surface shaders, one over the other by a mask."""
         beneath = self._read_surface(self._input_attribute(source, "bg"), depth + 1)
         above = self._read_surface(self._input_attribute(source, "fg"), depth + 1)
-        attribute = source.shader.GetPrim().GetAttribute("inputs:mix")
-        mask = (self.reader.read_term(attribute, 1) if attribute else None) or _ZERO
+        mask = self.reader.read_term(source.shader.GetPrim().GetAttribute("inputs:mix"), 1) or _ZERO
         if len(above) > 1:  # a mixture cannot lie over others as one layer, so it lies beneath
             beneath, above = above, beneath
             mask = self.reader.terms.apply("1 - {mask}", {"mask": mask}, ("mask",))
@@ -226,10 +224,9 @@ class _Material:
             raise NotCarriedError(f"<{source.path}> mixes two mixtures, which no stack of layers does")
         return [*beneath, replace(above[0], mask=_mask_source(mask))]
 
-    def _read_layer(
-        self, source: Source, model: str, parameters: Mapping[str, Parameter], defaults: Mapping[str, Input]
-    ) -> Layer:
+    def _read_layer(self, source: Source, model: str, defaults: Mapping[str, Input]) -> Layer:
         inputs: dict[str, Input] = {}
+        parameters = layer_parameters(model)
         for shader_input in source.shader.GetInputs():
             name, attribute = shader_input.GetBaseName(), shader_input.GetAttr()
             if name == "displacement" and model in _PREVIEWS:
@@ -240,10 +237,10 @@ class _Material:
                     inputs[name] = value
             elif self._has_value(attribute):
                 message = f"is not carried: {shader_id(source.shader)} is read without it"
-                self.network.add_fault(attribute, message, close_hint(name, list(parameters)))
+                self.add_fault(attribute, message, close_hint(name, list(parameters)))
         if model in TRANSLATIONS:
             for name, reason in TRANSLATIONS[model].losses(inputs):
-                self.network.add_fault(f"{source.path}.inputs:{name}", reason)
+                self.add_fault(f"{source.path}.inputs:{name}", reason)
         return Layer(source.shader.GetPrim().GetName(), model, {**defaults, **inputs})
 
     def _read_input(self, source: Source, attribute: Usd.Attribute, parameter: Parameter) -> Input | None:
@@ -260,9 +257,7 @@ class _Material:
         except NotCarriedError as error:
             default = parameter.default
             default_text = ", ".join(f"{number:g}" for number in default) if isinstance(default, tuple) else default
-            self.network.add_fault(
-                attribute, f"is not carried{f': {error}' if str(error) else ''}", f"{default_text} is taken"
-            )
+            self.add_fault(attribute, error.fault, f"{default_text} is taken")
             return None
 
     def _read_token(self, attribute: Usd.Attribute, parameter: Parameter) -> str | None:
@@ -287,32 +282,24 @@ class _Material:
         if clipped != numbers:
             clipped_text = ", ".join(f"{number:g}" for number in clipped)
             number_text = ", ".join(f"{number:g}" for number in numbers)
-            self.network.add_fault(
-                attribute, f"{number_text} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken"
-            )
+            self.add_fault(attribute, f"{number_text} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken")
         return (clipped[0], clipped[1], clipped[2]) if isinstance(value, tuple) else clipped[0]
 
     def _check_normal(self, source: Source, attribute: Usd.Attribute, term: Term) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
         if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
-            raise NotCarriedError(
-                "is a normal in world space; only one of a normalmap or a bump, in tangent space, is supported"
-            )
+            hint = "only one of a normalmap or a bump, in tangent space, is supported"
+            raise NotCarriedError(f"is a normal in world space; {hint}")
         if not isinstance(texture := term.leaf, Texture):
             return
         if texture.colorspace not in ("raw", "auto"):
             message = f"{texture.file.name} is decoded as {texture.colorspace}, but a normal map is data"
-            self.network.add_fault(
-                attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'"
-            )
-        centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
+            self.add_fault(attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'")
         try:
-            file = next(iter(udim_tiles(texture).values()), texture).file
-            if not centred and image_header(file).unsigned:
+            if lacks_negatives(texture):
+                file = next(iter(udim_tiles(texture).values()), texture).file
                 message = f"{file.name} holds 0 to 1, so no normal has a negative component"
-                self.network.add_fault(
-                    attribute, message, "it is carried as it stands; set scale and bias of the texture"
-                )
+                self.add_fault(attribute, message, "it is carried as it stands; set scale and bias of the texture")
         except TextureError as error:
             raise NotCarriedError(str(error)) from error
 
@@ -323,9 +310,7 @@ class _Material:
         if prim and not any(_is_connected(prim, name) for name in _DISPLACEMENTS):
             holder = self.network.follow(attribute)
             if isinstance(holder, Source) or (holder is not None and holder.Get()):
-                self.network.add_fault(
-                    attribute, "has no effect: outputs:displacement of the material is not connected"
-                )
+                self.add_fault(attribute, "has no effect: outputs:displacement of the material is not connected")
 
     def _has_value(self, attribute: Usd.Attribute) -> bool:
         """Return whether an input has a value, directly or through inputs of the material."""
@@ -347,23 +332,19 @@ class _Material:
             attribute = source.shader.GetPrim().GetAttribute("inputs:displacement")
             if attribute and attribute.GetTypeName() != Sdf.ValueTypeNames.Float:
                 raise NotCarriedError("displaces by vectors; only heights along the normal are supported")
-            height = self.reader.read_term(attribute, 1) if attribute else None
+            height = self.reader.read_term(attribute, 1)
             factor = source.shader.GetPrim().GetAttribute("inputs:scale")
-            scale = self.reader.read_term(factor, 1) if factor and kind == "displacement" else None
+            scale = self.reader.read_term(factor, 1) if kind == "displacement" else None
             if height is not None and scale is not None:
                 height = self.reader.terms.apply("{a} * {b}", {"a": height, "b": scale}, ("a", "b"))
             return None if height is None or height.numbers == (0.0,) else Displacement(_mask_source(height))
         except NotCarriedError as error:
-            self.network.add_fault(
-                terminal, f"is not carried{f': {error}' if str(error) else ''}", "nothing is displaced"
-            )
+            self.add_fault(terminal, error.fault, "nothing is displaced")
             return None
 
 
 _TANGENT_SPACE = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
-_PREVIEWS = tuple(
-    each.name for each in TRANSLATIONS.values() if any("UsdPreviewSurface" in name for name in each.identifiers)
-)
+_PREVIEWS = ("preview_surface", "materialx_preview_surface")
 _PRINCIPLED: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
 _ZERO = Term("0", 1, numbers=(0.0,))
 
@@ -375,6 +356,6 @@ def _is_connected(prim: Usd.Prim, name: str) -> bool:
 
 def _mask_source(term: Term) -> Mask:
     source = term.source()
-    if not isinstance(source, float | Texture | Primvar | Formula):
+    if not isinstance(source, Mask):
         raise NotCarriedError("is not a float")
     return source

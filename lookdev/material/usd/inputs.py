@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from math import cos, inf, radians, sin
+from math import inf
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from lookdev.arrays import Floats
 from lookdev.brdf import Parameter
 from lookdev.errors import ModelError, TextureError, nearest_hint
-from lookdev.material.definitions import USD_TYPES
-from lookdev.material.expression import ExpressionError, Kind, parse
-from lookdev.material.look import (
+from lookdev.material import (
     VIEW,
     Bump,
     Channel,
@@ -24,14 +21,16 @@ from lookdev.material.look import (
     Input,
     Primvar,
     Texture,
-    Transform,
     View,
     Wrap,
+    to_transform,
+    transform2d,
 )
-from lookdev.material.look import Source as FormulaInput
-from lookdev.material.textures import image_header, resolve_texture, udim_tiles
-from lookdev.material.usd.images import asset_file, image_path
-from lookdev.material.usd.network import Network, Source, is_set, shader_id
+from lookdev.material import Source as FormulaInput
+from lookdev.material.definitions import USD_TYPES
+from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
+from lookdev.material.usd.network import Network, Source, asset_file, image_path, is_set, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
@@ -86,9 +85,8 @@ def _check_range(
     low, high = parameter.hard
     # USD stores float32, and rounds a constant at an end of the range to it.
     ends = {np.float32(end): end for end in parameter.hard}
-    numbers = tuple(
-        ends.get(np.float32(number), number) for number in ((value,) if isinstance(value, float) else value)
-    )
+    channels = (value,) if isinstance(value, float) else tuple(value)
+    numbers = tuple(ends.get(np.float32(number), number) for number in channels)
     if parameter.kind == "normal" and not any(numbers):
         network.add_fault(where, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
         return None
@@ -134,9 +132,8 @@ def _read_formula(
     key = source.path, kind
     formula = network.formulas.get(key)
     if len(enclosing) + network.depths.get(id(formula), 1) > _MAX_DEPTH:
-        network.add_fault(
-            attribute, f"more than {_MAX_DEPTH} expressions read one another", "join some of them into one"
-        )
+        message = f"more than {_MAX_DEPTH} expressions read one another"
+        network.add_fault(attribute, message, "join some of them into one")
         return None
     if key not in network.formulas:
         formula = network.formulas[key] = _read_new_formula(network, kind, source, enclosing)
@@ -148,7 +145,7 @@ def _read_formula(
 def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]) -> Formula | None:
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
-    text = network.read_constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
+    text = network.read_constant(attribute, Sdf.ValueTypeNames.String)
     if not isinstance(text, str) or not text:
         if not attribute or text == "":
             network.add_fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
@@ -195,7 +192,7 @@ def _read_formula_input(
     value_type = attribute.GetTypeName().type
     if value_type == Sdf.ValueTypeNames.Float2.type:
         coordinates = _read_coordinates(network, node.shader, name)
-        return ("color", Coordinates(*coordinates)) if coordinates else None
+        return ("color", coordinates) if coordinates else None
     kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(value_type)  # type: ignore[assignment]
     if kind is None:
         hint = "it must be float, color3f or, for coordinates, float2"
@@ -204,7 +201,7 @@ def _read_formula_input(
     fault_count = len(network.faults)
     value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), enclosing)
     if value is None and len(network.faults) == fault_count and not isinstance(network.follow(attribute), Source):
-        network.add_fault(where, "is neither set nor connected", "give it a value, or connect it")
+        network.add_unset_fault(where)
     return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
 
@@ -212,23 +209,19 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
     if texture.colorspace == "sRGB":
         message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
-    # A normal map with flipped or weakened axes is centred too, up to half a step of 8 bits.
-    centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
-    file = next(iter(udim_tiles(texture).values()), texture).file
-    if not centred and image_header(file).unsigned:
+    if lacks_negatives(texture):
         message = "the image holds 0 to 1, so no normal has a negative component"
-        network.add_fault(
-            f"{source.path}.inputs:bias", message, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
-        )
+        hint = "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
+        network.add_fault(f"{source.path}.inputs:bias", message, hint)
 
 
 def _read_bump(network: Network, source: Source) -> Bump | None:
     shader = source.shader
     network.check_inputs(shader, ("height", "scale"))
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
-    factor = network.read_constant(scale, _TYPES["float"]) if scale else None
+    factor = network.read_float(scale, 1.0)
     height = _read_height(network, source, attribute)
-    return Bump(height, factor if isinstance(factor, float) else 1.0) if height else None
+    return Bump(height, factor) if height else None
 
 
 def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:
@@ -267,24 +260,21 @@ def _read_texture(
     shader = source.shader
     network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
-    coordinates = _read_coordinates(network, shader, "st")
-    colorspace, wrap_s, wrap_t = (
-        network.read_node_value(shader, name, str) for name in ("sourceColorSpace", "wrapS", "wrapT")
-    )
+    uv = _read_coordinates(network, shader, "st")
+    colorspace = network.read_node_value(shader, "sourceColorSpace", str)
+    wrap_s, wrap_t = (network.read_node_value(shader, name, str) for name in ("wrapS", "wrapT"))
     scale, bias = (network.read_node_value(shader, name, Gf.Vec4f) for name in ("scale", "bias"))
     channel = next((candidate for candidate in channels if candidate == source.output), None)
-    if channel is None or file is None or coordinates is None or colorspace is None or scale is None or bias is None:
+    if channel is None or file is None or uv is None or colorspace is None or scale is None or bias is None:
         return None
     if wrap_s is None or wrap_t is None:
         return None
-    st, transform = coordinates
     wraps = cast(Wrap, wrap_s), cast(Wrap, wrap_t)  # or "useMetadata"
-    texture = Texture(file, channel, colorspace, *wraps, st, transform, tuple(scale), tuple(bias))
+    texture = Texture(file, channel, colorspace, *wraps, uv.st, uv.transform, tuple(scale), tuple(bias))
     try:
         if not network.opens_images:
             return texture
-        for tile in udim_tiles(texture).values() or [texture]:
-            image_header(tile.file)
+        check_images(texture)
         return resolve_texture(texture)
     except TextureError as error:
         network.add_fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
@@ -304,7 +294,7 @@ def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
     return None
 
 
-def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> tuple[str, Transform] | None:
+def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> Coordinates | None:
     """Return the UV set of an input, and the product of the transforms between the input and the UV set's reader."""
     matrix = np.eye(3)
     path, seen = f"{shader.GetPath()}.inputs:{name}", set()
@@ -326,18 +316,11 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> t
         network.check_node(path, source)
         if identifier == "UsdPrimvarReader_float2":
             name = _read_varname(network, source.shader)
-            a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
-            return (name, (a, b, c, d, e, f)) if name else None
+            return Coordinates(name, to_transform(matrix)) if name else None
         scale = network.read_node_value(source.shader, "scale", Gf.Vec2f)
         rotation = network.read_node_value(source.shader, "rotation", float)
         translation = network.read_node_value(source.shader, "translation", Gf.Vec2f)
         if scale is None or rotation is None or translation is None:
             return None
-        matrix = matrix @ _transform2d(scale, rotation, translation)
+        matrix = matrix @ transform2d(scale, rotation, translation)
         path = f"{source.path}.inputs:in"
-
-
-def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> Floats:
-    """Return UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    (x, y), (dx, dy), c, s = scale, translation, cos(radians(rotation)), sin(radians(rotation))
-    return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])

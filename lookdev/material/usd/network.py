@@ -1,4 +1,4 @@
-"""Reader of a UsdShade network: it follows connections, checks types of constants, and collects all faults."""
+"""Reader of a UsdShade network: follows connections, checks types of constants, finds files, collects all faults."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
-from pxr import Gf, Sdf, Sdr, Usd, UsdShade
+from pxr import Ar, Gf, Sdf, Sdr, Usd, UsdShade
 
-from lookdev.errors import Fault, nearest_hint, shorten
-from lookdev.material.look import Formula
+from lookdev.errors import Fault, TextureError, nearest_hint, shorten
+from lookdev.material import Formula
+from lookdev.material.textures import UDIM
+from lookdev.stage.packages import unpack
 
 V = TypeVar("V")
 
@@ -67,6 +69,10 @@ class Network:
         path = where.GetPath() if isinstance(where, Usd.Object | Usd.SchemaBase) else where
         self._faults.append(Fault(str(self.file), shorten(str(path)), shorten(message), hint))
 
+    def add_unset_fault(self, where: str) -> None:
+        """Add the fault of an input without a value."""
+        self.add_fault(where, "is neither set nor connected", "give it a value, or connect it")
+
     def add_external_fault(self, fault: Fault) -> None:
         """Add a fault of another file."""
         self._faults.append(fault)
@@ -98,9 +104,8 @@ class Network:
                 return Source(UsdShade.Shader(prim), name)
             attribute = prim.GetAttribute(target.name) if prim and not prim.IsA(UsdShade.Shader) else None
             if not attribute:
-                self.add_fault(
-                    path, f"is connected to <{target}>, which is neither an output of a shader nor an interface input"
-                )
+                message = "which is neither an output of a shader nor an interface input"
+                self.add_fault(path, f"is connected to <{target}>, {message}")
                 return None
             seen.add(path)
         return attribute
@@ -132,9 +137,9 @@ class Network:
             return None
         return value
 
-    def read_constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
+    def read_constant(self, attribute: Usd.Attribute | None, expected: Sdf.ValueTypeName) -> object:
         """Return the value of an input that must be constant; None where unset or, with a fault added, wrong."""
-        if not self.check_type(attribute, attribute, expected):
+        if not attribute or not self.check_type(attribute, attribute, expected):
             return None
         holder = self.follow(attribute)
         if isinstance(holder, Source):
@@ -142,12 +147,24 @@ class Network:
             return None
         return None if holder is None else self.read_value(attribute, holder, expected)
 
+    def read_float(self, attribute: Usd.Attribute | None, default: float) -> float:
+        """Return a constant float; the default where it is unset or, with a fault added, wrong."""
+        value = self.read_constant(attribute, Sdf.ValueTypeNames.Float)
+        return value if isinstance(value, float) else default
+
+    def read_choice(self, attribute: Usd.Attribute | None, choices: Sequence[V]) -> V:
+        """Return a constant token among `choices`; the first where it is unset or, with a fault added, wrong."""
+        token = self.read_constant(attribute, Sdf.ValueTypeNames.Token)
+        if token is not None and token not in choices:
+            self.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), [*map(str, choices)]))
+        return next((choice for choice in choices if choice == token), choices[0])
+
     def read_node_value(self, shader: UsdShade.Shader, name: str, kind: type[V]) -> V | None:
         """Return a constant input of one of USD's own nodes, or its default; None, with a fault added, where wrong."""
         definition = _sdr_node(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         fault_count = len(self._faults)
-        value = self.read_constant(attribute, definition.GetTypeAsSdfType().GetSdfType()) if attribute else None
+        value = self.read_constant(attribute, definition.GetTypeAsSdfType().GetSdfType())
         if value is None:
             return definition.GetDefaultValueAsSdfType() if len(self._faults) == fault_count else None
         options = [option for option, _ in definition.GetOptions()]
@@ -167,9 +184,8 @@ class Network:
         """Add a fault for every input of a shader that is not among `valid_names`."""
         unknown = [shader_input for shader_input in shader.GetInputs() if shader_input.GetBaseName() not in valid_names]
         for shader_input in unknown[:_MOST_UNKNOWN]:
-            self.add_fault(
-                shader_input.GetAttr(), "unknown input", nearest_hint(shader_input.GetBaseName(), valid_names)
-            )
+            hint = nearest_hint(shader_input.GetBaseName(), valid_names)
+            self.add_fault(shader_input.GetAttr(), "unknown input", hint)
         if more := len(unknown[_MOST_UNKNOWN:]):
             self.add_fault(shader.GetPath(), f"{more} more unknown inputs", f"known: {', '.join(valid_names)}")
 
@@ -191,3 +207,40 @@ def authored_properties(prim: Usd.Prim) -> int:
 
 def _sdr_node(shader: UsdShade.Shader) -> Sdr.ShaderNode:
     return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))
+
+
+def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> Path:
+    """Return the image file, or the set of tiles, that the value `asset` of an input names, without opening it.
+
+    Raises
+    ------
+    TextureError
+        There is no such file.
+    """
+    if UDIM in asset.path:
+        layer = _value_layer(network, attribute)
+        tiles = [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
+        if not tiles:
+            raise TextureError(f"no tile of this set: {asset.path}")
+        if Ar.IsPackageRelativePath(tiles[0]):
+            return unpack(tiles).with_name(PurePosixPath(asset.path.rstrip("]")).name)
+        return Path(UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer))
+    return asset_file(asset, "image file")
+
+
+def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
+    """Return the file that a value names; raises TextureError where it names none or no such file exists."""
+    if not asset.path:
+        raise TextureError(f"names no {kind}")
+    if not asset.resolvedPath:
+        raise TextureError(f"no such {kind}: {asset.path}")
+    if Ar.IsPackageRelativePath(asset.resolvedPath):
+        return unpack([asset.resolvedPath])
+    return Path(asset.resolvedPath)
+
+
+def _value_layer(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
+    """Return the layer that states an attribute's value; relative paths in the value are relative to it."""
+    holder = network.follow(attribute)
+    stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
+    return next((spec.layer for spec in stack if spec.default is not None), None)

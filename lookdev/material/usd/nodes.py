@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from lookdev.material.look import Bump, Texture
+from lookdev.material import Bump, Texture
 from lookdev.material.usd import sampling
 from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
@@ -42,17 +42,10 @@ _FORMULAS = {
     "power": _Formula("{in1} ^ {in2}", _FACTORS),
     "min": _Formula("min({in1}, {in2})", _PAIR),
     "max": _Formula("max({in1}, {in2})", _PAIR),
+    **{name: _Formula(f"{name}({{in}})", _IN) for name in ("floor", "ceil", "round", "fract", "sqrt", "exp")},
+    **{name: _Formula(f"{name}({{in}})", _IN) for name in ("sin", "cos", "tan")},
     "absval": _Formula("abs({in})", _IN),
-    "floor": _Formula("floor({in})", _IN),
-    "ceil": _Formula("ceil({in})", _IN),
-    "round": _Formula("round({in})", _IN),
-    "fract": _Formula("fract({in})", _IN),
-    "sqrt": _Formula("sqrt({in})", _IN),
-    "exp": _Formula("exp({in})", _IN),
     "ln": _Formula("log({in})", {"in": 1.0}),
-    "sin": _Formula("sin({in})", _IN),
-    "cos": _Formula("cos({in})", _IN),
-    "tan": _Formula("tan({in})", _IN),
     "atan2": _Formula("atan2({iny}, {inx})", {"iny": 0.0, "inx": 1.0}),
     "invert": _Formula("{amount} - {in}", {"in": 0.0, "amount": 1.0}, ("in", "amount")),
     "clamp": _Formula("clamp({in}, {low}, {high})", {"in": 0.0, "low": 0.0, "high": 1.0}),
@@ -66,9 +59,10 @@ _FORMULAS = {
     "screen": _Formula("mix({bg}, 1 - (1 - {fg}) * (1 - {bg}), {mix})", _BLEND, ("mix",)),
     "inside": _Formula("{in} * {mask}", {"in": 0.0, "mask": 1.0}, ("in", "mask")),
     "outside": _Formula("{in} * (1 - {mask})", {"in": 0.0, "mask": 0.0}, ("in", "mask")),
-    "ifgreater": _Formula("{value1} > {value2} ? {in1} : {in2}", _CHOICE),
-    "ifgreatereq": _Formula("{value1} >= {value2} ? {in1} : {in2}", _CHOICE),
-    "ifequal": _Formula("{value1} == {value2} ? {in1} : {in2}", _CHOICE),
+    **{
+        name: _Formula(f"{{value1}} {sign} {{value2}} ? {{in1}} : {{in2}}", _CHOICE)
+        for name, sign in (("ifgreater", ">"), ("ifgreatereq", ">="), ("ifequal", "=="))
+    },
 }
 
 
@@ -78,10 +72,6 @@ def _formula_reader(entry: _Formula) -> Callable[[Node], Term]:
         return node.terms.apply(entry.text, operands, entry.linear)
 
     return read
-
-
-def _read_constant(node: Node) -> Term:
-    return node.read_any_term("value", *[0.0] * node.width)
 
 
 def _read_dot(node: Node) -> Term:
@@ -98,16 +88,13 @@ def _read_extract(node: Node) -> Term:
     return node.terms.channel(node.read_any_term("in", 0.0), int(node.read_numbers("index", 0.0)[0]))
 
 
-def _read_separate(node: Node) -> Term:
-    return _select_channels(node, node.read_any_term("in", 0.0), node.output.removeprefix("out"))
+def _read_channels(node: Node) -> Term:
+    """Read separate2 to separate4, by the output, or swizzle, by the letters of its input ``channels``.
 
-
-def _read_swizzle(node: Node) -> Term:
-    return _select_channels(node, node.read_any_term("in", 0.0), node.read_text("channels", ""))
-
-
-def _select_channels(node: Node, term: Term, letters: str) -> Term:
-    """Return the channels that the letters ``rgba`` or ``xyzw`` name; the digits 0 and 1 are constants."""
+    Letters are ``rgba`` or ``xyzw``; the digits 0 and 1 are constants.
+    """
+    term = node.read_any_term("in", 0.0)
+    letters = node.output.removeprefix("out") if "separate" in node.identifier else node.read_text("channels", "")
     if not 1 <= len(letters) <= 4 or not set(letters) <= set("rgbaxyzw01"):
         raise NotCarriedError(f"'{letters:.40}' are not channels")
     if letters in ("rgb", "xyz", "xy") and len(letters) == term.width:
@@ -136,22 +123,14 @@ def _read_switch(node: Node) -> Term:
 
 def _read_range(node: Node) -> Term:
     (gamma,), (is_clamped,) = node.read_numbers("gamma", 1.0), node.read_numbers("doclamp", 0.0)
-    value = node.read_any_term("in", 0.0)
-    low, high, out_low, out_high = (
-        node.read_any_term(name, default) for name, default in _RANGE.items() if name != "in"
-    )
+    terms = {name: node.read_any_term(name, default) for name, default in _RANGE.items()}
     if gamma == 1.0:
-        terms = {"in": value, "inlow": low, "inhigh": high, "outlow": out_low, "outhigh": out_high}
         value = node.terms.apply(_FORMULAS["remap"].text, terms, ("in",))
     else:
         text = "{outlow} + ({outhigh} - {outlow}) * fit({in}, {inlow}, {inhigh}, 0, 1) ^ {power}"
-        terms = {"in": value, "inlow": low, "inhigh": high, "outlow": out_low, "outhigh": out_high}
         value = node.terms.apply(text, {**terms, "power": constant(1.0 / gamma if gamma else 0.0)})
-    return (
-        node.terms.apply("clamp({a}, {low}, {high})", {"a": value, "low": out_low, "high": out_high})
-        if is_clamped
-        else value
-    )
+    bounds = {"a": value, "low": terms["outlow"], "high": terms["outhigh"]}
+    return node.terms.apply("clamp({a}, {low}, {high})", bounds) if is_clamped else value
 
 
 _LUMA = (0.2722287, 0.6740818, 0.0536895)  # of ACEScg: MaterialX's default
@@ -202,26 +181,14 @@ def _read_normalize(node: Node) -> Term:
     return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 
 
-def _ramp_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
+def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> Callable[[Node], Term]:
     def read(node: Node) -> Term:
         coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
-        ends = {"low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
-        return node.terms.apply("mix({low}, {high}, clamp({coordinate}, 0, 1))", {"coordinate": coordinate, **ends})
-
-    return read
-
-
-def _split_reader(low: str, high: str, axis: int) -> Callable[[Node], Term]:
-    def read(node: Node) -> Term:
-        coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
-        ends = {
-            "low": node.read_any_term(low, 0.0),
-            "high": node.read_any_term(high, 0.0),
-            "center": node.read_term("center", 1, 0.5),
-        }
-        return node.terms.apply(
-            "mix({low}, {high}, boxstep({coordinate}, {center}))", {"coordinate": coordinate, **ends}
-        )
+        terms = {"t": coordinate, "low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
+        if is_split:
+            terms["center"] = node.read_term("center", 1, 0.5)
+        weight = "boxstep({t}, {center})" if is_split else "clamp({t}, 0, 1)"
+        return node.terms.apply(f"mix({{low}}, {{high}}, {weight})", terms)
 
     return read
 
@@ -235,9 +202,8 @@ def _read_noise(node: Node) -> Term:
         return node.terms.apply("cellnoise({x}, {y})", {"x": x, "y": y})
     amplitude, pivot = node.read_any_term("amplitude", 1.0), node.read_any_term("pivot", 0.0)
     value = node.terms.apply("2 * noise({x}, {y}) - 1", {"x": x, "y": y})
-    scaled = node.terms.apply(
-        "{value} * {amplitude} + {pivot}", {"value": value, "amplitude": amplitude, "pivot": pivot}
-    )
+    terms = {"value": value, "amplitude": amplitude, "pivot": pivot}
+    scaled = node.terms.apply("{value} * {amplitude} + {pivot}", terms)
     return convert_channels(scaled, node.width)
 
 
@@ -251,9 +217,8 @@ def _read_normal_map(node: Node) -> Term:
 
 
 def _read_bump(node: Node) -> Term:
-    return _scale_bump(
-        node, _height_bump(node, node.read_term("height", 1, 0.0), 1.0), node.read_any_term("scale", 1.0)
-    )
+    bump = _height_bump(node, node.read_term("height", 1, 0.0), 1.0)
+    return _scale_bump(node, bump, node.read_any_term("scale", 1.0))
 
 
 def _read_height_to_normal(node: Node) -> Term:
@@ -275,36 +240,33 @@ def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
         return bump
     if scale.numbers is None or len(set(scale.numbers)) != 1:
         raise NotCarriedError("the scale of a bump is not one constant")
-    return replace(
-        node.terms.leaf_term(replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0]), 3, node.name), tangent=True
-    )
+    scaled = replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0])
+    return replace(node.terms.leaf_term(scaled, 3, node.name), tangent=True)
 
 
 NODES: dict[str, Callable[[Node], Term]] = {
     **{name: _formula_reader(entry) for name, entry in _FORMULAS.items()},
-    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("", "_int", "_normal", "_point", "_vector")},
-    **{f"UsdPrimvarReader{kind}": sampling.read_primvar for kind in ("_string", "_matrix")},
+    **{
+        f"UsdPrimvarReader{kind}": sampling.read_primvar
+        for kind in ("", "_int", "_normal", "_point", "_vector", "_string", "_matrix")
+    },
+    **dict.fromkeys(("combine2", "combine3", "combine4"), _read_combine),
+    **dict.fromkeys(("separate2", "separate3", "separate4", "swizzle"), _read_channels),
+    **dict.fromkeys(("gltf_image", "gltf_colorimage", "gltf_normalmap"), sampling.read_gltf_image),
+    **dict.fromkeys(("noise2d", "cellnoise2d"), _read_noise),
     "UsdTransform2d": sampling.read_transform2d,
     "UsdUVTexture": sampling.read_uv_texture,
     "bump": _read_bump,
-    "cellnoise2d": _read_noise,
-    "combine2": _read_combine,
-    "combine3": _read_combine,
-    "combine4": _read_combine,
-    "constant": _read_constant,
+    "constant": lambda node: node.read_any_term("value", *[0.0] * node.width),
     "convert": _read_convert,
     "dot": _read_dot,
     "dotproduct": _read_dot_product,
     "extract": _read_extract,
     "geompropvalue": sampling.read_primvar,
-    "gltf_colorimage": sampling.read_gltf_image,
-    "gltf_image": sampling.read_gltf_image,
-    "gltf_normalmap": sampling.read_gltf_image,
     "heighttonormal": _read_height_to_normal,
     "image": sampling.read_image,
     "luminance": _read_luminance,
     "magnitude": _read_magnitude,
-    "noise2d": _read_noise,
     "normalize": _read_normalize,
     "normalmap": _read_normal_map,
     "place2d": sampling.read_place2d,
@@ -313,12 +275,8 @@ NODES: dict[str, Callable[[Node], Term]] = {
     "range": _read_range,
     "rotate2d": sampling.read_rotate2d,
     "saturate": _read_saturate,
-    "separate2": _read_separate,
-    "separate3": _read_separate,
-    "separate4": _read_separate,
-    "splitlr": _split_reader("valuel", "valuer", 0),
-    "splittb": _split_reader("valueb", "valuet", 1),
-    "swizzle": _read_swizzle,
+    "splitlr": _ramp_reader("valuel", "valuer", 0, is_split=True),
+    "splittb": _ramp_reader("valueb", "valuet", 1, is_split=True),
     "switch": _read_switch,
     "texcoord": sampling.read_texcoord,
     "tiledimage": sampling.read_tiled_image,

@@ -13,8 +13,8 @@ from typing import TypeAlias
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material.look import Color
-from lookdev.material.usd.network import Network, Source, shader_id
+from lookdev.material import Color
+from lookdev.material.usd.network import Network, Source, is_set, shader_id
 from lookdev.material.usd.terms import NotCarriedError, Term, Terms, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
@@ -45,11 +45,13 @@ class Reader:
         self._terms_by_output: dict[tuple[Sdf.Path, str], Term | None] = {}
         self._open_nodes: list[tuple[Sdf.Path, str]] = []
 
-    def read_term(self, attribute: Usd.Attribute, width: int) -> Term | None:
-        """Return the value of an input, converted to `width` channels; None where the input is not set.
+    def read_term(self, attribute: Usd.Attribute | None, width: int) -> Term | None:
+        """Return the value of an input, converted to `width` channels; None where the input is missing or not set.
 
         Raises NotCarriedError where the value cannot be carried over.
         """
+        if not attribute:
+            return None
         holder = self.network.follow(attribute)
         if holder is None:
             raise NotCarriedError
@@ -60,7 +62,10 @@ class Reader:
             return None
         if not isinstance(value, tuple):
             raise NotCarriedError(f"holds a value of type {holder.GetTypeName()}")
-        return self._fit_channels(attribute, constant(*self._to_linear(attribute, holder, value)), width)
+        if holder.GetTypeName().role == Sdf.ValueRoleNames.Color and len(value) >= 3:
+            space = self.colorspace(attribute, colorspace_of(holder))
+            value = (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
+        return self._fit_channels(attribute, constant(*value), width)
 
     def read_node(self, attribute: Usd.Attribute, source: Source) -> Term:
         """Return the value of an output of a node; raises NotCarriedError where it cannot be carried over."""
@@ -119,15 +124,6 @@ class Reader:
             self.network.add_fault(attribute, f"holds a value of type {holder.GetTypeName()}, which is not read")
         raise NotCarriedError
 
-    def _to_linear(
-        self, attribute: Usd.Attribute, holder: Usd.Attribute, value: tuple[float, ...]
-    ) -> tuple[float, ...]:
-        """Return a constant; a colour is converted to linear Rec.709."""
-        if holder.GetTypeName().role != Sdf.ValueRoleNames.Color or len(value) < 3:
-            return value
-        space = self.colorspace(attribute, colorspace_of(holder))
-        return (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
-
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
         """Return the `Texture.colorspace` of a colour space; for an unknown name a substitute, with a fault added."""
         colorspace = colorspace_named(name)
@@ -175,9 +171,7 @@ class Node:
         """Return an input, or None where it has neither a connection nor a value; it counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
-        if attribute and (attribute.HasAuthoredConnections() or attribute.HasAuthoredValue()):
-            return attribute
-        return None
+        return attribute if attribute and is_set(attribute) else None
 
     def ignore(self, *names: str) -> None:
         """Count inputs that do not affect the result as read."""
@@ -185,8 +179,7 @@ class Node:
 
     def read_term(self, name: str, width: int, *default: float) -> Term:
         """Return the value of an input, or its default, converted to `width` channels."""
-        attribute = self.attribute(name)
-        term = self.reader.read_term(attribute, width) if attribute else None
+        term = self.reader.read_term(self.attribute(name), width)
         return convert_channels(constant(*default), width) if term is None else term
 
     def read_any_term(self, name: str, *default: float) -> Term:
@@ -205,8 +198,7 @@ class Node:
 
     def read_numbers(self, name: str, *default: float) -> tuple[float, ...]:
         """Return a constant input with the same number of channels as its default."""
-        attribute = self.attribute(name)
-        term = self.reader.read_term(attribute, len(default)) if attribute else None
+        term = self.reader.read_term(self.attribute(name), len(default))
         if term is None:
             return default
         if term.numbers is None:

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, radians, sin
 from pathlib import Path
 from typing import Literal
 
@@ -16,25 +15,18 @@ from pxr import Sdf
 
 from lookdev.arrays import Floats
 from lookdev.errors import Fault, TextureError
-from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap
-from lookdev.material.textures import image_header, resolve_texture, udim_tiles
-from lookdev.material.usd.images import image_path
+from lookdev.material import WRAPS, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
+from lookdev.material.textures import check_images, resolve_texture
+from lookdev.material.usd.network import image_path
 from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_of
 
 _WrapMode = Wrap | Literal["useMetadata"]
 
-_USD_WRAPS: dict[str, _WrapMode] = {
-    "black": "black",
-    "clamp": "clamp",
-    "repeat": "repeat",
-    "mirror": "mirror",
-    "useMetadata": "useMetadata",
-}
+_USD_WRAPS: dict[str, _WrapMode] = {"useMetadata": "useMetadata", **WRAPS}
 _ADDRESS_MODES: dict[str, _WrapMode] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
-_CHANNELS: dict[str, Channel] = {"r": "r", "g": "g", "b": "b", "a": "a"}
 _DEFAULT_UV_HINT = "the UV set st is taken"
 
 
@@ -61,7 +53,7 @@ def read_uv_texture(node: Node) -> Term:
 
 def _select_output(node: Node, rgba: Term) -> Term:
     """Return the channels of a texture that the connected output of the node has."""
-    if node.output in _CHANNELS:
+    if node.output in ("r", "g", "b", "a"):
         return node.terms.channel(rgba, "rgba".index(node.output))
     if node.output in ("rgb", "rgba"):
         return convert_channels(rgba, len(node.output))
@@ -70,17 +62,13 @@ def _select_output(node: Node, rgba: Term) -> Term:
 
 def read_image(node: Node) -> Term:
     """Read MaterialX's image."""
-    return _read_image_node(
-        node, np.eye(3), [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
-    )
+    return _read_image_node(node, np.eye(3), _read_address_modes(node))
 
 
 def read_tiled_image(node: Node) -> Term:
     """Read tiledimage: NG_tiledimage of the MaterialX library."""
-    tiling, offset = (
-        np.array(node.read_numbers("uvtiling", 1.0, 1.0)),
-        np.array(node.read_numbers("uvoffset", 0.0, 0.0)),
-    )
+    tiling = np.array(node.read_numbers("uvtiling", 1.0, 1.0))
+    offset = np.array(node.read_numbers("uvoffset", 0.0, 0.0))
     size, tile = (np.array(node.read_numbers(name, 1.0, 1.0)) for name in ("realworldimagesize", "realworldtilesize"))
     if not np.all(size):
         raise NotCarriedError("has a realworldimagesize of 0")
@@ -97,8 +85,7 @@ def read_gltf_image(node: Node) -> Term:
     order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
     pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
     matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -turn, np.array([-x, y]), order)
-    wraps = [_read_address_mode(node, name) for name in ("uaddressmode", "vaddressmode")]
-    texels = _read_image_node(node, matrix, wraps, 4 if color else 0)
+    texels = _read_image_node(node, matrix, _read_address_modes(node), 4 if color else 0)
     if color:
         for name in ("color", "geomcolor"):
             factor = node.read_term(name, 4, 1.0, 1.0, 1.0, 1.0)
@@ -152,43 +139,34 @@ def read_primvar(node: Node) -> Term:
 
 def read_transform2d(node: Node) -> Term:
     """Read UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    (x, y), (dx, dy) = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
-    c, s = _cos_sin(node.read_numbers("rotation", 0.0)[0])
-    return _transform_coordinates(node, "in", np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]]))
+    scale, translation = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
+    (rotation,) = node.read_numbers("rotation", 0.0)
+    return _transform_coordinates(node, "in", transform2d(scale, rotation, translation))
 
 
 def read_place2d(node: Node) -> Term:
     """Read place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
-    pivot, scale, offset = (
-        np.array(node.read_numbers(name, default, default))
-        for name, default in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0))
-    )
+    defaults = {"pivot": 0.0, "scale": 1.0, "offset": 0.0}
+    pivot, scale, offset = (np.array(node.read_numbers(name, number, number)) for name, number in defaults.items())
     order = node.read_text("operationorder", "0", ("0", "1"))
-    return _transform_coordinates(
-        node,
-        "texcoord",
-        _placement_matrix(pivot, _check_nonzero(node, scale), node.read_numbers("rotate", 0.0)[0], offset, order),
-    )
+    scale = _check_nonzero(node, scale)
+    matrix = _placement_matrix(pivot, scale, node.read_numbers("rotate", 0.0)[0], offset, order)
+    return _transform_coordinates(node, "texcoord", matrix)
 
 
 def read_rotate2d(node: Node) -> Term:
     """Read rotate2d, in clockwise degrees."""
-    c, s = _cos_sin(-node.read_numbers("amount", 0.0)[0])
-    return _transform_coordinates(node, "in", np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    (amount,) = node.read_numbers("amount", 0.0)
+    return _transform_coordinates(node, "in", transform2d((1.0, 1.0), -amount, (0.0, 0.0)))
 
 
 def read_coordinates(node: Node, name: str) -> Term:
     """Return the value of an input of texture coordinates; the UV set st where it is unset."""
-    attribute = node.attribute(name)
-    return (node.reader.read_term(attribute, 2) if attribute else None) or _uv_term(node, "st")
+    return node.reader.read_term(node.attribute(name), 2) or _uv_term(node, "st")
 
 
 def _uv_term(node: Node, name: str) -> Term:
     return node.terms.leaf_term(Coordinates(name), 2, name)
-
-
-def _cos_sin(degrees: float) -> tuple[float, float]:
-    return cos(radians(degrees)), sin(radians(degrees))
 
 
 def _check_nonzero(node: Node, scale: Floats) -> Floats:
@@ -203,44 +181,28 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
     def shift(translation: Floats) -> Floats:
         return np.array([[1.0, 0.0, translation[0]], [0.0, 1.0, translation[1]], [0.0, 0.0, 1.0]])
 
-    c, s = _cos_sin(-degrees)
-    rotation, scaling = (
-        np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
-        np.diag([1.0 / scale[0], 1.0 / scale[1], 1.0]),
-    )
+    rotation, scaling = transform2d((1.0, 1.0), -degrees, (0.0, 0.0)), np.diag([1.0 / scale[0], 1.0 / scale[1], 1.0])
     if order == "1":
         return np.asarray(shift(pivot) @ scaling @ rotation @ shift(-pivot - offset))
     return np.asarray(shift(pivot - offset) @ rotation @ scaling @ shift(-pivot))
 
 
 def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
-    attribute = node.attribute(name)
-    term = node.reader.read_term(attribute, 2) if attribute else None
+    term = node.reader.read_term(node.attribute(name), 2)
     if term is None:
         node.add_fault(name, "texture coordinates are not connected", _DEFAULT_UV_HINT)
         term = _uv_term(node, "st")
     if isinstance(term.leaf, Coordinates):
         product = _to_square_matrix(term.leaf.transform)
-        leaf = Coordinates(term.leaf.st, _to_transform(matrix @ product))
+        leaf = Coordinates(term.leaf.st, to_transform(matrix @ product))
         return node.terms.leaf_term(leaf, 2, term.leaf.st)
-    (a, b, c), (d, e, f) = matrix[0].tolist(), matrix[1].tolist()
-    x, y = (node.terms.channel(term, index) for index in (0, 1))
-    rows = [
-        node.terms.apply(
-            "{x} * {a} + {y} * {b} + {c}", {"x": x, "y": y, "a": constant(p), "b": constant(q), "c": constant(r)}
-        )
-        for p, q, r in ((a, b, c), (d, e, f))
-    ]
-    return node.terms.join_channels(*rows)
+    st = {name: node.terms.channel(term, index) for index, name in enumerate("xy")}
+    rows = [st | dict(zip("abc", map(constant, row), strict=True)) for row in matrix[:2].tolist()]
+    return node.terms.join_channels(*(node.terms.apply("{x} * {a} + {y} * {b} + {c}", row) for row in rows))
 
 
 def _to_square_matrix(transform: Transform) -> Floats:
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
-
-
-def _to_transform(matrix: Floats) -> Transform:
-    a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
-    return a, b, c, d, e, f
 
 
 def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
@@ -252,7 +214,7 @@ def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
             node.add_fault(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
             term = constant(0.0, 0.0)
     except NotCarriedError as error:
-        node.add_fault(name, f"is not carried{f': {error}' if str(error) else ''}", _DEFAULT_UV_HINT)
+        node.add_fault(name, error.fault, _DEFAULT_UV_HINT)
         term = _uv_term(node, "st")
     if term.numbers is not None:
         s, t = term.numbers
@@ -263,8 +225,9 @@ def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
     return term.leaf.st, term.leaf.transform
 
 
-def _read_address_mode(node: Node, name: str) -> _WrapMode:
-    return _ADDRESS_MODES[node.read_text(name, "periodic", list(_ADDRESS_MODES))]
+def _read_address_modes(node: Node) -> list[_WrapMode]:
+    modes = [node.read_text(f"{axis}addressmode", "periodic", list(_ADDRESS_MODES)) for axis in "uv"]
+    return [_ADDRESS_MODES[mode] for mode in modes]
 
 
 def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> Term:
@@ -278,11 +241,9 @@ def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: 
         return file
     st, transform = _read_image_coordinates(node, "texcoord")
     # MaterialX converts the colour space only of images that are read as colours.
-    is_color = "color" in node.identifier
-    space = _read_file_colorspace(node) if is_color else ""
-    texture = Texture(
-        file, "rgb", space or "raw", wraps[0], wraps[1], st, _to_transform(matrix @ _to_square_matrix(transform))
-    )
+    space = _read_file_colorspace(node) if "color" in node.identifier else ""
+    placed = to_transform(matrix @ _to_square_matrix(transform))
+    texture = Texture(file, "rgb", space or "raw", wraps[0], wraps[1], st, placed)
     return _texel_term(node, texture, width)
 
 
@@ -319,9 +280,7 @@ def _read_file(node: Node, fallback: str, width: int) -> Path | Term:
     try:
         file = image_path(network, attribute, asset)
         if network.opens_images:
-            texture = Texture(file, "rgb", "auto")
-            for tile in udim_tiles(texture).values() or [texture]:
-                image_header(tile.file)
+            check_images(Texture(file, "rgb", "auto"))
         return file
     except TextureError as error:
         if node.attribute(fallback):

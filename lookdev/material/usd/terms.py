@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lookdev.material import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture, to_transform
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.expression.shaping import CONSTANTS, LARGEST
 from lookdev.material.expression.syntax import LONGEST
-from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture
 
 Leaf = Texture | Primvar | Coordinates | Bump
 
@@ -25,6 +25,11 @@ _SIMPLE = re.compile(r"[A-Za-z0-9_.]+")
 
 class NotCarriedError(Exception):
     """A value cannot be carried over. The message is the reason; it is empty where the network has the fault."""
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the input that has the value."""
+        return f"is not carried: {self}" if str(self) else "is not carried"
 
 
 @dataclass(frozen=True)
@@ -83,10 +88,8 @@ def constant(*numbers: float) -> Term:
     clipped = tuple(min(max(float(number), -LARGEST), LARGEST) for number in numbers)
     if len(clipped) == 4:
         return replace(constant(*clipped[:3]), alpha=constant(clipped[3]))
-    text = (
-        _format_number(clipped[0]) if len(clipped) == 1 else f"[{', '.join(map(_format_number, _to_color(clipped)))}]"
-    )
-    return Term(text, len(clipped), numbers=clipped)
+    texts = [_format_number(number) for number in (clipped if len(clipped) == 1 else _to_color(clipped))]
+    return Term(texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]", len(clipped), numbers=clipped)
 
 
 def convert_channels(term: Term, width: int) -> Term:
@@ -133,10 +136,8 @@ class Terms:
         """
         if any(operand.alpha for operand in operands.values()):
             colors = {name: replace(operand, alpha=None) for name, operand in operands.items()}
-            alphas = {
-                name: operand.alpha or (operand if operand.width == 1 else constant(1.0))
-                for name, operand in operands.items()
-            }
+            opaque = constant(1.0)
+            alphas = {name: term.alpha or (term if term.width == 1 else opaque) for name, term in operands.items()}
             return replace(self.apply(template, colors, linear), alpha=self.apply(template, alphas, linear))
         if any(isinstance(operand.leaf, Bump) for operand in operands.values()):
             raise NotCarriedError("a bump has no value to compute with")
@@ -163,16 +164,14 @@ class Terms:
             return None
         if isinstance(leaf, Texture) and (leaf.channel == "rgb") != (width > 1):
             return None
-        at_zero, at_one = (
-            np.array(_evaluate(template, {**operands, name: constant(*(value,) * width)}).numbers)
-            for value in (0.0, 1.0)
-        )
+        ends = [constant(*(value,) * width) for value in (0.0, 1.0)]
+        at_zero, at_one = (np.array(_evaluate(template, {**operands, name: end}).numbers) for end in ends)
         scale, bias = (np.resize(numbers, 3 if width > 1 else 4) for numbers in (at_one - at_zero, at_zero))
         hint = self._names[leaf]
         if isinstance(leaf, Coordinates):
             matrix = np.reshape(leaf.transform, (2, 3)) * scale[:2, np.newaxis]
             matrix[:, 2] += bias[:2]
-            return replace(self.leaf_term(Coordinates(leaf.st, _to_transform(matrix.ravel())), 2, hint), tangent=False)
+            return replace(self.leaf_term(Coordinates(leaf.st, to_transform(matrix)), 2, hint), tangent=False)
         full_scale, full_bias = np.ones(4), np.zeros(4)
         full_scale[: scale.size], full_bias[: bias.size] = scale, bias
         scaled = np.array(leaf.scale) * full_scale
@@ -243,8 +242,3 @@ def _to_color(numbers: Sequence[float]) -> Color:
 def _to_scale(values: Iterable[float]) -> tuple[float, float, float, float]:
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d
-
-
-def _to_transform(values: Iterable[float]) -> tuple[float, float, float, float, float, float]:
-    a, b, c, d, e, f = (float(value) for value in values)
-    return a, b, c, d, e, f

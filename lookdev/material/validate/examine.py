@@ -6,24 +6,30 @@ of another shading model, notes state the models that it is read as, and what is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import accumulate, islice
 from pathlib import Path
+from typing import TypeAlias
 
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, shorten
+from lookdev.material import Layer
 from lookdev.material.definitions import DEFINITIONS
-from lookdev.material.look import Layer
+from lookdev.material.library.nodes import find_upstream
+from lookdev.material.library.stack import Stack, find_stack
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
-from lookdev.material.usd.network import Network, authored_properties, shader_id
+from lookdev.material.usd.network import Network, authored_properties, is_set, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
-from lookdev.material.validate.unused import LayerInputs, unread_shaders
+from lookdev.material.values import presence
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
+
+Selection: TypeAlias = Mapping[str, str]
+"""A variant of each of some sets."""
 
 MOST_COMBINATIONS = 64
 """The most combinations of variants to examine; beyond, each variant is examined once, with the file's selections."""
@@ -47,6 +53,9 @@ _MATERIALX = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED = "UnresolvableDependency"
 
+_Unused: TypeAlias = tuple[str, str, str]
+"""A prim or property without effect: its path, what is wrong, and what would be right or ""."""
+
 
 def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
     """Examine every material of a file, or the one at `prim`, in every combination of variants.
@@ -65,14 +74,10 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
                 looks.append(combinations)
             if not looks:
                 findings += _examine_layers(file, stage)
-            stage_findings = (
-                [] if any(finding.what == _TOO_LARGE for finding in findings) else _usd_findings(stage, findings)
-            )
-            findings += [
-                finding
-                for finding in stage_findings
-                if not prim or finding.prim == prim or finding.prim.startswith(f"{prim}/")
-            ]
+            if all(finding.what != _TOO_LARGE for finding in findings):
+                inside = f"{prim}/" if prim else ""
+                stage_findings = _usd_findings(stage, findings)
+                findings += [finding for finding in stage_findings if f"{finding.prim}/".startswith(inside)]
     except LookError as error:
         findings += map(_from_fault, error.faults)
     ordered = sorted(dict.fromkeys(findings), key=lambda finding: SEVERITIES.index(finding.severity))
@@ -94,9 +99,8 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
     if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
         combinations = islice(_single_variants(stage, path, fixed), _MOST_VARIANTS)
         message = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
-        findings.append(
-            Finding("note", prim, "", message, "each variant was, with the other sets as the file has them")
-        )
+        hint = "each variant was, with the other sets as the file has them"
+        findings.append(Finding("note", prim, "", message, hint))
     looks: dict[str, tuple[Finding, ...]] = {}
     foreign: set[str] = set()
     for selection in combinations:
@@ -111,9 +115,8 @@ def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
     layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
-        return [
-            Finding("error", "", "", "holds no material and no layer", lights_hint(stage) or "define a Material prim")
-        ]
+        hint = lights_hint(stage) or "define a Material prim"
+        return [Finding("error", "", "", "holds no material and no layer", hint)]
     return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
 
 
@@ -153,9 +156,7 @@ def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, s
         yield from _select_variants(stage, path, name, selection)
 
 
-def _select_variants(
-    stage: Usd.Stage, path: Sdf.Path, name: str, selection: Mapping[str, str]
-) -> Iterator[Mapping[str, str]]:
+def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
     """Select each variant of a set in turn, and yield the extended selection; also "", where the file selects none."""
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
@@ -179,20 +180,19 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
     if is_foreign(prim):  # read leniently: the material renders in spite of errors that USD finds
-        yield from (
-            replace(finding, severity="warning") if finding.severity == "error" else finding for finding in usd_findings
-        )
+        for finding in usd_findings:
+            yield replace(finding, severity="warning") if finding.severity == "error" else finding
         return
     yield from usd_findings
-    layer_inputs = LayerInputs(file, UsdShade.Material(prim))
-    for where, message, hint in (*layer_inputs.notes(layers), *unread_shaders(prim)):
+    stack = find_stack(UsdShade.Material(prim))
+    for where, message, hint in (*(_unseen_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
         yield Finding("note", *_split_path(where), message, hint)
-    if layer_inputs.disabled:
+    if stack and (switches := _disabled_switches(stack)):
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
         session = stage.GetSessionLayer()
         session_text = session.ExportToString()
         with Usd.EditContext(stage, session):
-            for attribute in layer_inputs.disabled:
+            for attribute in switches:
                 attribute.SetConnections([])
                 attribute.Set(True)
         for finding in _read_material(file, stage, path)[0]:
@@ -201,13 +201,49 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
         session.ImportFromString(session_text)
 
 
+def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
+    """Return the inputs that disable layers."""
+    return [stack.attribute(number, "Enabled") for number in stack.layers if not stack.is_enabled(number)]
+
+
+def _unseen_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
+    """Yield the layers that are never visible, and those that hide all beneath; `layers` are the enabled layers."""
+    for attribute in _disabled_switches(stack):
+        yield str(attribute.GetPath()), "the layer is not enabled", ""
+    covers = [index for index, layer in enumerate(layers) if index and _is_everywhere(layer)]
+    numbers = [number for number in (0, *stack.layers) if stack.is_enabled(number)]
+    if len(layers) != len(numbers):  # a stack with faults
+        return
+    for index, (number, layer) in enumerate(zip(numbers, layers, strict=True)):
+        where, mask = f"{stack.prim.GetPath()}.{stack.input_name(number, '')}", stack.attribute(number, "Mask")
+        if layer.mask == 0.0:
+            yield f"{where}Mask", "the layer never shows: its mask is 0", ""
+        elif presence(layer) == 0.0:
+            yield where, f"the layer never shows: the presence of {layer.name} is 0", ""
+        elif covers and covers[-1] > index:
+            message = f"the layer never shows: {layers[covers[-1]].name} covers it wholly"
+            yield where, message, "give the layer that covers it a mask"
+        if index in covers and not (mask and is_set(mask)):
+            yield f"{where}Mask", "the mask is not connected, so the layer covers all beneath", ""
+
+
+def _unread_shaders(material: Usd.Prim) -> Iterator[_Unused]:
+    """Yield the shaders of a material that none of its outputs depends on."""
+    outputs = [output.GetAttr() for output in UsdShade.Material(material).GetOutputs()]
+    read_paths = find_upstream(UsdShade.Material(material), outputs)
+    for prim in Usd.PrimRange(material):
+        if prim.IsA(UsdShade.Shader) and prim.GetPath() not in read_paths:
+            node = shader_id(UsdShade.Shader(prim)) or "a shader"
+            yield str(prim.GetPath()), f"{node} that nothing reads", "connect it, or remove it"
+
+
+def _is_everywhere(layer: Layer) -> bool:
+    return layer.mode == "over" and layer.mask == 1.0 and presence(layer) == 1.0
+
+
 def _is_huge(prim: Usd.Prim) -> bool:
-    count = 0
-    for descendant in Usd.PrimRange(prim):
-        count += 1 + authored_properties(descendant)
-        if count > _MOST_PROPERTIES:
-            return True
-    return False
+    counts = accumulate(1 + authored_properties(descendant) for descendant in Usd.PrimRange(prim))
+    return any(count > _MOST_PROPERTIES for count in counts)
 
 
 def _read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> tuple[tuple[Finding, ...], tuple[Layer, ...]]:
@@ -243,10 +279,8 @@ def _usd_findings(target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[
         prim, name = next((_split_path(str(site.GetPath())) for site in where if site), ("", ""))
         # The reader already reports a missing file, with the input or the reference that names it.
         file_name = Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in message else message
-        if any(
-            (name and (finding.prim, finding.input) == (prim, name)) or file_name in finding.what
-            for finding in reported
-        ):
+        places = {(finding.prim, finding.input) for finding in reported}
+        if (name and (prim, name) in places) or any(file_name in finding.what for finding in reported):
             continue
         severity = _SEVERITIES.get(error.GetName()) or _USD_SEVERITIES[error.GetType().name]
         yield Finding(severity, "" if prim == "/" else prim, name, message)

@@ -50,10 +50,8 @@ class Report:
         """Return a summary, then the findings by prim."""
         counts = [(severity, sum(finding.severity == severity for finding in self.findings)) for severity in SEVERITIES]
         summary = ", ".join(_count_text(count, severity) for severity, count in counts if count) or "nothing wrong"
-        looks = (
-            f"{_count_text(self.materials, 'material')}, {_count_text(self.combinations, 'combination')} of variants"
-        )
-        lines = [f"{self.file}: {summary} ({looks})"]
+        materials, combinations = _count_text(self.materials, "material"), _count_text(self.combinations, "combination")
+        lines = [f"{self.file}: {summary} ({materials}, {combinations} of variants)"]
         by_prim = sorted(self.findings, key=lambda finding: finding.prim)
         for prim, findings in groupby(by_prim, key=lambda finding: finding.prim):
             lines += ["", prim or "the file"]

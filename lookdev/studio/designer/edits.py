@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, complete_parameters
+from lookdev.brdf.parameters import Value
 from lookdev.errors import ModelError, nearest_hint
-from lookdev.material import Formula, Look, Texture
-from lookdev.material.change import Value
-from lookdev.material.look import Bump, Layer, Primvar
+from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from typing import Any
 from lookdev.brdf import MASK, MODELS, Parameter
 from lookdev.codegen.program.look import live_name
 from lookdev.errors import LookdevError
-from lookdev.material import Formula, Look, Texture
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import Kind
 from lookdev.material.library.masks import Computed, Image, Mask, parse_mask
 from lookdev.material.library.stack import Entry, Outline
-from lookdev.material.look import Bump, Coordinates, Layer, Primvar
 from lookdev.material.usd import MODES
 
 NO_PART = (

@@ -26,7 +26,6 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 from lookdev.material.translate import (
     TRANSLATIONS,
-    Translation,
     display_color_look,
     foreign_shaders,
     layer_parameters,
@@ -34,6 +33,7 @@ from lookdev.material.translate import (
 )
 from lookdev.material.translate.fitting import FUNCTIONS
 from lookdev.material.translate.lobes import load_fit
+from lookdev.material.translate.translation import Translation
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.scene import Sampling
 
@@ -90,7 +90,7 @@ def random_inputs(translation: Translation, rng: np.random.Generator, count: int
 
 @EVERY
 def test_inputs_are_those_of_the_definition(translation: Translation) -> None:
-    (identifier,) = translation.identifiers
+    identifier = translation.identifier
     if not identifier.startswith("ND_"):
         node = Sdr.Registry().GetShaderNodeByIdentifier(identifier)
         assert sorted(node.GetShaderInputNames()) == sorted(translation.parameters)
@@ -274,7 +274,7 @@ def test_defaults_lose_nothing(translation: Translation) -> None:
 
 
 def test_identifiers_are_unique() -> None:
-    assert len(foreign_shaders()) == sum(len(translation.identifiers) for translation in TRANSLATIONS.values())
+    assert len(foreign_shaders()) == len(TRANSLATIONS)
     assert foreign_shaders()["UsdPreviewSurface"] == "preview_surface"
 
 
