@@ -7,77 +7,51 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from lookdev.cli.options import say
 
 app = typer.Typer()
 
-_KINDS = "Other benchmarks"
-_CHOICE = "Selection"
-
-
-def _number(name: str, help_text: str) -> object:
-    """Return the option of a number whose default depends on the kind of benchmark."""
-    return typer.Option(name, metavar="N", help=help_text, show_default=False, rich_help_panel=_CHOICE)
-
-
-def _names(name: str, help_text: str) -> object:
-    return typer.Option(name, metavar="NAMES", help=help_text, show_default=False, rich_help_panel=_CHOICE)
-
-
-def _document(name: str, help_text: str) -> object:
-    return typer.Option(name, metavar="FILE", help=help_text, show_default=False, rich_help_panel=_KINDS)
+_kind = partial(Option, rich_help_panel="Other benchmarks")
+_choice = partial(Option, rich_help_panel="Selection")
 
 
 @app.command(rich_help_panel="Accuracy and speed")
 def bench(
     table: Annotated[
-        Path | None, _document("--table", "Time to an error beside other renderers, growth, plots: for docs/bench.md.")
+        Path | None,
+        _kind(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
     ] = None,
     profile: Annotated[
-        Path | None, _document("--profile", "Where a second of rendering goes: for docs/bench.md.")
+        Path | None, _kind(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
     ] = None,
     setup: Annotated[
-        Path | None,
-        typer.Option(
-            "--setup",
-            metavar="FILE",
-            help="Whole commands, a first frame, changes of scene: for docs/bench.md.",
-            rich_help_panel=_KINDS,
-        ),
+        Path | None, _kind(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md.")
     ] = None,
-    sequence: Annotated[
-        bool, typer.Option("--sequence", help="Turntables against a plain Blender script.", rich_help_panel=_KINDS)
-    ] = False,
-    scale: Annotated[
-        bool, typer.Option("--scale", help="Large assets, against Blender's own import.", rich_help_panel=_KINDS)
-    ] = False,
+    sequence: Annotated[bool, _kind("--sequence", help="Turntables against a plain Blender script.")] = False,
+    scale: Annotated[bool, _kind("--scale", help="Large assets, against Blender's own import.")] = False,
     denoise_trial: Annotated[
-        bool,
-        typer.Option(
-            "--denoise-trial", help="Random denoised frames: is their error as measured?", rich_help_panel=_KINDS
-        ),
+        bool, _kind("--denoise-trial", help="Random denoised frames: is their error as measured?")
     ] = False,
-    scenes: Annotated[str, _names("--scenes", "Scenes, separated by commas.")] = "",
-    ibls: Annotated[str, _names("--ibls", "Lights.")] = "",
-    looks: Annotated[str, _names("--looks", "Looks.")] = "",
-    backends: Annotated[str, _names("--backends", "Backends.")] = "",
-    samples: Annotated[str, _names("--samples", "Increasing powers of two, like 4,16,64.")] = "",
-    resolution: Annotated[int | None, _number("--resolution", "Side of the frame, pixels.")] = None,
-    repeats: Annotated[int | None, _number("--repeats", "Renders with each number of samples.")] = None,
+    scenes: Annotated[str, _choice(metavar="NAMES", help="Scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _choice(metavar="NAMES", help="Lights.")] = "",
+    looks: Annotated[str, _choice(metavar="NAMES", help="Looks.")] = "",
+    backends: Annotated[str, _choice(metavar="NAMES", help="Backends.")] = "",
+    samples: Annotated[str, _choice(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
+    resolution: Annotated[int | None, _choice(metavar="N", help="Side of the frame, pixels.")] = None,
+    repeats: Annotated[int | None, _choice(metavar="N", help="Renders with each number of samples.")] = None,
     reference: Annotated[
-        int | None, _number("--reference", "Samples of a reference, as a multiple of the largest count.")
+        int | None, _choice(metavar="N", help="Samples of a reference, as a multiple of the largest count.")
     ] = None,
-    seed: Annotated[int | None, _number("--seed", "Seed of the samples.")] = None,
+    seed: Annotated[int | None, _choice(metavar="N", help="Seed of the samples.")] = None,
     frames: Annotated[
-        int | None, _number("--frames", "Frames of the sequence whose growth is measured, or of the trial.")
+        int | None, _choice(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial.")
     ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Default to all names instead of a few.", rich_help_panel=_CHOICE)
-    ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Render references anew.")] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
-    show: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
+    everything: Annotated[bool, _choice("--all", help="Default to all names instead of a few.")] = False,
+    fresh: Annotated[bool, Option("--fresh", help="Render references anew.")] = False,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
+    show: Annotated[bool, Option("--list", help="Only list the names.")] = False,
 ) -> None:
     """Measure time against error, beside other renderers; Ctrl-C keeps the results so far (exit code 130)."""
     from rich.console import Console
@@ -98,15 +72,9 @@ def bench(
     name, document = next(iter(kinds.items()), ("matrix", None))
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
-        defaults=KINDS[name].defaults,
-        everything=everything,
-        resolution=resolution,
-        repeats=repeats,
-        reference=reference,
-        seed=seed,
-        frames=frames,
-        fresh=fresh,
-    )
+        defaults=KINDS[name].defaults, everything=everything, resolution=resolution, repeats=repeats,
+        reference=reference, seed=seed, frames=frames, fresh=fresh,
+    )  # fmt: skip
     outcome = KINDS[name].run(Order(options, out, partial(say, err=True), document))
     outcome.show(Console())
     raise typer.Exit(outcome.exit_code)

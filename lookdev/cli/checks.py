@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+from typer import Argument, Option
 
 from lookdev.cli.options import Prim, Variants, say
 
@@ -15,53 +15,22 @@ app = typer.Typer()
 _PANEL = "Accuracy and speed"
 
 
-class Evaluator(StrEnum):
-    """The implementation that evaluates the models."""
-
-    numpy = "numpy"
-    cycles = "cycles"
-
-
-class Depth(StrEnum):
-    """The number of cases that a check compares."""
-
-    quick = "quick"
-    default = "default"
-    full = "full"
-
-
 @app.command(rich_help_panel=_PANEL)
 def check(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False)
-    ] = None,
-    html: Annotated[
-        Path | None, typer.Option("--html", metavar="FILE", help="Write a page with plots too.", show_default=False)
-    ] = None,
+    file: Annotated[Path | None, Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.")] = None,
+    html: Annotated[Path | None, Option(metavar="FILE", help="Write a page with plots too.")] = None,
     only: Annotated[
-        str,
-        typer.Option(
-            "--only",
-            metavar="CHECKS",
-            help="Some of points,albedo,image,stability; default: all but stability.",
-            show_default=False,
-        ),
+        str, Option(metavar="CHECKS", help="Some of points,albedo,image,stability; default: all but stability.")
     ] = "",
     stress: Annotated[
-        bool, typer.Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
+        bool, Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
     ] = False,
-    depth: Annotated[Depth, typer.Option("--depth", help="The number of cases to compare.")] = Depth.default,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of cases, positions and samples.")] = 0,
+    depth: Annotated[Literal["quick", "default", "full"], Option(help="The number of cases to compare.")] = "default",
+    seed: Annotated[int, Option(min=0, help="Seed of cases, positions and samples.")] = 0,
     prim: Prim = None,
     variants: Variants = None,
     backend: Annotated[
-        str | None,
-        typer.Option(
-            "--backend",
-            metavar="NAME",
-            help="The backend that renders a look, as in a job; default: exact.",
-            show_default=False,
-        ),
+        str | None, Option(metavar="NAME", help="The backend that renders a look, as in a job; default: exact.")
     ] = None,
 ) -> None:
     """Compare Cycles with the models in float64; exit code 1 if they disagree."""
@@ -72,15 +41,9 @@ def check(
     from lookdev.material.variants import parse_variants
 
     findings = []
-    for finding in check_file(
-        file,
-        only=["stability"] if stress else parse_only(only),
-        depth=depth.value,
-        seed=seed,
-        prim=prim,
-        variants=parse_variants(variants or ()),
-        backend=backend,
-    ):
+    checks = ["stability"] if stress else parse_only(only)
+    selected = parse_variants(variants or ())
+    for finding in check_file(file, only=checks, depth=depth, seed=seed, prim=prim, variants=selected, backend=backend):
         say(finding.headline, err=True)
         findings.append(finding)
     print_findings(findings, Console())
@@ -93,8 +56,8 @@ def check(
 @app.command("eval", rich_help_panel=_PANEL)
 def evaluate(
     backend: Annotated[
-        Evaluator, typer.Option("--backend", help="numpy: the float64 models; cycles: the generated OSL.")
-    ] = Evaluator.numpy,
+        Literal["numpy", "cycles"], Option(help="numpy: the float64 models; cycles: the generated OSL.")
+    ] = "numpy",
 ) -> None:
     """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout.
 
@@ -104,5 +67,5 @@ def evaluate(
     from lookdev.text import decode
 
     lines = (decode(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
-    for line in evaluate_lines(lines, backend.value):
+    for line in evaluate_lines(lines, backend):
         say(line)

@@ -7,38 +7,27 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from lookdev.cli.options import AsJson, say, say_json
+from lookdev.cli.options import AsJson, say, say_json, say_notes
 
 app = typer.Typer()
 _PANEL = "Jobs"
 
-OutputFolder = Annotated[
-    Path, typer.Argument(metavar="OUT", help="The output folder of a job.", show_default=False, file_okay=False)
-]
+OutputFolder = Annotated[Path, Argument(metavar="OUT", help="The output folder of a job.", file_okay=False)]
 
 
 @app.command(rich_help_panel=_PANEL)
 def review(
     out: OutputFolder,
     against: Annotated[
-        Path | None,
-        typer.Option(
-            "--against", metavar="OLD", help="The output folder of an earlier version, to compare with.",
-            show_default=False,
-        ),
+        Path | None, Option(metavar="OLD", help="The output folder of an earlier version, to compare with.")
     ] = None,
     to: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--to", metavar="FOLDER", help="The folder of the page; default: review in OUT.", show_default=False
-        ),
+        Path | None, Option("-o", "--to", metavar="FOLDER", help="The folder of the page; default: review in OUT.")
     ] = None,
-    view: Annotated[
-        str | None,
-        typer.Option("--view", metavar="VIEW", help="The OCIO view; default: the pictures' own.", show_default=False),
-    ] = None,
-) -> None:  # fmt: skip
+    view: Annotated[str | None, Option(metavar="VIEW", help="The OCIO view; default: the pictures' own.")] = None,
+) -> None:
     """Write a page that shows turntables and compares looks and versions; it needs no server and no network."""
     from rich.console import Console
     from rich.progress import Progress
@@ -50,8 +39,7 @@ def review(
         page, written, notes = review(
             out, against, to, view, lambda done, total: progress.update(task, completed=done, total=total)
         )
-    for note in notes:
-        say(f"note: {note}", err=True)
+    say_notes(notes)
     say(f"{page}: {written.made} files made, {written.kept} kept, {written.size / 1e6:.1f} MB in all")
 
 
@@ -59,7 +47,7 @@ def review(
 def manifest(
     out: OutputFolder,
     check: Annotated[
-        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 if one differs.")
+        bool, Option("--verify", help="Compare all files with their hashes; exit code 1 if one differs.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -81,11 +69,9 @@ def status(
     out: OutputFolder,
     metrics: Annotated[
         Path | None,
-        typer.Option(
-            "--metrics",
+        Option(
             metavar="FILE",
             help="Also write the status to a file, in the text format of Prometheus that its node exporter collects.",
-            show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,

@@ -6,23 +6,20 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from lookdev.cli.options import say
 
 app = typer.Typer(help="Keep a render worker from run to run, for 'lookdev render --executor warm:SOCKET'.")
 
-Socket = Annotated[
-    Path, typer.Argument(metavar="SOCKET", help="The path of its socket, on a local disk.", show_default=False)
-]
+Socket = Annotated[Path, Argument(metavar="SOCKET", help="The path of its socket, on a local disk.")]
 
 
 @app.command()
 def start(
     socket: Socket,
-    backend: Annotated[str, typer.Option("--backend", metavar="NAME", help="The backend of the jobs.")] = "exact",
-    idle: Annotated[
-        int, typer.Option("--idle", metavar="SECONDS", min=1, help="End the worker after this time without a run.")
-    ] = 900,
+    backend: Annotated[str, Option(metavar="NAME", help="The backend of the jobs.")] = "exact",
+    idle: Annotated[int, Option(metavar="SECONDS", min=1, help="End the worker after this time without a run.")] = 900,
 ) -> None:
     """Start a worker that keeps its compiled shaders from run to run, until 'lookdev warm stop'."""
     from lookdev.rendering.executors.warm import start as start_at
